@@ -1,0 +1,204 @@
+"""
+Parameters of a block: one declaration that serves the block, its node and the documents.
+
+A block's parameters are a frozen dataclass whose fields are made by :func:`parameter`. From that one declaration come
+the checks at construction, the ROS 2 descriptors, the help texts and ``docs/parameters.md``. Nested dataclasses give
+dotted names (``friction.sigma_0``).
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+Value = bool | int | float | str | tuple[bool, ...] | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
+Block = TypeVar('Block')
+
+
+class ParameterError(ValueError):
+    """A parameter value that is not allowed: says the name, the value and what is allowed."""
+
+    def __init__(self, name: str, value: object, allowed: str) -> None:
+        super().__init__(f'parameter {name} = {value!r} is refused: {allowed}')
+        self.name = name
+        self.value = value
+        self.allowed = allowed
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name, self.value, self.allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Declaration:
+    """What is declared of one parameter: meaning, unit and allowed values."""
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ''
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    above: float = -math.inf
+    """An exclusive lower bound."""
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+    """A read-only parameter is fixed once its node has started."""
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether the value is a list."""
+        return isinstance(self.default, tuple)
+
+    @property
+    def element_type(self) -> type:
+        """The type of the value, or of a list's elements (an empty default list holds float)."""
+        if isinstance(self.default, tuple):
+            return type(self.default[0]) if self.default else float
+        return type(self.default)
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values, in words."""
+        kind = {bool: 'true or false', int: 'an integer', float: 'a finite number', str: 'a text'}[self.element_type]
+        if self.choices:
+            kind = 'one of ' + ', '.join(self.choices)
+        bounds = []
+        if self.above > -math.inf:
+            bounds.append(f'above {self.above:g}')
+        if self.minimum > -math.inf:
+            bounds.append(f'at least {self.minimum:g}')
+        if self.maximum < math.inf:
+            bounds.append(f'at most {self.maximum:g}')
+        text = ' '.join([kind, ' and '.join(bounds)]).strip()
+        if self.is_sequence:
+            text = f'a list, each element {text}'
+        return f'{text} [{self.unit}]' if self.unit else text
+
+    def check(self, value: object) -> Value:
+        """
+        Return ``value`` in the declared type.
+
+        Raises
+        ------
+        ParameterError
+            If the type is another, the value is not finite, or it lies outside of the bounds or choices.
+        """
+        if not self.is_sequence:
+            return self._check_element(value, value)
+        if isinstance(value, str) or not isinstance(value, Sequence) and not hasattr(value, 'tolist'):
+            raise ParameterError(self.name, value, self.allowed)
+        elements = value.tolist() if hasattr(value, 'tolist') else value
+        return tuple(self._check_element(element, value) for element in elements)  # type: ignore[return-value]
+
+    def _check_element(self, element: object, value: object) -> Any:
+        kind = self.element_type
+        if kind is float and isinstance(element, int) and not isinstance(element, bool):
+            element = float(element)
+        wrong = type(element) is not kind
+        if not wrong and kind in (int, float):
+            assert isinstance(element, int | float)
+            wrong = not (math.isfinite(element) and self.minimum <= element <= self.maximum and element > self.above)
+        if not wrong and self.choices:
+            wrong = element not in self.choices
+        if wrong:
+            raise ParameterError(self.name, value, self.allowed)
+        return element
+
+
+def parameter(
+    default: Value,
+    description: str,
+    *,
+    unit: str = '',
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
+    above: float = -math.inf,
+    choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> Any:
+    """Declare a field of a parameter dataclass; see :class:`Declaration` for the arguments."""
+    declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only)
+    return dataclasses.field(default=default, metadata={'declaration': declaration})
+
+
+def group(parameters: type[Any]) -> Any:
+    """Declare a field that holds another parameter dataclass; its names are prefixed with the field's and a dot."""
+    return dataclasses.field(default_factory=parameters)
+
+
+class ParameterSet:
+    """
+    Base of the parameter dataclasses: checks every field when constructed.
+
+    A subclass with rules that tie several parameters together overrides :meth:`check_together`.
+    """
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            declaration = field.metadata.get('declaration')
+            if declaration is not None:
+                named = dataclasses.replace(declaration, name=field.name)
+                object.__setattr__(self, field.name, named.check(getattr(self, field.name)))
+        self.check_together()
+
+    def check_together(self) -> None:
+        """Check the rules that tie several parameters together; raises :class:`ParameterError`."""
+
+
+def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaration]:
+    """Iterate over the declarations of a parameter dataclass, nested ones under their dotted names."""
+    for field in dataclasses.fields(parameters):
+        declaration = field.metadata.get('declaration')
+        if declaration is not None:
+            yield dataclasses.replace(declaration, name=prefix + field.name)
+        else:
+            yield from declarations(_group_type(field), f'{prefix}{field.name}.')
+
+
+def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: str = '') -> Block:
+    """
+    Construct a parameter dataclass from dotted names; what is not named keeps its default.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown or a value is not allowed; the error carries the dotted name.
+    """
+    arguments: dict[str, Any] = {}
+    known = set()
+    for field in dataclasses.fields(parameters):  # type: ignore[arg-type]
+        if 'declaration' in field.metadata:
+            known.add(field.name)
+            if field.name in values:
+                arguments[field.name] = values[field.name]
+        else:
+            inner = f'{field.name}.'
+            nested = {name[len(inner) :]: value for name, value in values.items() if name.startswith(inner)}
+            known.update(inner + name for name in nested)
+            arguments[field.name] = from_mapping(_group_type(field), nested, prefix + inner)
+    for name in values:
+        if name not in known:
+            names = ', '.join(prefix + declaration.name for declaration in declarations(parameters))
+            raise ParameterError(prefix + name, values[name], f'no such parameter; there are {names}')
+    try:
+        return parameters(**arguments)
+    except ParameterError as error:
+        raise ParameterError(prefix + error.name, error.value, error.allowed) from None
+
+
+def to_mapping(values: object, prefix: str = '') -> dict[str, Value]:
+    """Return a parameter dataclass as dotted names and values, in the order of declaration."""
+    mapping: dict[str, Value] = {}
+    for field in dataclasses.fields(values):  # type: ignore[arg-type]
+        value = getattr(values, field.name)
+        if 'declaration' in field.metadata:
+            mapping[prefix + field.name] = value
+        else:
+            mapping.update(to_mapping(value, f'{prefix}{field.name}.'))
+    return mapping
+
+
+def _group_type(field: 'dataclasses.Field[Any]') -> type[Any]:
+    factory = field.default_factory
+    assert isinstance(factory, type)
+    return factory
