@@ -85,7 +85,7 @@ class Declaration:
         """
         if not self.is_sequence:
             return self._check_element(value, value)
-        if isinstance(value, str) or not isinstance(value, Sequence) and not hasattr(value, 'tolist'):
+        if isinstance(value, str) or (not isinstance(value, Sequence) and not hasattr(value, 'tolist')):
             raise ParameterError(self.name, value, self.allowed)
         elements = value.tolist() if hasattr(value, 'tolist') else value
         return tuple(self._check_element(element, value) for element in elements)  # type: ignore[return-value]

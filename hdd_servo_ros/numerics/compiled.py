@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -19,15 +19,20 @@ def kernel_cache_directory() -> Path:
     Return the writable folder in which compiled kernels are kept between runs.
 
     Numba keys a cached kernel by the age of its own file only: a kernel that calls into another file would go stale
-    unseen when that file changes. The folder's name therefore carries a digest of all of this package's sources, and
-    the folder lies in the user's cache, not beside the sources, so that a read-only install starts warm as well.
+    unseen when that file changes. The folder's name therefore carries a digest of every source that holds a kernel,
+    and the folder lies in the user's cache, not beside the sources, so that a read-only install starts warm as well.
     """
     package = Path(__file__).parent.parent
     digest = hashlib.sha256()
     for source in sorted(package.rglob('*.py')):
-        digest.update(source.relative_to(package).as_posix().encode())
-        digest.update(source.read_bytes())
-    for base in (os.environ.get('XDG_CACHE_HOME'), Path.home() / '.cache', Path(tempfile.gettempdir())):
+        text = source.read_bytes()
+        if b'@compiled' in text:
+            digest.update(source.relative_to(package).as_posix().encode() + text)
+    for base in (
+        os.environ.get('XDG_CACHE_HOME'),
+        Path.home() / '.cache',
+        Path(tempfile.gettempdir()),
+    ):
         if not base:
             continue
         directory = Path(base) / 'hdd_servo_ros' / f'numba-{numba.__version__}-{digest.hexdigest()[:16]}'
@@ -47,9 +52,9 @@ def compiled(function: Function) -> Function:
     No ``fastmath`` and no fused operations: every addition and multiplication is rounded as IEEE 754 says, so the bits
     do not depend on the machine. Division by zero gives an infinity, as in numpy, and is caught where values enter.
     """
-    outer = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(kernel_cache_directory())  # type: ignore[attr-defined]
+    outer = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(kernel_cache_directory())
     try:
-        return numba.njit(cache=True, error_model='numpy')(function)  # type: ignore[no-any-return]
+        return cast(Function, numba.njit(cache=True, error_model='numpy')(function))
     finally:
-        numba.config.CACHE_DIR = outer  # type: ignore[attr-defined]
+        numba.config.CACHE_DIR = outer

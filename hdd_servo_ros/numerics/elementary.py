@@ -51,7 +51,7 @@ def exp(x: float) -> float:
 @compiled
 def _power_of_two(n: int) -> float:
     """Return 2**n for -1022 <= n <= 1023 by writing the exponent field."""
-    return np.int64((n + 1023) << 52).view(np.float64)
+    return np.int64((n + 1023) << 52).view(np.float64)  # type: ignore[no-any-return]
 
 
 @compiled

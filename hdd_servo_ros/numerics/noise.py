@@ -23,9 +23,14 @@ TWO_TO_MINUS_52 = 2.0**-52
 
 
 @compiled
-def philox4x32(  # type: ignore[no-untyped-def]
-    counter_0, counter_1, counter_2, counter_3, key_0, key_1
-):
+def philox4x32(
+    counter_0: np.uint64,
+    counter_1: np.uint64,
+    counter_2: np.uint64,
+    counter_3: np.uint64,
+    key_0: np.uint64,
+    key_1: np.uint64,
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Return four 32-bit words (as uint64) from a 128-bit counter and a 64-bit key given as 32-bit words (uint64)."""
     for _ in range(10):
         product_0 = MULTIPLIER_0 * counter_0
@@ -94,7 +99,8 @@ def normal_quantile(p: float) -> float:
                     + r
                     * (
                         1.27045825245236838258e0
-                        + r * (2.41780725177450611770e-1 + r * (2.27238449892691845833e-2 + r * 7.74545014278341407640e-4))
+                        + r
+                        * (2.41780725177450611770e-1 + r * (2.27238449892691845833e-2 + r * 7.74545014278341407640e-4))
                     )
                 )
             )
@@ -110,7 +116,8 @@ def normal_quantile(p: float) -> float:
                     + r
                     * (
                         1.48103976427480074590e-1
-                        + r * (1.51986665636164571966e-2 + r * (5.47593808499534494600e-4 + r * 1.05075007164441684324e-9))
+                        + r
+                        * (1.51986665636164571966e-2 + r * (5.47593808499534494600e-4 + r * 1.05075007164441684324e-9))
                     )
                 )
             )
@@ -128,7 +135,8 @@ def normal_quantile(p: float) -> float:
                     + r
                     * (
                         2.65321895265761230930e-2
-                        + r * (1.24266094738807843860e-3 + r * (2.71155556874348757815e-5 + r * 2.01033439929228813265e-7))
+                        + r
+                        * (1.24266094738807843860e-3 + r * (2.71155556874348757815e-5 + r * 2.01033439929228813265e-7))
                     )
                 )
             )
@@ -144,7 +152,8 @@ def normal_quantile(p: float) -> float:
                     + r
                     * (
                         7.86869131145613259100e-4
-                        + r * (1.84631831751005468180e-5 + r * (1.42151175831644588870e-7 + r * 2.04426310338993978564e-15))
+                        + r
+                        * (1.84631831751005468180e-5 + r * (1.42151175831644588870e-7 + r * 2.04426310338993978564e-15))
                     )
                 )
             )
