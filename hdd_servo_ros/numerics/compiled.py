@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import config
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -52,9 +53,9 @@ def compiled(function: Function) -> Function:
     No ``fastmath`` and no fused operations: every addition and multiplication is rounded as IEEE 754 says, so the bits
     do not depend on the machine. Division by zero gives an infinity, as in numpy, and is caught where values enter.
     """
-    outer = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(kernel_cache_directory())
+    outer = config.CACHE_DIR
+    config.CACHE_DIR = str(kernel_cache_directory())
     try:
         return cast(Function, numba.njit(cache=True, error_model='numpy')(function))
     finally:
-        numba.config.CACHE_DIR = outer
+        config.CACHE_DIR = outer

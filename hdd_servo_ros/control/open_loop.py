@@ -1,0 +1,77 @@
+"""Open loop: the reference itself is the drive voltage."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.parameters import ParameterSet, parameter
+
+TIME_STEP, CONTROL_LIMIT = range(2)
+
+ESTIMATE_NAMES = ('t',)
+
+
+@dataclasses.dataclass(frozen=True)
+class OpenLoopParameters(ParameterSet):
+    """Parameters of :class:`OpenLoop`."""
+
+    control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
+
+
+@compiled
+def open_loop_step(
+    constants: NDArray[np.float64],
+    state: NDArray[np.float64],
+    estimates: NDArray[np.float64],
+    tick: int,
+    displacement_volts: float,
+    velocity_volts: float,
+    x_d: float,
+    dx_d: float,
+    ddx_d: float,
+) -> tuple[float, float, float]:
+    """Return (u, u before the limit, 0) with u = x_d, read as volts."""
+    if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        return math.nan, math.nan, math.nan
+    estimates[0] = float(tick) * constants[TIME_STEP]
+    return saturated(x_d, constants[CONTROL_LIMIT]), x_d, 0.0
+
+
+class OpenLoop:
+    """
+    The open loop controller: u = x_d, its number read as volts, for hysteresis curves and swept sines.
+
+    It looks at no measurement, so the feedback part of its command is zero.
+
+    Parameters
+    ----------
+    parameters
+        The limit.
+    sample_time
+        T [s].
+    """
+
+    estimate_names = ESTIMATE_NAMES
+
+    def __init__(self, parameters: OpenLoopParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state: NDArray[np.float64] = np.zeros(1)
+        self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
+        self.update(parameters)
+
+    def update(self, parameters: OpenLoopParameters) -> None:
+        """Take other parameters from the next tick on."""
+        self.parameters = parameters
+        self.constants: NDArray[np.float64] = np.array([self.sample_time, parameters.control_limit])
+
+    def step(
+        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
+    ) -> tuple[float, float, float]:
+        """Return u, u before the limit, and its feedback part (0) [V]; see :class:`Controller`."""
+        return open_loop_step(
+            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
+        )

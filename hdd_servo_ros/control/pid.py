@@ -1,0 +1,188 @@
+"""The conventional PID controller, the baseline of chapters 4 and 5."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.elementary import TWO_PI, exp
+from hdd_servo_ros.parameters import ParameterSet, parameter
+
+VELOCITY_SOURCES = ('sensor', 'difference')
+SENSOR, DIFFERENCE = range(len(VELOCITY_SOURCES))
+ANTI_WINDUP = ('clamping', 'back_calculation', 'off')
+CLAMPING, BACK_CALCULATION, OFF = range(len(ANTI_WINDUP))
+
+# Where the constants of pid_step stand.
+TIME_STEP, DISPLACEMENT_SCALE, VELOCITY_SCALE, VELOCITY_SOURCE = range(4)
+PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(4, 8)
+WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD = range(8, 13)
+CONSTANTS = 13
+
+# Where its state stands.
+INTEGRAL, FILTERED, LAST_ERROR, STARTED = range(4)
+STATES = 4
+
+ESTIMATE_NAMES = ('t', 'e', 'integral', 'derivative')
+
+
+@dataclasses.dataclass(frozen=True)
+class PidParameters(ParameterSet):
+    """Parameters of :class:`Pid`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
+
+    proportional_gain: float = parameter(0.3, 'k_p', unit='V/um', minimum=0.0)
+    integral_gain: float = parameter(50.0, 'k_i', unit='V/(um s)', minimum=0.0)
+    derivative_gain: float = parameter(1.0e-4, 'k_d', unit='V s/um', minimum=0.0)
+    derivative_bandwidth: float = parameter(
+        0.0, 'corner frequency of the first-order low pass on the derivative, 0 for none', unit='Hz', minimum=0.0
+    )
+    velocity_source: str = parameter(
+        'sensor',
+        'where de/dt comes from: the velocity output of the sensor, or the difference of two errors over T',
+        choices=VELOCITY_SOURCES,
+    )
+    anti_windup: str = parameter(
+        'clamping',
+        'clamping: the integral rests while the output is limited and the error would drive it further; '
+        'back_calculation: the excess over the limit discharges it',
+        choices=ANTI_WINDUP,
+    )
+    tracking_time: float = parameter(1.0e-3, 'time constant of the back calculation', unit='s', above=0.0)
+    velocity_feedforward: float = parameter(0.0, 'voltage per reference velocity', unit='V s/um')
+    acceleration_feedforward: float = parameter(0.0, 'voltage per reference acceleration', unit='V s^2/um')
+    control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
+    displacement_scale: float = parameter(
+        8.0, 'displacement per volt of the sensor, as in the sensor', unit='um/V', above=0.0
+    )
+    velocity_scale: float = parameter(
+        5000.0, 'velocity per volt of the sensor, as in the sensor', unit='um/s/V', above=0.0
+    )
+
+
+@compiled
+def pid_step(
+    constants: NDArray[np.float64],
+    state: NDArray[np.float64],
+    estimates: NDArray[np.float64],
+    tick: int,
+    displacement_volts: float,
+    velocity_volts: float,
+    x_d: float,
+    dx_d: float,
+    ddx_d: float,
+) -> tuple[float, float, float]:
+    """Return u, u before the limit and u without feedforward [V]; see :class:`Pid`."""
+    if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        return math.nan, math.nan, math.nan
+    time_step = constants[TIME_STEP]
+    error = displacement_volts * constants[DISPLACEMENT_SCALE] - x_d
+    if constants[VELOCITY_SOURCE] == SENSOR:
+        slope = velocity_volts * constants[VELOCITY_SCALE] - dx_d
+    elif state[STARTED] != 0.0:
+        slope = (error - state[LAST_ERROR]) / time_step
+    else:
+        slope = 0.0
+    if state[STARTED] != 0.0:
+        slope = state[FILTERED] + constants[SMOOTHING] * (slope - state[FILTERED])
+    integral = state[INTEGRAL] - constants[INTEGRAL_STEP] * error
+    derivative = -constants[DERIVATIVE] * slope
+    compensation = constants[VELOCITY_FEEDFORWARD] * dx_d + constants[ACCELERATION_FEEDFORWARD] * ddx_d
+    limit = constants[CONTROL_LIMIT]
+    feedback = derivative + integral - constants[PROPORTIONAL] * error
+    unsaturated = feedback + compensation
+    # Clamping undoes the integral's own step where it pushes further into the limit.
+    if constants[WINDUP] == CLAMPING and (
+        (unsaturated > limit and error < 0.0) or (unsaturated < -limit and error > 0.0)
+    ):
+        integral = state[INTEGRAL]
+        feedback = derivative + integral - constants[PROPORTIONAL] * error
+        unsaturated = feedback + compensation
+    u = saturated(unsaturated, limit)
+    estimates[0] = float(tick) * time_step
+    estimates[1] = error
+    estimates[2] = integral
+    estimates[3] = derivative
+    if constants[WINDUP] == BACK_CALCULATION:
+        integral += constants[TRACKING] * (u - unsaturated)
+    state[INTEGRAL] = integral
+    state[FILTERED] = slope
+    state[LAST_ERROR] = error
+    state[STARTED] = 1.0
+    return u, unsaturated, feedback
+
+
+class Pid:
+    """
+    PID controller in parallel form with filtered derivative, anti-windup and feedforward.
+
+    With e = x - x_d, the sign of (4.10),
+
+        u = -(k_p e + k_i int e dt + k_d de/dt) + k_v dx_d/dt + k_a d2x_d/dt2.
+
+    The integral is the sum of T e, the present sample included, kept in volts. The derivative is the sensor's velocity
+    less dx_d, or the difference of errors over T, behind a first-order low pass that a constant input passes exactly
+    as the continuous one (pole exp(-2 pi f T)).
+
+    Estimates: t [s]; e [um]; integral and derivative, the integral's and the derivative's share of u [V].
+
+    Parameters
+    ----------
+    parameters
+        Gains, sources and limits.
+    sample_time
+        T [s].
+    """
+
+    estimate_names = ESTIMATE_NAMES
+
+    def __init__(self, parameters: PidParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state: NDArray[np.float64] = np.zeros(STATES)
+        self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
+        self._take(parameters)
+
+    def update(self, parameters: PidParameters) -> None:
+        """
+        Take other parameters from the next tick on, without a bump in u.
+
+        The integral takes up the difference that new gains would make at the last error. With a new k_i of zero it is
+        emptied instead: nothing would ever take a remainder out of it again.
+        """
+        old = self.parameters
+        if parameters.integral_gain > 0.0:
+            self.state[INTEGRAL] += (parameters.proportional_gain - old.proportional_gain) * self.state[LAST_ERROR]
+            self.state[INTEGRAL] += (parameters.derivative_gain - old.derivative_gain) * self.state[FILTERED]
+        else:
+            self.state[INTEGRAL] = 0.0
+        self._take(parameters)
+
+    def _take(self, parameters: PidParameters) -> None:
+        self.parameters = parameters
+        constants = np.zeros(CONSTANTS)
+        constants[TIME_STEP] = self.sample_time
+        constants[DISPLACEMENT_SCALE] = parameters.displacement_scale
+        constants[VELOCITY_SCALE] = parameters.velocity_scale
+        constants[VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
+        constants[PROPORTIONAL] = parameters.proportional_gain
+        constants[INTEGRAL_STEP] = parameters.integral_gain * self.sample_time
+        constants[DERIVATIVE] = parameters.derivative_gain
+        constants[SMOOTHING] = 1.0
+        if parameters.derivative_bandwidth > 0.0:
+            constants[SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.derivative_bandwidth * self.sample_time)
+        constants[WINDUP] = ANTI_WINDUP.index(parameters.anti_windup)
+        constants[TRACKING] = 1.0 - exp(-self.sample_time / parameters.tracking_time)
+        constants[CONTROL_LIMIT] = parameters.control_limit
+        constants[VELOCITY_FEEDFORWARD] = parameters.velocity_feedforward
+        constants[ACCELERATION_FEEDFORWARD] = parameters.acceleration_feedforward
+        self.constants: NDArray[np.float64] = constants
+
+    def step(
+        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
+    ) -> tuple[float, float, float]:
+        """Return u, u before the limit, and u without feedforward [V]; see :class:`Controller`."""
+        return pid_step(
+            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
+        )

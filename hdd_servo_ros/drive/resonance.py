@@ -1,0 +1,215 @@
+"""
+Resonances of the head: series sections (3.19), (5.2)-(5.5) or parallel modes, and their exact discretisation.
+
+The head's position follows the rigid body's net force f [V] through k/s^2 * prod R_i(s) (series) or through
+k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). Both become the same modal form,
+
+    y = R0 x + R1 v + sum of (beta_i q_i' + gamma_i q_i),    q_i'' + 2 xi_i w_i q_i' + w_i^2 q_i = k f,
+
+with x and v of the rigid body, R0 the product of the sections at s = 0 and R1 its derivative there. For series sections
+R1 + sum beta_i = 0 (y'' is a bounded multiple of f), so that the head's velocity has no jump under a jump of f.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hdd_servo_ros.numerics.elementary import TWO_PI, exp, sine_cosine_of_turns
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+
+FORMS = ('none', 'sections', 'two_parameter', 'parallel')
+
+
+@dataclass(frozen=True)
+class ResonanceParameters(ParameterSet):
+    """
+    Resonances between the rigid body and the head; the default is (5.2)-(5.5).
+
+    ``form`` says which of the lists are read, so that a parameter file can change the form without emptying the lists
+    of another: ``sections`` reads numerators and denominators, ``two_parameter`` frequencies and damping ratios in
+    series (3.19), ``parallel`` frequencies, damping ratios and signed residues.
+    """
+
+    form: str = parameter('sections', 'how the resonances are given', choices=FORMS)
+    numerators: tuple[float, ...] = parameter(
+        (0.9321, 678.3, 1.184e9, 0.8249, 2251.0, 1.665e9, 0.0, 0.0, 2.431e9, 0.0, 0.0, 8.383e9),
+        'b2, b1, b0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other',
+    )
+    denominators: tuple[float, ...] = parameter(
+        (1.0, 2053.0, 1.184e9, 1.0, 3276.0, 1.665e9, 1.0, 2703.0, 2.431e9, 1.0, 5655.0, 8.383e9),
+        'a2, a1, a0 of each section, one after the other',
+    )
+    frequencies: tuple[float, ...] = parameter((), 'natural frequency of each mode', unit='Hz', above=0.0)
+    damping_ratios: tuple[float, ...] = parameter((), 'damping ratio xi of each mode', above=0.0, maximum=0.999)
+    residues: tuple[float, ...] = parameter((), 'signed residue c of each parallel mode, the rigid body having 1')
+
+    def check_together(self) -> None:
+        """Check the lists that the form reads: lengths, stability, distinct poles."""
+        if self.form == 'sections':
+            self._check_lengths('denominators', len(self.numerators), 'as numerators')
+            if len(self.numerators) % 3:
+                raise ParameterError('numerators', self.numerators, 'three numbers b2, b1, b0 a section')
+            for i in range(0, len(self.denominators), 3):
+                a2, a1, a0 = self.denominators[i : i + 3]
+                stable = a2 > 0.0 and a1 > 0.0 and a0 > 0.0
+                if not stable or a1 * a1 >= 4.0 * a2 * a0:
+                    raise ParameterError(
+                        'denominators',
+                        self.denominators,
+                        f'section {i // 3 + 1} needs a2, a1, a0 above 0 (stable) and a1^2 < 4 a2 a0 (a resonance)',
+                    )
+        elif self.form != 'none':
+            self._check_lengths('damping_ratios', len(self.frequencies), 'as frequencies')
+            if self.form == 'parallel':
+                self._check_lengths('residues', len(self.frequencies), 'as frequencies')
+        if self.form in ('sections', 'two_parameter'):
+            self._check_distinct()
+
+    def _check_lengths(self, name: str, length: int, like: str) -> None:
+        values = getattr(self, name)
+        if len(values) != length:
+            raise ParameterError(name, values, f'a list of {length} numbers, as many {like}')
+
+    def _check_distinct(self) -> None:
+        name = 'denominators' if self.form == 'sections' else 'frequencies'
+        sections = sections_of(self)
+        for i, first in enumerate(sections):
+            for second in sections[:i]:
+                change = abs(first.a0 - second.a0) / first.a0 + abs(first.a1 - second.a1) / math.sqrt(first.a0)
+                if change < 1.0e-5:
+                    raise ParameterError(
+                        name, getattr(self, name), 'series sections with distinct poles (move one by 1e-5 or more)'
+                    )
+
+
+@dataclass(frozen=True)
+class Section:
+    """A series section (b2 s^2 + b1 s + b0)/(s^2 + a1 s + a0), underdamped; rad/s."""
+
+    b2: float
+    b1: float
+    b0: float
+    a1: float
+    a0: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode (beta s + gamma)/(s^2 + a1 s + a0) of the modal form; rad/s."""
+
+    beta: float
+    gamma: float
+    a1: float
+    a0: float
+
+
+@dataclass(frozen=True)
+class ModalForm:
+    """The head over the rigid body: y = R0 x + R1 v + sum of the modes."""
+
+    r0: float
+    r1: float
+    modes: tuple[Mode, ...]
+
+
+def sections_of(parameters: ResonanceParameters) -> list[Section]:
+    """Return the series sections of the forms ``sections`` and ``two_parameter``."""
+    if parameters.form == 'sections':
+        sections = []
+        for i in range(0, len(parameters.numerators), 3):
+            b2, b1, b0 = parameters.numerators[i : i + 3]
+            a2, a1, a0 = parameters.denominators[i : i + 3]
+            sections.append(Section(b2 / a2, b1 / a2, b0 / a2, a1 / a2, a0 / a2))
+        return sections
+    if parameters.form == 'two_parameter':
+        sections = []
+        for frequency, damping_ratio in zip(parameters.frequencies, parameters.damping_ratios, strict=True):
+            w = TWO_PI * frequency
+            sections.append(Section(0.0, 0.0, w * w, 2.0 * damping_ratio * w, w * w))
+        return sections
+    return []
+
+
+def modal_form(parameters: ResonanceParameters) -> ModalForm:
+    """Return the modal form of any of the resonance forms."""
+    if parameters.form == 'parallel':
+        modes = []
+        lists = zip(parameters.frequencies, parameters.damping_ratios, parameters.residues, strict=True)
+        for frequency, damping_ratio, residue in lists:
+            w = TWO_PI * frequency
+            modes.append(Mode(0.0, residue, 2.0 * damping_ratio * w, w * w))
+        return ModalForm(1.0, 0.0, tuple(modes))
+    return partial_fractions(sections_of(parameters))
+
+
+def partial_fractions(sections: Sequence[Section]) -> ModalForm:
+    """Expand 1/s^2 times a product of sections with distinct poles into partial fractions."""
+    r0 = 1.0
+    r1 = 0.0
+    for section in sections:
+        value = section.b0 / section.a0
+        slope = (section.b1 * section.a0 - section.b0 * section.a1) / (section.a0 * section.a0)
+        r0, r1 = r0 * value, r1 * value + r0 * slope
+    modes = []
+    for i, section in enumerate(sections):
+        pole = (-0.5 * section.a1, math.sqrt(section.a0 - 0.25 * section.a1 * section.a1))
+        square = _multiply(pole, pole)
+        residue = _divide(_numerator(section, pole, square), _multiply(square, (0.0, 2.0 * pole[1])))
+        for j, other in enumerate(sections):
+            if j != i:
+                denominator = (square[0] + other.a1 * pole[0] + other.a0, square[1] + other.a1 * pole[1])
+                residue = _multiply(residue, _divide(_numerator(other, pole, square), denominator))
+        # r/(s - p) + r*/(s - p*) = (2 Re(r) s - 2 Re(r p*)) / (s^2 + a1 s + a0)
+        gamma = -2.0 * (residue[0] * pole[0] + residue[1] * pole[1])
+        modes.append(Mode(2.0 * residue[0], gamma, section.a1, section.a0))
+    return ModalForm(r0, r1, tuple(modes))
+
+
+# Complex numbers as pairs: the compiler of the interpreter may fuse the operations of ``complex``, and the bits would
+# depend on the processor.
+def _multiply(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+
+
+def _divide(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    square = b[0] * b[0] + b[1] * b[1]
+    return (a[0] * b[0] + a[1] * b[1]) / square, (a[1] * b[0] - a[0] * b[1]) / square
+
+
+def _numerator(section: Section, s: tuple[float, float], square: tuple[float, float]) -> tuple[float, float]:
+    return section.b2 * square[0] + section.b1 * s[0] + section.b0, section.b2 * square[1] + section.b1 * s[1]
+
+
+def mode_transition(mode: Mode, time: float) -> tuple[float, float, float, float, float, float]:
+    """
+    Return the exact transition of (q, q') over ``time`` [s] under a constant acceleration.
+
+    Returns
+    -------
+    tuple
+        a11, a12, a21, a22, b1, b2 of q(t) = a11 q + a12 q' + b1 k f, q'(t) = a21 q + a22 q' + b2 k f.
+    """
+    half = 0.5 * mode.a1
+    damped = math.sqrt(mode.a0 - half * half)
+    decay = exp(-half * time)
+    sine, cosine = sine_cosine_of_turns(damped * time / TWO_PI)
+    a12 = decay * sine / damped
+    a11 = decay * cosine + half * a12
+    return a11, a12, -mode.a0 * a12, decay * cosine - half * a12, (1.0 - a11) / mode.a0, a12
+
+
+def mode_constants(mode: Mode, sample_time: float, substeps: int) -> list[float]:
+    """
+    Return the constants of one mode for the plant's kernel.
+
+    They are: a11, a12, a21, a22 over the sample time; the weights of q and q' in the head's position; those in its
+    velocity; then for each substep the response (q, q') at the end of the sample to a unit acceleration during that
+    substep alone.
+    """
+    a11, a12, a21, a22, _, _ = mode_transition(mode, sample_time)
+    constants = [a11, a12, a21, a22, mode.gamma, mode.beta, -mode.beta * mode.a0, mode.gamma - mode.beta * mode.a1]
+    after = [mode_transition(mode, sample_time * (substeps - j) / substeps)[4:] for j in range(substeps)]
+    after.append((0.0, 0.0))
+    for j in range(substeps):
+        constants += [after[j][0] - after[j + 1][0], after[j][1] - after[j + 1][1]]
+    return constants

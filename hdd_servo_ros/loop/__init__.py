@@ -1,0 +1,1 @@
+"""The closed loop without middleware: one experiment, its compiled run, its metrics."""

@@ -1,0 +1,182 @@
+"""One experiment: reference, drive, vibrometer and controller, run tick by tick without middleware."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
+from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.loop.closed_loop import CONTROLLERS, closed_loop
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping
+from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
+
+BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
+    'reference_generator': (Reference, ReferenceParameters),
+    'vcm_plant': (Plant, PlantParameters),
+    'ldv_sensor': (Ldv, LdvParameters),
+    'adaptive_nn_controller': (AdaptiveNn, AdaptiveNnParameters),
+    'pid_controller': (Pid, PidParameters),
+    'open_loop_controller': (OpenLoop, OpenLoopParameters),
+}
+"""The block and the parameters behind each node's name."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """
+    The signals of consecutive ticks, one row a tick.
+
+    Columns as in the topics: reference x_d [um], dx_d [um/s], ddx_d [um/s^2]; head position [um], velocity [um/s],
+    friction [V]; ldv displacement and velocity output [V]; control u, u before the limit, feedback part [V]; estimates
+    as named by the controller.
+    """
+
+    first_tick: int
+    sample_time: float
+    reference: NDArray[np.float64]
+    head: NDArray[np.float64]
+    ldv: NDArray[np.float64]
+    control: NDArray[np.float64]
+    estimates: NDArray[np.float64]
+    estimate_names: tuple[str, ...]
+
+    @classmethod
+    def empty(cls, first_tick: int, count: int, sample_time: float, estimate_names: tuple[str, ...]) -> 'Rows':
+        """Return rows for ``count`` ticks, to be filled."""
+        return cls(
+            first_tick,
+            sample_time,
+            np.empty((count, 3)),
+            np.empty((count, 3)),
+            np.empty((count, 2)),
+            np.empty((count, 3)),
+            np.empty((count, len(estimate_names))),
+            estimate_names,
+        )
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """The ticks' times [s]."""
+        return np.arange(self.first_tick, self.first_tick + len(self.head)) * self.sample_time
+
+    def estimate(self, name: str) -> NDArray[np.float64]:
+        """Return one estimate over the ticks; raises :class:`KeyError` with the names there are."""
+        if name not in self.estimate_names:
+            raise KeyError(f'no estimate {name!r}; there are {", ".join(self.estimate_names)}')
+        return self.estimates[:, self.estimate_names.index(name)]
+
+
+class Experiment:
+    """
+    The closed loop of one reference, drive, vibrometer and controller.
+
+    Parameters
+    ----------
+    sample_time
+        T [s].
+    controller
+        ``'adaptive_nn'``, ``'pid'`` or ``'open_loop'``, or any object that satisfies
+        :class:`~hdd_servo_ros.control.controller.Controller`: such a one is called from Python, tick by tick.
+    parameters
+        For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
+        Sections of other nodes are passed over.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused or a name unknown; the name is preceded by its node's.
+    """
+
+    def __init__(
+        self,
+        sample_time: float,
+        controller: str | Controller = 'adaptive_nn',
+        parameters: Mapping[str, Mapping[str, object]] | None = None,
+    ) -> None:
+        self.sample_time = sample_time
+        sections = parameters or {}
+        self.reference: Reference = self._block('reference_generator', sections)
+        self.plant: Plant = self._block('vcm_plant', sections)
+        self.ldv: Ldv = self._block('ldv_sensor', sections)
+        self._kind: int | None = None
+        self.controller: Controller
+        if isinstance(controller, str):
+            if controller not in CONTROLLERS:
+                raise ParameterError('controller', controller, 'one of ' + ', '.join(CONTROLLERS))
+            self._kind = CONTROLLERS.index(controller)
+            self.controller = self._block(f'{controller}_controller', sections)
+        else:
+            self.controller = controller
+        self._held: NDArray[np.float64] = np.zeros(1)
+
+    def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
+        block, kind = BLOCKS[name]
+        try:
+            return block(from_mapping(kind, sections.get(name, {})), self.sample_time)
+        except ParameterError as error:
+            raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
+
+    def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
+        """
+        Run ticks ``first_tick`` to ``first_tick + count - 1``.
+
+        The ticks of one experiment start at 0 and follow each other; they may be run in pieces of any length.
+
+        Parameters
+        ----------
+        first_tick, count
+            Which ticks.
+        rows
+            Rows of an earlier call with the same count, to be written again instead of new memory.
+        """
+        names = self.controller.estimate_names
+        if rows is None or len(rows.head) != count:
+            rows = Rows.empty(first_tick, count, self.sample_time, names)
+        else:
+            rows = dataclasses.replace(rows, first_tick=first_tick)
+        if self._kind is None:
+            self._run_from_python(rows)
+        else:
+            controller: Any = self.controller
+            closed_loop(
+                first_tick,
+                count,
+                self._kind,
+                self.reference.constants,
+                self.reference.state,
+                self.plant.constants,
+                self.plant.state,
+                self.ldv.constants,
+                self.ldv.state,
+                controller.constants,
+                controller.state,
+                controller.estimates,
+                self._held,
+                rows.reference,
+                rows.head,
+                rows.ldv,
+                rows.control,
+                rows.estimates,
+            )
+        return rows
+
+    def _run_from_python(self, rows: Rows) -> None:
+        for row in range(len(rows.head)):
+            tick = rows.first_tick + row
+            reference = self.reference.step(tick)
+            head = self.plant.output() if tick == 0 else self.plant.step(tick, float(self._held[0]))
+            ldv = self.ldv.step(tick, head[0], head[1])
+            control = self.controller.step(tick, *ldv, *reference)
+            self._held[0] = control[0]
+            rows.reference[row] = reference
+            rows.head[row] = head
+            rows.ldv[row] = ldv
+            rows.control[row] = control
+            rows.estimates[row] = self.controller.estimates

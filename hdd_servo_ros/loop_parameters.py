@@ -1,0 +1,108 @@
+"""Parameters that belong to the run and the lockstep rather than to a block; no ROS import."""
+
+import dataclasses
+
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+from hdd_servo_ros.ticks import sample_time_to_nanoseconds
+
+
+@dataclasses.dataclass(frozen=True)
+class PeerParameters(ParameterSet):
+    """How long a node of the loop waits for others, in wall time."""
+
+    start_timeout: float = parameter(
+        30.0,
+        'before the run: how long to wait for a missing peer since the last change among the peers; 0 waits for ever',
+        unit='s',
+        minimum=0.0,
+        read_only=True,
+    )
+    peer_timeout: float = parameter(
+        3.0,
+        'during the run: how long a peer may stay silent before the run fails',
+        unit='s',
+        minimum=0.5,
+        maximum=60.0,
+        read_only=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleTimeParameters(ParameterSet):
+    """A node's own idea of T, for those who want it checked."""
+
+    sample_time: float = parameter(
+        0.0,
+        'sample time T that this node insists on; 0 takes the one of deterministic_timer',
+        unit='s',
+        minimum=0.0,
+        read_only=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class TimerParameters(ParameterSet):
+    """Parameters of `deterministic_timer`."""
+
+    sample_time: float = parameter(
+        1e-4, 'sample time T; a whole number of nanoseconds', unit='s', above=0.0, read_only=True
+    )
+    duration: float = parameter(1.0, 'length of the run; ticks 0 to duration/T', unit='s', above=0.0, read_only=True)
+    rate: float = parameter(
+        0.0,
+        'pace: 0 as fast as the graph goes, 1 real time, 0.1 slow motion; the bits do not depend on it',
+        minimum=0.0,
+    )
+    lookahead: int = parameter(
+        1,
+        'how many ticks `/clock` may run ahead of the last `/control`; hides one hop between processes',
+        unit='ticks',
+        minimum=0,
+        maximum=16,
+        read_only=True,
+    )
+    record: bool = parameter(True, 'whether the run waits for a bag_recorder', read_only=True)
+    progress: bool = parameter(True, 'whether to show progress with the real-time factor')
+
+    def check_together(self) -> None:
+        """Refuse a T that is no whole number of nanoseconds, and a duration that holds no whole number of ticks."""
+        try:
+            sample_time_to_nanoseconds(self.sample_time)
+        except ValueError:
+            raise ParameterError(
+                'sample_time', self.sample_time, 'a positive whole number of nanoseconds [s]'
+            ) from None
+        if abs(self.duration / self.sample_time - self.last_tick) > 1e-6 * self.last_tick or self.last_tick < 1:
+            raise ParameterError('duration', self.duration, f'a multiple of sample_time = {self.sample_time!r} s [s]')
+
+    @property
+    def last_tick(self) -> int:
+        """N, the number of the last tick."""
+        return round(self.duration / self.sample_time)
+
+
+@dataclasses.dataclass(frozen=True)
+class RecorderParameters(ParameterSet):
+    """Parameters of `bag_recorder`."""
+
+    run_dir: str = parameter(
+        '', 'folder of the run; empty makes runs/<date-time>-<controller> below the working folder', read_only=True
+    )
+    storage: str = parameter('mcap', 'storage of the bag', choices=('mcap', 'sqlite3'), read_only=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveNameParameters(ParameterSet):
+    """The drive's name."""
+
+    frame_id: str = parameter('seagate_7200_10', 'name of the drive, in the header of every message', read_only=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class RigParameters(ParameterSet):
+    """Parameters of `rig` and `simulate`."""
+
+    controller: str = parameter(
+        'adaptive_nn', 'controller of the loop', choices=('adaptive_nn', 'pid', 'open_loop'), read_only=True
+    )
+    plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)

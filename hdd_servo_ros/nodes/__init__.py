@@ -1,0 +1,1 @@
+"""One thin file a node: topics and parameters in, one block's step, topics out."""

@@ -1,0 +1,95 @@
+"""`bag_recorder`: writes every topic of the run into a rosbag2 bag."""
+
+import sys
+from collections.abc import Sequence
+
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.serialization import serialize_message
+
+from hdd_servo_ros.loop_parameters import RecorderParameters
+from hdd_servo_ros.recording.run_recorder import PARAMETER_EVENTS, RunRecorder
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.main import run_node
+from hdd_servo_ros.ros.run import Outcome, Run
+from hdd_servo_ros.ticks import NANOSECONDS
+from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, RECORDED
+
+_REPORT_EVERY = 64
+"""Ticks between two reports to the timer, far fewer than its window."""
+
+
+class BagRecorder(LoopNode):
+    """
+    Takes in all messages of a tick before those of the next one.
+
+    Parameters
+    ----------
+    separate_process
+        Whether another process writes the bag; see :class:`RunRecorder`.
+    """
+
+    def __init__(self, *, separate_process: bool = False) -> None:
+        super().__init__(
+            'bag_recorder',
+            [RecorderParameters],
+            [Input(topic) for topic in LOOP_TOPICS],
+            [RECORDED],
+            optional_inputs=[Input(DISTURBANCE)],
+        )
+        self._separate_process = separate_process
+        self._recorder: RunRecorder | None = None
+        self._run: Run | None = None
+        self.create_subscription(
+            ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, qos_profile_parameter_events
+        )
+
+    @property
+    def directory(self) -> str:
+        """Folder of the run; empty before there is one."""
+        return '' if self._recorder is None else str(self._recorder.directory)
+
+    def prepare(self, run: Run) -> None:
+        self._run = run
+        parameters = self.parameters[RecorderParameters]
+        self._recorder = RunRecorder(
+            parameters.run_dir,
+            parameters.storage,
+            [(wire.name, wire.topic.type_name) for wire in self.inputs],
+            run.description(),
+            separate_process=self._separate_process,
+        )
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        assert self._recorder is not None
+        self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
+        if not tick % _REPORT_EVERY:
+            self.publish_bytes(0, b'\x00\x01\x00\x00' + (tick + 1).to_bytes(8, 'little'))
+
+    def _take_parameter_event(self, event: ParameterEvent) -> None:
+        """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
+        if self._recorder is None or self._run is None or self.done:
+            return
+        if event.changed_parameters and event.node in self._run.nodes:
+            time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
+            self._recorder.write_parameter_event(time, serialize_message(event))
+
+    def complete(self) -> None:
+        assert self._recorder is not None
+        self._recorder.close_bag()
+
+    def finish(self, outcome: Outcome) -> None:
+        if self._recorder is not None:
+            while self.try_fire():
+                pass  # what has arrived already is worth keeping
+            self._recorder.finish(outcome.status, outcome.reason)
+            self.get_logger().info(f'run {outcome.status}: {self._recorder.directory}')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('bag_recorder', BagRecorder, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,53 @@
+"""What all controller nodes share: the wires around a controller block."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.parameters import ParameterSet
+from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.topics import CONTROL, ESTIMATES, LDV, REFERENCE
+
+
+class ControllerNode(LoopNode):
+    """
+    Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`.
+
+    Parameters
+    ----------
+    name
+        Node name.
+    kind
+        Parameter dataclass of the controller.
+    make
+        Makes the controller from its parameters and T [s].
+    """
+
+    def __init__(
+        self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]
+    ) -> None:
+        super().__init__(name, [kind], [Input(REFERENCE), Input(LDV)], [CONTROL, ESTIMATES])
+        self._kind = kind
+        self._make = make
+        self._controller = self.trial(make, kind)
+        self._controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._codec = VectorCodec('')
+        self._estimates = ArrayCodec(self._controller.estimate_names)
+
+    def prepare(self, run: Run) -> None:
+        self._codec = VectorCodec(run.frame_id)
+        self._controller = self._make(self.parameters[self._kind], run.sample_time)
+        for warning in getattr(self._controller, 'warnings', tuple)():
+            self.get_logger().warning(warning)
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        displacement, velocity, _ = unpack_vector(messages[1])
+        controller = self._controller
+        u, unsaturated, feedback = controller.step(tick, displacement, velocity, *unpack_vector(messages[0]))
+        self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
+        self.publish_bytes(1, self._estimates.pack(controller.estimates.tolist()))
+
+    def update(self) -> None:
+        self._controller.update(self.parameters[self._kind])

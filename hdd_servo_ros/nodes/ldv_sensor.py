@@ -1,0 +1,42 @@
+"""`ldv_sensor`: the laser Doppler vibrometer."""
+
+import sys
+from collections.abc import Sequence
+
+from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.main import run_node
+from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.topics import HEAD, LDV
+
+
+class LdvSensor(LoopNode):
+    """Publishes `/ldv` for every `/head`."""
+
+    def __init__(self) -> None:
+        super().__init__('ldv_sensor', [LdvParameters], [Input(HEAD)], [LDV])
+        self._codec = VectorCodec('')
+        self._ldv = self.trial(Ldv, LdvParameters)
+        self._ldv.step(0, 0.0, 0.0)
+
+    def prepare(self, run: Run) -> None:
+        self._codec = VectorCodec(run.frame_id)
+        self._ldv = Ldv(self.parameters[LdvParameters], run.sample_time)
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        position, velocity, _ = unpack_vector(messages[0])
+        x, v = self._ldv.step(tick, position, velocity)
+        self.publish_vector(0, tick, self._codec.pack(stamp, x, v, 0.0), x, v, 0.0)
+
+    def update(self) -> None:
+        self._ldv.update(self.parameters[LdvParameters])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('ldv_sensor', LdvSensor, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

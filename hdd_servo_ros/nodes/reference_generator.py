@@ -1,0 +1,41 @@
+"""`reference_generator`: the desired trajectory and its two derivatives."""
+
+import sys
+from collections.abc import Sequence
+
+from hdd_servo_ros.recording.cdr import VectorCodec
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.main import run_node
+from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
+from hdd_servo_ros.topics import CLOCK, REFERENCE
+
+
+class ReferenceGenerator(LoopNode):
+    """Publishes `/reference` for every tick of `/clock`."""
+
+    def __init__(self) -> None:
+        super().__init__('reference_generator', [ReferenceParameters], [Input(CLOCK)], [REFERENCE])
+        self._codec = VectorCodec('')
+        self._reference = self.trial(Reference, ReferenceParameters)
+        self._reference.step(0)
+
+    def prepare(self, run: Run) -> None:
+        self._codec = VectorCodec(run.frame_id)
+        self._reference = Reference(self.parameters[ReferenceParameters], run.sample_time)
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        x, v, a = self._reference.step(tick)
+        self.publish_vector(0, tick, self._codec.pack(stamp, x, v, a), x, v, a)
+
+    def update(self) -> None:
+        self._reference.update(self.parameters[ReferenceParameters])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('reference_generator', ReferenceGenerator, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""`vcm_plant`: the drive."""
+
+import math
+import sys
+from collections.abc import Sequence
+
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.loop_parameters import DriveNameParameters
+from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
+from hdd_servo_ros.ros.errors import NotFiniteError
+from hdd_servo_ros.ros.loop_node import Input, LoopNode, publishers_of
+from hdd_servo_ros.ros.main import run_node
+from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
+
+
+class VcmPlant(LoopNode):
+    """Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            'vcm_plant',
+            [DriveNameParameters, PlantParameters],
+            [Input(CLOCK), Input(CONTROL, delay=1)],
+            [HEAD],
+            optional_inputs=[Input(DISTURBANCE, delay=1)],
+        )
+        self._codec = VectorCodec('')
+        self._plant = self.trial(Plant, PlantParameters)
+        self._plant.output()
+        self._plant.step(1, 0.0, 0.0)
+
+    def offers(self) -> dict[str, str]:
+        drive = self.parameters[PlantParameters]
+        return {
+            'frame_id': self.parameters[DriveNameParameters].frame_id,
+            'length_unit': drive.length_unit,
+            'control_unit': drive.control_unit,
+        }
+
+    def prepare(self, run: Run) -> None:
+        self._codec = VectorCodec(run.frame_id)
+        self._plant = Plant(self.parameters[PlantParameters], run.sample_time)
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        if tick == 0:
+            x, v, friction = self._plant.output()
+        else:
+            control = self._voltage(1, tick, messages)
+            disturbance = self._voltage(2, tick, messages) if len(messages) > 2 else 0.0
+            x, v, friction = self._plant.step(tick, control, disturbance)
+        self.publish_vector(0, tick, self._codec.pack(stamp, x, v, friction), x, v, friction)
+
+    def _voltage(self, wire: int, tick: int, messages: Sequence[bytes]) -> float:
+        values = unpack_vector(messages[wire])
+        if not math.isfinite(values[0]):
+            topic = self.inputs[wire].name
+            raise NotFiniteError(topic, tick - 1, values, publishers_of(self, topic))
+        return values[0]
+
+    def update(self) -> None:
+        self._plant.update(self.parameters[PlantParameters])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('vcm_plant', VcmPlant, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

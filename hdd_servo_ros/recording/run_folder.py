@@ -1,0 +1,159 @@
+"""
+A run's folder: ``runs/<name>/`` with ``bag/`` and ``run.yaml``.
+
+``run.yaml`` is written when the run starts, with status ``running``, and again when it ends; each time it lands by
+rename, so that a killed run never looks complete.
+"""
+
+import datetime as dt
+import importlib.metadata
+import platform
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hdd_servo_ros import __version__
+
+RUNNING = 'running'
+FINISHED = 'finished'
+INTERRUPTED = 'interrupted'
+FAILED = 'failed'
+
+_DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
+
+
+def default_run_directory(controller: str) -> Path:
+    """Return ``runs/<date-time>-<controller>`` below the working folder, with a number behind it if that is taken."""
+    name = f'{dt.datetime.now():%Y%m%d-%H%M%S}-{controller}'
+    directory = Path('runs') / name
+    number = 1
+    while directory.exists():
+        number += 1
+        directory = Path('runs') / f'{name}-{number}'
+    return directory
+
+
+class RunFolder:
+    """
+    The folder of one run.
+
+    Parameters
+    ----------
+    directory
+        Folder to make.
+    description
+        What ``run.yaml`` shall say beside versions and outcome: the time line, topics and the parameters of each node.
+
+    Raises
+    ------
+    FileExistsError
+        If the folder exists: a run is never overwritten.
+    """
+
+    def __init__(self, directory: Path, description: Mapping[str, Any]) -> None:
+        try:
+            directory.mkdir(parents=True)
+        except FileExistsError:
+            raise FileExistsError(
+                f'parameter run_dir = {str(directory)!r} is refused: it exists, and a run is never overwritten'
+            ) from None
+        self.directory = directory
+        self.bag = directory / 'bag'
+        self._content: dict[str, Any] = {
+            'status': RUNNING,
+            'reason': '',
+            'last_tick': None,
+            'started': _now(),
+            'ended': None,
+            **description,
+            'versions': versions(),
+            'git_revision': git_revision(),
+        }
+        self._save()
+
+    def close(self, status: str, reason: str, last_tick: int, **measured: Any) -> None:
+        """
+        Say how the run ended.
+
+        Parameters
+        ----------
+        status
+            ``finished``, ``interrupted`` or ``failed``.
+        reason
+            Why, in one line; empty for a finished run.
+        last_tick
+            The last tick that the bag holds on every loop topic; -1 if none.
+        measured
+            Further entries, such as the wall time.
+        """
+        self._content.update(status=status, reason=reason, last_tick=last_tick, ended=_now(), **measured)
+        self._save()
+
+    def _save(self) -> None:
+        path = self.directory / 'run.yaml'
+        temporary = path.with_suffix('.yaml.tmp')
+        temporary.write_text(yaml.safe_dump(_plain(self._content), sort_keys=False, width=120), 'utf8')
+        temporary.replace(path)
+
+
+def read_run_yaml(directory: Path) -> dict[str, Any]:
+    """
+    Return the content of a run folder's ``run.yaml``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds none.
+    """
+    path = directory / 'run.yaml'
+    if not path.is_file():
+        raise FileNotFoundError(f'{directory} is not a run folder: it has no run.yaml')
+    content = yaml.safe_load(path.read_text('utf8'))
+    assert isinstance(content, dict)
+    return content
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a run may depend on."""
+    found = {'hdd_servo_ros': __version__, 'python': platform.python_version(), 'platform': platform.platform()}
+    for distribution in _DISTRIBUTIONS:
+        try:
+            found[distribution] = importlib.metadata.version(distribution)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def git_revision() -> str:
+    """Return the revision of the checkout that this package runs from, ``unknown`` where it runs from an install."""
+    here = Path(__file__).resolve()
+    git = ['git', '-C', str(here.parent)]
+    try:
+        # An install below some other checkout, such as a virtual environment in it, is not that checkout's work.
+        subprocess.run([*git, 'ls-files', '--error-unmatch', here.name], capture_output=True, timeout=10, check=True)
+        described = subprocess.run(
+            [*git, 'describe', '--always', '--dirty', '--abbrev=40', '--match='],
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return 'unknown'
+    return described.stdout.strip()
+
+
+def _now() -> str:
+    return dt.datetime.now().astimezone().isoformat(timespec='seconds')
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` in the types that plain YAML has."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(element) for key, element in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(element) for element in value]
+    return value

@@ -1,0 +1,122 @@
+"""One run going to disk: its folder, its bag, and how it ended."""
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
+from hdd_servo_ros.recording.writer_process import WriterProcess
+from hdd_servo_ros.registry import CONTROLLERS
+from hdd_servo_ros.topics import CONTROL, LOOP_TOPICS, QUEUE_DEPTH
+
+PARAMETER_EVENTS = '/parameter_events'
+PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
+_PARAMETER_EVENT_DEPTH = 1000
+
+
+class RunRecorder:
+    """
+    Write a run's messages into its bag.
+
+    Parameters
+    ----------
+    run_dir
+        Folder of the run; empty for ``runs/<date-time>-<controller>``.
+    storage
+        ``mcap`` or ``sqlite3``.
+    topics
+        Full name and type name of every topic that has one message a tick.
+    description
+        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run.Run`.
+    separate_process
+        Whether a second process writes the bag: worth it where the loop keeps one core busy by itself.
+
+    Raises
+    ------
+    FileExistsError
+        If the folder exists.
+    """
+
+    def __init__(
+        self,
+        run_dir: str,
+        storage: str,
+        topics: Sequence[tuple[str, str]],
+        description: Mapping[str, Any],
+        *,
+        separate_process: bool,
+    ) -> None:
+        controller = controller_name(description['nodes'])
+        directory = Path(run_dir) if run_dir else default_run_directory(controller)
+        self._folder = RunFolder(directory, {**description, 'controller': controller, 'storage': storage})
+        listed = [(name, type_name, QUEUE_DEPTH) for name, type_name in topics]
+        listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, _PARAMETER_EVENT_DEPTH))
+        metadata = {
+            key: str(description[key])
+            for key in ('sample_time', 'duration', 'frame_id', 'length_unit', 'control_unit')
+            if key in description
+        }
+        writer = WriterProcess if separate_process else BagWriter
+        self._writer: WriterProcess | BagWriter | None = writer(self._folder.bag, storage, listed, metadata)
+        self._loop_topics = tuple(range(len(topics)))
+        self._parameter_events = len(topics)
+        self._last_tick = -1
+        self._started = time.monotonic()
+
+    @property
+    def directory(self) -> Path:
+        """Folder of the run."""
+        return self._folder.directory
+
+    def write_tick(self, tick: int, stamp_ns: int, messages: Sequence[bytes]) -> None:
+        """Write the messages of one tick, in the topics' order; their receive time is the tick's time [ns]."""
+        assert self._writer is not None
+        self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
+        self._last_tick = tick
+
+    def write_ticks(
+        self, last_tick: int, topics: Sequence[int], stamps_ns: Sequence[int], messages: Sequence[bytes | memoryview]
+    ) -> None:
+        """Write the messages of many ticks up to ``last_tick``, with each one's topic and time [ns]."""
+        assert self._writer is not None
+        self._writer.write(topics, stamps_ns, messages)
+        self._last_tick = last_tick
+
+    def write_parameter_event(self, stamp_ns: int, message: bytes) -> None:
+        """Write a parameter event at the tick's time [ns] at which it took effect."""
+        assert self._writer is not None
+        self._writer.write((self._parameter_events,), (stamp_ns,), (message,))
+
+    def close_bag(self) -> None:
+        """Complete the bag; does nothing the second time."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+    def finish(self, status: str, reason: str) -> None:
+        """Complete the bag if that has not been done, and say in ``run.yaml`` how the run ended."""
+        try:
+            self.close_bag()
+        finally:
+            wall_time = time.monotonic() - self._started
+            self._folder.close(status, reason, self._last_tick, wall_time=round(wall_time, 3))
+
+
+def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the short name of the controller among ``nodes``: what publishes the control topic."""
+    for full_name, node in nodes.items():
+        if any(topic.rsplit('/', 1)[-1] == CONTROL.name for topic in node['outputs']):
+            name = full_name.rsplit('/', 1)[-1]
+            return next((short for short, long in CONTROLLERS.items() if long == name), name)
+    return 'no_controller'
+
+
+def loop_topics_of(nodes: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Return full name and type name of each loop topic, in the contract's order, as the nodes have resolved them."""
+    outputs = [topic for node in nodes.values() for topic in node['outputs']]
+    found = []
+    for topic in LOOP_TOPICS:
+        found += [(name, topic.type_name) for name in outputs if name.rsplit('/', 1)[-1] == topic.name]
+    return found

@@ -1,0 +1,151 @@
+"""
+A bag writer in a process of its own, fed through a pipe.
+
+The loop's process hands over batches of bytes and goes on; the pipe's bounded buffer holds the loop back when the
+writer is slower. When the loop's process dies, the pipe ends and the bag is closed all the same: a killed rig leaves a
+readable bag.
+"""
+
+import json
+import signal
+import struct
+import subprocess
+import sys
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from hdd_servo_ros.recording.bag_writer import BagWriter
+
+_BATCH = struct.Struct('<I')
+_CLOSE = 0
+BATCH_MESSAGES = 1024
+
+
+class WriterProcess:
+    """
+    The same interface as :class:`BagWriter`, in another process.
+
+    Raises
+    ------
+    RuntimeError
+        From any method, when the writing process has failed; carries its error text.
+    """
+
+    def __init__(
+        self, path: Path, storage: str, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]
+    ) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'hdd_servo_ros.recording.writer_process'],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin
+        self._topics = array('B')
+        self._stamps = array('q')
+        self._messages: list[bytes | memoryview] = []
+        opening = json.dumps({'path': str(path), 'storage': storage, 'topics': list(topics), 'metadata': metadata})
+        self._send(opening.encode() + b'\n')
+        assert self._process.stdout is not None
+        if self._process.stdout.readline() != b'open\n':
+            self._raise()
+
+    def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
+        """Queue messages, and hand them over once there are enough for a batch."""
+        self._topics.extend(topics)
+        self._stamps.extend(stamps)
+        self._messages.extend(messages)
+        if len(self._messages) >= BATCH_MESSAGES:
+            self._flush()
+
+    def _flush(self) -> None:
+        lengths = array('I', map(len, self._messages))
+        self._send(
+            b''.join(
+                (
+                    _BATCH.pack(len(lengths)),
+                    self._topics.tobytes(),
+                    self._stamps.tobytes(),
+                    lengths.tobytes(),
+                    *self._messages,
+                )
+            )
+        )
+        self._topics = array('B')
+        self._stamps = array('q')
+        self._messages = []
+
+    def _send(self, data: bytes) -> None:
+        try:
+            self._pipe.write(data)
+            self._pipe.flush()
+        except BrokenPipeError:
+            self._raise()
+
+    def _raise(self) -> None:
+        assert self._process.stderr is not None
+        text = self._process.stderr.read().decode(errors='replace').strip()
+        self._process.wait()
+        raise RuntimeError(text.splitlines()[-1] if text else f'the bag writer ended with {self._process.returncode}')
+
+    def close(self) -> None:
+        """Hand over what is queued, and wait until the bag is complete."""
+        if self._messages:
+            self._flush()
+        self._send(_BATCH.pack(_CLOSE))
+        self._pipe.close()
+        assert self._process.stderr is not None
+        text = self._process.stderr.read()
+        if self._process.wait() != 0:
+            raise RuntimeError(text.decode(errors='replace').strip().splitlines()[-1])
+
+
+def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:
+    """Write batches until the closing mark (return True) or until the pipe ends without one (return False)."""
+    while True:
+        head = pipe.read(_BATCH.size)
+        if len(head) < _BATCH.size:
+            return False
+        (count,) = _BATCH.unpack(head)
+        if count == _CLOSE:
+            return True
+        topics, stamps, lengths = array('B'), array('q'), array('I')
+        for numbers in (topics, stamps, lengths):
+            numbers.frombytes(pipe.read(count * numbers.itemsize))
+        payload = memoryview(pipe.read(sum(lengths)))
+        if len(payload) < sum(lengths):
+            return False
+        messages = []
+        start = 0
+        for length in lengths:
+            messages.append(payload[start : start + length])
+            start += length
+        writer.write(topics, stamps, messages)
+
+
+def main() -> int:
+    """Read the opening line and the batches from standard input; the exit code is 0 for a properly closed bag."""
+    # Ctrl-C reaches the whole foreground group; this process ends with its pipe, after everything is written.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    pipe = sys.stdin.buffer
+    opening = json.loads(pipe.readline())
+    try:
+        writer = BagWriter(Path(opening['path']), opening['storage'], opening['topics'], opening['metadata'])
+        sys.stdout.write('open\n')
+        sys.stdout.flush()
+        try:
+            closed = _write_batches(pipe, writer)
+        finally:
+            writer.close()
+    except Exception as error:
+        sys.stderr.write(f'{type(error).__name__}: {error}\n')
+        return 1
+    return 0 if closed else 2
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,195 @@
+"""
+The lockstep: one loop that drives the loop nodes of a process, be it one node or all of them.
+
+A pass asks every node to fire; a node fires when all its inputs of its next tick have arrived. If none could, the
+process sleeps until a missing message comes. Which process a node lives in, how fast messages travel and when the
+operating system runs whom thus never enters into what is computed.
+
+Everything else that a ROS 2 node does (parameter services, events, the talk with the other processes) is done between
+two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
+"""
+
+import signal
+import time
+from collections.abc import Sequence
+from types import FrameType
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.peers import PeerEnded, Peers
+from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, failed, interrupted
+
+HOUSEKEEPING_PERIOD = 0.1
+"""Wall time between two rounds of housekeeping while the loop runs [s]."""
+LONGEST_SLEEP = 0.05
+"""Longest wait for a message before signals and housekeeping are looked at again [s]."""
+_CALLBACKS_A_ROUND = 20
+
+
+class Lockstep:
+    """
+    Drive the loop nodes of this process through a run.
+
+    Parameters
+    ----------
+    nodes
+        The nodes, best in the order in which data flows through a tick: one pass is then one tick.
+    """
+
+    def __init__(self, nodes: Sequence[LoopNode]) -> None:
+        self._nodes = tuple(nodes)
+        self.peers = Peers(self._nodes)
+        self._executor = SingleThreadedExecutor()
+        for node in self._nodes:
+            self._executor.add_node(node)
+        self._signal = 0
+        self._wait_set: _rclpy.WaitSet | None = None
+        self._waited_for: tuple[Input, ...] = ()
+
+    def run(self) -> Outcome:
+        """Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run."""
+        previous = {
+            number: signal.signal(number, self._take_signal) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        try:
+            outcome = self._run()
+            self._say(outcome)
+            return outcome
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+            self._executor.shutdown()
+
+    def _run(self) -> Outcome:
+        try:
+            self._gather()
+            self._loop()
+            for node in self._nodes:
+                node.complete()
+            self._close_ranks()
+            outcome = FINISHED_OUTCOME
+        except _Interrupted:
+            outcome = interrupted(f'{signal.Signals(self._signal).name} {self._where()}', self._signal)
+        except PeerEnded as end:
+            outcome = end.outcome
+        except RunError as error:
+            outcome = failed(str(error))
+        except Exception as error:
+            outcome = failed(f'{type(error).__name__}: {error} {self._where()}')
+        # The others first: they stop waiting while this process closes its bag.
+        self.peers.say_end(outcome)
+        for node in self._nodes:
+            try:
+                node.finish(outcome)
+            except Exception as error:
+                outcome = failed(f'{node.get_name()}: {error}')
+        return outcome
+
+    def _say(self, outcome: Outcome) -> None:
+        if outcome != FINISHED_OUTCOME:
+            self._nodes[0].get_logger().error(f'run {outcome.status}: {outcome.reason}')
+
+    def _where(self) -> str:
+        return 'in ' + ', '.join(f'{node.get_name()} at tick {node.tick}' for node in self._nodes[:1])
+
+    def _take_signal(self, number: int, frame: FrameType | None) -> None:
+        self._signal = number
+
+    def _check_signal(self) -> None:
+        if self._signal:
+            raise _Interrupted
+
+    def _housekeeping(self) -> None:
+        """Serve parameter services, events and the talk with the other processes."""
+        for node in self._nodes:
+            node.show_time()
+        for _ in range(_CALLBACKS_A_ROUND * len(self._nodes)):
+            handler_found = self._spin_once()
+            if not handler_found:
+                break
+        self._check_signal()
+
+    def _spin_once(self) -> bool:
+        """Run one waiting callback; return whether there was one."""
+        try:
+            handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
+        except (rclpy.executors.TimeoutException, rclpy.executors.ConditionReachedException):
+            return False
+        handler()
+        if handler.exception() is not None:
+            raise handler.exception()
+        return True
+
+    def _gather(self) -> None:
+        while not self.peers.gather():
+            self._housekeeping()
+            time.sleep(0.005)
+
+    def _loop(self) -> None:
+        nodes = self._nodes
+        monotonic = time.monotonic
+        housekeeping_due = progressed_at = monotonic()
+        pending = [node for node in nodes if not node.done]
+        while pending:
+            progressed = False
+            for node in nodes:
+                if node.try_fire():
+                    progressed = True
+            now = monotonic()
+            if now >= housekeeping_due:
+                self._housekeeping()
+                self.peers.watch()
+                if progressed:
+                    progressed_at = now
+                self.peers.check_stall(now - progressed_at)
+                housekeeping_due = monotonic() + HOUSEKEEPING_PERIOD
+            if progressed:
+                progressed_at = now
+            else:
+                pending = [node for node in nodes if not node.done]
+                if pending:
+                    self._sleep(pending)
+
+    def _sleep(self, pending: Sequence[LoopNode]) -> None:
+        """Wait until a missing message comes, a node becomes due, or it is time to look around."""
+        self._check_signal()
+        seconds = LONGEST_SLEEP
+        missing = []
+        for node in pending:
+            wire = node.missing()
+            if wire is not None:
+                missing.append(wire)
+            else:
+                seconds = min(seconds, node.seconds_until_due())
+        if not missing:
+            time.sleep(max(seconds, 0.0))
+        elif seconds > 0.0:
+            self._wait(tuple(missing), seconds)
+
+    def _wait(self, missing: tuple[Input, ...], seconds: float) -> None:
+        # A wait set forgets every subscription that was not ready; with one, which was, it can be kept as it is.
+        wait_set = self._wait_set
+        if wait_set is None or missing != self._waited_for:
+            context = self._nodes[0].context.handle
+            wait_set = self._wait_set = _rclpy.WaitSet(len(missing), 0, 0, 0, 0, 0, context)
+            wait_set.clear_entities()
+            for wire in missing:
+                wait_set.add_subscription(wire.subscription.handle)
+            self._waited_for = missing
+        wait_set.wait(int(seconds * 1e9))
+        if len(missing) > 1 or not wait_set.is_ready('subscription', 0):
+            self._wait_set = None
+
+    def _close_ranks(self) -> None:
+        while not self.peers.close_ranks():
+            self._housekeeping()
+            self.peers.watch()
+            time.sleep(0.005)
+
+
+class _Interrupted(Exception):
+    """A signal asks to end."""

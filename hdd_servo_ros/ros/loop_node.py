@@ -1,0 +1,285 @@
+"""A node of the loop: it fires for tick k when all its inputs of tick k have arrived."""
+
+import importlib
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.time import Time
+
+from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters
+from hdd_servo_ros.parameters import ParameterSet
+from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.ros.errors import NotFiniteError, StampError
+from hdd_servo_ros.ros.node_parameters import NodeParameters
+from hdd_servo_ros.ros.run import Outcome, Run
+from hdd_servo_ros.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
+
+_TRIAL_SAMPLE_TIME = 1e-4
+LOOP_QOS = QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def message_class(type_name: str) -> Any:
+    """Return the Python class of a message type named like ``std_msgs/msg/String``."""
+    package, _, name = type_name.split('/')
+    return getattr(importlib.import_module(f'{package}.msg'), name)
+
+
+class _TakenByLockstep(CallbackGroup):
+    """Keeps executors away from loop subscriptions: the lockstep takes their messages itself, in tick order."""
+
+    def can_execute(self, entity: object) -> bool:
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        pass
+
+
+class Input:
+    """
+    A loop topic that a node reads.
+
+    Parameters
+    ----------
+    topic
+        The topic.
+    delay
+        At tick k the message of tick k - ``delay`` is needed; none before that tick exists.
+    """
+
+    def __init__(self, topic: LoopTopic, delay: int = 0) -> None:
+        self.topic = topic
+        self.delay = delay
+        self.subscription: Subscription
+        self.name: str
+        self._take: Callable[[type, bool], Any]
+        self._type: type
+
+    def connect(self, node: Node, group: CallbackGroup) -> None:
+        """Subscribe."""
+        self._type = message_class(self.topic.type_name)
+        self.subscription = node.create_subscription(
+            self._type, self.topic.name, lambda _: None, LOOP_QOS, callback_group=group, raw=True
+        )
+        self.name = self.subscription.topic_name
+        self._take = self.subscription.handle.take_message
+        self._stamp = STAMP if self.topic.type_name != ARRAY_TYPE else None
+
+    def take(self) -> bytes | None:
+        """Return the next message as bytes, None if there is none."""
+        taken = self._take(self._type, True)
+        return None if taken is None else taken[0]
+
+    def stamp_of(self, message: bytes) -> bytes:
+        """Return the bytes that tell the tick: the header's stamp, or element t of an array."""
+        if self._stamp is None:
+            _, offset = array_names_and_offset(message)
+            self._stamp = slice(offset, offset + 8)
+        return message[self._stamp]
+
+
+class LoopNode(Node):  # type: ignore[misc]
+    """
+    Base of the loop's nodes: a block with wires on it.
+
+    A subclass says its wires and parameters, builds its block in :meth:`prepare`, and publishes in :meth:`step`.
+
+    Parameters
+    ----------
+    name
+        Node name; equals the executable's.
+    kinds
+        Parameter dataclasses of the block.
+    inputs, outputs
+        Loop topics that it reads and writes.
+    optional_inputs
+        Loop topics that it reads as well in a run in which some node publishes them; decided when the run starts.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not allowed.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kinds: Sequence[type[ParameterSet]],
+        inputs: Sequence[Input],
+        outputs: Sequence[LoopTopic],
+        *,
+        sample_time_kind: type[ParameterSet] = SampleTimeParameters,
+        optional_inputs: Sequence[Input] = (),
+    ) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.parameters = NodeParameters(self, [PeerParameters, sample_time_kind, *kinds])
+        self.parameters.on_change(self.update)
+        self.inputs = tuple(inputs)
+        self.optional_inputs = tuple(optional_inputs)
+        group = _TakenByLockstep()
+        for wire in (*self.inputs, *self.optional_inputs):
+            wire.connect(self, group)
+        self.outputs = tuple(outputs)
+        self.loop_publishers: list[Publisher] = [
+            self.create_publisher(message_class(topic.type_name), topic.name, LOOP_QOS) for topic in self.outputs
+        ]
+        self._publish = [publisher.handle.publish_raw for publisher in self.loop_publishers]
+        self.tick = 0
+        """The next tick that this node fires for."""
+        self.last_tick = -1
+        self._ticks: Any = None
+        self._arrived = 0
+        self._messages: list[bytes | None] = []
+        self.get_clock()._set_ros_time_is_active(True)
+
+    # What a subclass provides.
+
+    def offers(self) -> dict[str, str]:
+        """Return texts that concern the whole run, such as the drive's name."""
+        return {}
+
+    def prepare(self, run: Run) -> None:
+        """Build the block for the run's sample time; called once, before tick 0."""
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        """
+        Do the work of one tick and publish the outputs.
+
+        Parameters
+        ----------
+        tick
+            The tick k.
+        stamp
+            Its eight stamp bytes.
+        messages
+            The inputs' messages, in the inputs' order, those of the optional ones that take part behind them; of a
+            delayed input an empty one before it has any.
+        """
+        raise NotImplementedError
+
+    def update(self) -> None:
+        """Take over parameters that were changed; called between two ticks."""
+
+    paced = False
+    """Whether :meth:`seconds_until_due` has a say."""
+
+    def seconds_until_due(self) -> float:
+        """Return for how long this node must not fire yet although its inputs are there [s of wall time]."""
+        return 0.0
+
+    def complete(self) -> None:
+        """Do what is left after the last tick, such as closing a bag; the run counts as finished after it."""
+
+    def finish(self, outcome: Outcome) -> None:
+        """Learn how the run ended; called once, at the very end."""
+
+    def trial(self, make: Callable[[Any, float], Any], kind: type[ParameterSet]) -> Any:
+        """
+        Make a block before the run's sample time is known.
+
+        It refuses bad parameters while the node starts, and a step of it compiles its kernel: both before others wait.
+        """
+        return make(self.parameters[kind], _TRIAL_SAMPLE_TIME)
+
+    # What the lockstep calls.
+
+    def begin(self, run: Run) -> None:
+        """Prepare for tick 0 of ``run``."""
+        self.last_tick = run.last_tick
+        self._ticks = run.ticks
+        self.inputs += tuple(wire for wire in self.optional_inputs if run.publisher_of(wire.name) is not None)
+        self._messages = [None] * len(self.inputs)
+        self.prepare(run)
+
+    @property
+    def done(self) -> bool:
+        """Whether the last tick has been fired."""
+        return self.tick > self.last_tick
+
+    def try_fire(self) -> bool:
+        """
+        Fire for the next tick if all its inputs are there.
+
+        Raises
+        ------
+        StampError
+            If an input's message is not the one of the expected tick.
+        """
+        tick = self.tick
+        if tick > self.last_tick:
+            return False
+        inputs, messages = self.inputs, self._messages
+        while self._arrived < len(inputs):
+            wire = inputs[self._arrived]
+            expected = tick - wire.delay
+            if expected < 0:
+                message: bytes | None = b''
+            else:
+                message = wire.take()
+                if message is None:
+                    return False
+                if wire.stamp_of(message) != self._stamp_bytes(wire, expected):
+                    self._refuse(wire, expected, message)
+            messages[self._arrived] = message
+            self._arrived += 1
+        if self.paced and self.seconds_until_due() > 0.0:
+            return False
+        self._arrived = 0
+        self.step(tick, self._ticks.stamp(tick), messages)  # type: ignore[arg-type]
+        self.tick = tick + 1
+        return True
+
+    def missing(self) -> Input | None:
+        """Return the input that the next tick waits for, None if it waits for none."""
+        return self.inputs[self._arrived] if not self.done and self._arrived < len(self.inputs) else None
+
+    def show_time(self) -> None:
+        """Let this node's ROS clock stand at its next tick, so that parameter events carry it."""
+        if self._ticks is not None:
+            self.get_clock().set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
+
+    def publish_bytes(self, output: int, message: bytes) -> None:
+        """Publish on one of the outputs."""
+        self._publish[output](message)
+
+    def publish_vector(self, output: int, tick: int, message: bytes, x: float, y: float, z: float) -> None:
+        """
+        Publish a vector message whose values must be finite.
+
+        Raises
+        ------
+        NotFiniteError
+            If one is not.
+        """
+        if not math.isfinite(x + y + z):
+            raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
+        self._publish[output](message)
+
+    def _stamp_bytes(self, wire: Input, tick: int) -> bytes:
+        if wire.topic.type_name == ARRAY_TYPE:
+            return self._ticks.seconds_bytes(tick)  # type: ignore[no-any-return]
+        return self._ticks.stamp(tick)  # type: ignore[no-any-return]
+
+    def _refuse(self, wire: Input, expected: int, message: bytes) -> None:
+        stamp = wire.stamp_of(message)
+        if wire.topic.type_name == ARRAY_TYPE:
+            received = self._ticks.tick_of_seconds(stamp)
+        else:
+            received = self._ticks.tick_of(stamp)
+        raise StampError(wire.name, expected, received, publishers_of(self, wire.name))
+
+
+def publishers_of(node: Node, topic: str) -> str:
+    """Return the names of the nodes that publish a topic, for messages."""
+    names = [
+        f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in node.get_publishers_info_by_topic(topic)
+    ]
+    return ', '.join(sorted(names)) or 'nobody now'

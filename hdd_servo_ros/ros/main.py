@@ -1,0 +1,54 @@
+"""What every node's ``main`` does: arguments, a context, the lockstep, an exit code."""
+
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from hdd_servo_ros.help import parse_help
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.ros.lockstep import Lockstep
+from hdd_servo_ros.ros.loop_node import LoopNode
+
+
+def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
+    """
+    Run one loop node in this process until its run ends.
+
+    Parameters
+    ----------
+    name
+        Executable name, for the help text.
+    make
+        Constructs the node.
+    arguments
+        Command line, ``sys.argv`` if None.
+
+    Returns
+    -------
+    int
+        Exit code: 0 finished, 1 failed, 2 wrong arguments or parameters, 128 + signal number when interrupted.
+    """
+    return run_nodes(name, lambda: [make()], arguments)
+
+
+def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequence[str] | None = None) -> int:
+    """Run several loop nodes in this process; see :func:`run_node`."""
+    command_line = list(sys.argv if arguments is None else arguments)
+    parse_help(name, remove_ros_args(command_line)[1:])
+    try:
+        # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    try:
+        nodes = make()
+        return Lockstep(nodes).run().exit_code
+    except ParameterError as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    finally:
+        rclpy.try_shutdown()

@@ -1,0 +1,137 @@
+"""Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of whole sets, live changes."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from hdd_servo_ros.parameters import (
+    Declaration,
+    ParameterError,
+    ParameterSet,
+    Value,
+    declarations,
+    from_mapping,
+    to_mapping,
+)
+
+_ARRAY_TYPES = {
+    bool: Parameter.Type.BOOL_ARRAY,
+    int: Parameter.Type.INTEGER_ARRAY,
+    float: Parameter.Type.DOUBLE_ARRAY,
+    str: Parameter.Type.STRING_ARRAY,
+}
+_STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
+
+
+def descriptor(declaration: Declaration) -> ParameterDescriptor:
+    """Return what `ros2 param describe` shall show for a declaration."""
+    message = ParameterDescriptor(
+        name=declaration.name,
+        description=f'{declaration.description} [{declaration.unit}]' if declaration.unit else declaration.description,
+        additional_constraints=declaration.allowed,
+        read_only=declaration.read_only,
+    )
+    lower, upper = max(declaration.minimum, declaration.above), declaration.maximum
+    # ROS ranges are closed and two-sided; an open or one-sided bound is checked by us and told in the constraints.
+    if math.isfinite(declaration.minimum) and math.isfinite(upper) and not declaration.is_sequence:
+        if declaration.element_type is float:
+            message.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
+        elif declaration.element_type is int:
+            message.integer_range = [IntegerRange(from_value=int(lower), to_value=int(upper))]
+    return message
+
+
+class NodeParameters:
+    """
+    The parameters of one node, declared from dataclasses, always a set that was checked as a whole.
+
+    Parameters
+    ----------
+    node
+        Node that declares them, constructed with ``automatically_declare_parameters_from_overrides``, so that what
+        parameter files and the command line say can be read before it is declared in its proper type.
+    kinds
+        Parameter dataclasses; their names must not overlap.
+
+    Raises
+    ------
+    ParameterError
+        If a value given from outside is not allowed, or names no parameter.
+    """
+
+    def __init__(self, node: Node, kinds: Sequence[type[ParameterSet]]) -> None:
+        self._kinds = tuple(kinds)
+        self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self._kinds}
+        self._on_change: Callable[[], None] | None = None
+        given = {
+            name: () if found.value is None else found.value
+            for name, found in node.get_parameters_by_prefix('').items()
+            if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
+        }
+        for name in given:
+            if not any(name in names for names in self._names.values()):
+                raise ParameterError(name, given[name], f'no such parameter of {node.get_name()}')
+            node.undeclare_parameter(name)
+        self._sets = self._checked(given)
+        values = self.as_mapping()
+        for kind in self._kinds:
+            for declaration in declarations(kind):
+                node.declare_parameter(
+                    declaration.name,
+                    _declared_value(declaration, values[declaration.name]),
+                    descriptor(declaration),
+                    ignore_override=True,
+                )
+        node.add_on_set_parameters_callback(self._check_change)
+        node.add_post_set_parameters_callback(self._take_change)
+
+    def _checked(self, values: Mapping[str, object]) -> dict[type[ParameterSet], ParameterSet]:
+        return {
+            kind: from_mapping(kind, {name: value for name, value in values.items() if name in self._names[kind]})
+            for kind in self._kinds
+        }
+
+    def __getitem__(self, kind: type[Any]) -> Any:
+        """Return the present values as an instance of one of the dataclasses."""
+        return self._sets[kind]
+
+    def as_mapping(self) -> dict[str, Value]:
+        """Return all present values by their ROS names."""
+        mapping: dict[str, Value] = {}
+        for values in self._sets.values():
+            mapping.update(to_mapping(values))
+        return mapping
+
+    def on_change(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` after every accepted change."""
+        self._on_change = callback
+
+    def _changed(self, changes: Sequence[Parameter]) -> dict[type[ParameterSet], ParameterSet]:
+        values: dict[str, object] = dict(self.as_mapping())
+        for change in changes:
+            if any(change.name in names for names in self._names.values()):
+                values[change.name] = () if change.value is None else change.value
+        return self._checked(values)
+
+    def _check_change(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self._changed(changes)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_change(self, changes: Sequence[Parameter]) -> None:
+        self._sets = self._changed(changes)
+        if self._on_change is not None:
+            self._on_change()
+
+
+def _declared_value(declaration: Declaration, value: Value) -> object:
+    if value == ():
+        # rclpy takes an empty list for bytes; the type alone leaves the parameter unset, which we read as empty.
+        return _ARRAY_TYPES[declaration.element_type]
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,380 @@
+"""
+The processes of a run find each other, start together and learn of each other's end.
+
+Every process says on the topic ``lockstep`` (``std_msgs/String`` holding JSON), several times a second, who it is, what
+state it is in and how far its nodes are. Nothing here carries loop data, and nothing here decides when a node fires:
+this is how a run starts, and how it ends when it cannot go on.
+
+States of a process::
+
+    waiting -> ready -> running -> done -> finished
+        any of these -> failed, interrupted
+"""
+
+import json
+import os
+import socket
+import time
+import uuid
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters
+from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.ros.loop_node import LoopNode, publishers_of
+from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, Run
+from hdd_servo_ros.topics import CLOCK
+
+WAITING = 'waiting'
+READY = 'ready'
+RUNNING = 'running'
+DONE = 'done'
+
+RECORDER = 'bag_recorder'
+_PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
+"""How often a process speaks in each state [s]."""
+_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class Peers:
+    """
+    What this process knows of the others, and what it tells them.
+
+    Parameters
+    ----------
+    nodes
+        The loop nodes of this process; the first one lends its publisher and subscription.
+    """
+
+    def __init__(self, nodes: Sequence[LoopNode]) -> None:
+        self._nodes = nodes
+        self.identifier = f'{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}'
+        self.state = WAITING
+        self.run: Run | None = None
+        self.timeout = max(node.parameters[PeerParameters].peer_timeout for node in nodes)
+        start_timeouts = [node.parameters[PeerParameters].start_timeout for node in nodes]
+        self._start_timeout = 0.0 if 0.0 in start_timeouts else max(start_timeouts)
+        self._timer = next((node for node in nodes if CLOCK in node.outputs), None)
+        self._publisher = nodes[0].create_publisher(String, 'lockstep', _QOS)
+        self._subscription = nodes[0].create_subscription(String, 'lockstep', self._hear, _QOS)
+        self._heard: dict[str, dict[str, Any]] = {}
+        self._heard_at: dict[str, float] = {}
+        self._spoke_at = 0.0
+        self._changed_at = time.monotonic()
+        self._missing: list[str] = []
+        self._told: list[str] = []
+        self._told_at = time.monotonic()
+        self._graph_checked_at = 0.0
+        self._outcome_of_peer: Outcome | None = None
+        self._descriptions = {node.get_fully_qualified_name(): _describe(node) for node in nodes}
+
+    # Speaking and hearing.
+
+    def _speak(self, reason: str = '') -> None:
+        said: dict[str, Any] = {'process': self.identifier, 'state': self.state, 'reason': reason}
+        said['ticks'] = {node.get_fully_qualified_name(): node.tick for node in self._nodes}
+        if self.state in (WAITING, READY):
+            said['nodes'] = self._descriptions
+        if self._timer is not None:
+            timer = self._timer.parameters[TimerParameters]
+            said['timer'] = {'sample_time': timer.sample_time, 'last_tick': timer.last_tick, 'rate': timer.rate}
+            if self.run is not None and self.state == RUNNING:
+                said['run'] = self.run.__dict__
+        self._publisher.publish(String(data=json.dumps(said)))
+        self._spoke_at = time.monotonic()
+
+    def _hear(self, message: String) -> None:
+        said = json.loads(message.data)
+        process = said['process']
+        if process == self.identifier:
+            return
+        known = self._heard.get(process)
+        if known is None:
+            if said['state'] in (FAILED, INTERRUPTED, FINISHED):
+                return  # the end of an earlier run
+            self._changed_at = time.monotonic()
+        elif 'nodes' not in said:
+            said['nodes'] = known.get('nodes', {})
+        said.setdefault('nodes', {})
+        self._heard[process] = said
+        self._heard_at[process] = time.monotonic()
+        if said['state'] in (FAILED, INTERRUPTED):
+            self._hear_end(process, said)
+        if said.get('run') and self.run is None:
+            self._hear_start(said['run'])
+
+    def _hear_end(self, process: str, said: dict[str, Any]) -> None:
+        if self.run is None and said['state'] == INTERRUPTED:
+            self._forget(process)  # before a run, a node that a person stops may be started again
+        elif self._outcome_of_peer is None and (self.run is None or process in self.run.processes):
+            self._outcome_of_peer = Outcome(said['state'], said['reason'])
+
+    def _hear_start(self, run: dict[str, Any]) -> None:
+        if self.identifier not in run['processes']:
+            names = ', '.join(node.get_fully_qualified_name() for node in self._nodes)
+            raise RunError(
+                f'{names} came too late: a run is in progress in this namespace; wait for its end, or give this node '
+                'another namespace (--ros-args -r __ns:=/bench2)'
+            )
+        self._start(Run(**run))
+
+    def _forget(self, process: str) -> None:
+        self._heard.pop(process, None)
+        self._heard_at.pop(process, None)
+        self._changed_at = time.monotonic()
+
+    # Before the run.
+
+    def gather(self) -> bool:
+        """
+        Go on with finding the others; return whether the run has started.
+
+        Raises
+        ------
+        RunError
+            If the run cannot start: a mismatch, two publishers of a topic, a peer that failed or never came.
+        """
+        now = time.monotonic()
+        if self._outcome_of_peer is not None:
+            raise RunError(self._outcome_of_peer.reason)
+        for process in [process for process, heard_at in self._heard_at.items() if now - heard_at > self.timeout]:
+            self._forget(process)
+        if self.run is None:
+            self._missing = list(self._find_missing())
+            state = WAITING if self._missing else READY
+            if state != self.state or now - self._spoke_at > _PERIODS[state]:
+                self.state = state
+                self._speak()
+            if self._timer is not None and state == READY and self._all_peers(READY):
+                self._start(self._make_run())
+            elif self._start_timeout and now - self._changed_at > self._start_timeout:
+                raise RunError(
+                    f'waited {self._start_timeout:g} s for {"; ".join(self._missing) or "the others to get ready"} '
+                    '(parameter start_timeout)'
+                )
+            else:
+                self._tell_missing(now)
+            return False
+        if now - self._spoke_at > _PERIODS[READY]:
+            self._speak()
+        # A node in place listens already; the timer alone must know that all the others are in place too.
+        return self._timer is None or self._all_peers(RUNNING)
+
+    def _all_peers(self, *states: str) -> bool:
+        processes = self._heard if self.run is None else self.run.processes
+        return all(self._heard[process]['state'] in states for process in processes if process != self.identifier)
+
+    def _start(self, run: Run) -> None:
+        for node in self._nodes:
+            node.begin(run)
+        self.run = run
+        self.state = RUNNING
+        self._speak()
+
+    def _known_nodes(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        yield from self._descriptions.items()
+        for said in self._heard.values():
+            yield from said['nodes'].items()
+
+    def _timer_said(self) -> dict[str, Any] | None:
+        if self._timer is not None:
+            timer = self._timer.parameters[TimerParameters]
+            return {'sample_time': timer.sample_time}
+        return next((said['timer'] for said in self._heard.values() if 'timer' in said), None)
+
+    def _find_missing(self) -> Iterator[str]:
+        timer = self._timer_said()
+        if timer is None:
+            yield 'deterministic_timer'
+        else:
+            self._check_sample_time(timer['sample_time'])
+        nodes = dict(self._known_nodes())
+        for node in self._nodes:
+            for wire in node.inputs:
+                self._check_publishers(node, wire.name, [n for n, d in nodes.items() if wire.name in d['outputs']])
+                if wire.subscription.get_publisher_count() == 0:
+                    yield f'{wire.topic.published_by} (nobody publishes {wire.name})'
+            for wire in node.optional_inputs:
+                announced = [name for name, description in nodes.items() if wire.name in description['outputs']]
+                self._check_publishers(node, wire.name, announced)
+                if announced and wire.subscription.get_publisher_count() == 0:
+                    yield f'{announced[0]} (not yet heard on {wire.name})'
+            for publisher in node.loop_publishers:
+                readers = sum(publisher.topic_name in description['inputs'] for description in nodes.values())
+                if publisher.get_subscription_count() < readers:
+                    yield f'the readers of {publisher.topic_name}'
+        if self._timer is not None and self._timer.parameters[TimerParameters].record:
+            if not any(name.rsplit('/', 1)[1] == RECORDER for name in nodes):
+                yield f'{RECORDER} (parameter record of deterministic_timer is true)'
+        for process, said in self._heard.items():
+            if self._timer is not None and said['state'] != READY:
+                names = ', '.join(said['nodes']) or process
+                yield f'{names} to get ready'
+
+    def _check_sample_time(self, sample_time: float) -> None:
+        for node in self._nodes:
+            own = node.parameters[SampleTimeParameters].sample_time if node is not self._timer else sample_time
+            if own not in (0.0, sample_time):
+                raise RunError(
+                    f'{node.get_fully_qualified_name()}: parameter sample_time = {own!r} s is refused: '
+                    f'deterministic_timer has {sample_time!r} s'
+                )
+
+    @staticmethod
+    def _check_publishers(node: LoopNode, topic: str, announced: Sequence[str]) -> None:
+        count = max(node.count_publishers(topic), len(announced))
+        if count > 1:
+            raise RunError(
+                f'{topic}: {count} publishers at tick {node.tick}, one is allowed: {publishers_of(node, topic)}'
+            )
+
+    def _tell_missing(self, now: float) -> None:
+        period = 0.5 if self._missing != self._told else 3.0
+        if self._missing and now - self._told_at > max(period, 1.0):
+            self._nodes[0].get_logger().info('waiting for ' + '; '.join(self._missing))
+            self._told, self._told_at = self._missing, now
+
+    def _make_run(self) -> Run:
+        assert self._timer is not None
+        timer = self._timer.parameters[TimerParameters]
+        nodes = dict(self._known_nodes())
+        frame_id = next((d['offers']['frame_id'] for d in nodes.values() if 'frame_id' in d['offers']), '')
+        processes = [self.identifier, *self._heard]
+        name = self._timer.get_fully_qualified_name()
+        return Run(timer.sample_time, timer.last_tick, timer.rate, frame_id, name, nodes, processes)
+
+    # During the run.
+
+    def watch(self) -> None:
+        """
+        Look after the others while the loop runs.
+
+        Raises
+        ------
+        RunError
+            If a peer is silent for too long, a message was lost, or a topic has a second publisher.
+        PeerEnded
+            If a peer said that the run ends.
+        """
+        assert self.run is not None
+        now = time.monotonic()
+        if now - self._spoke_at > _PERIODS[self.state]:
+            self._speak()
+        if self._outcome_of_peer is not None:
+            raise PeerEnded(self._outcome_of_peer)
+        for process in self.run.processes:
+            silent = now - self._heard_at.get(process, now)
+            if process != self.identifier and silent > self.timeout:
+                self._refuse_silent(process, silent)
+        if now - self._graph_checked_at > 1.0:
+            self._graph_checked_at = now
+            for node in self._nodes:
+                for wire in node.inputs:
+                    self._check_publishers(node, wire.name, ())
+
+    def _refuse_silent(self, process: str, silent: float) -> None:
+        said = self._heard[process]
+        names = ', '.join(f'{name} at tick {tick - 1}' for name, tick in said['ticks'].items())
+        waits = '; '.join(
+            f'{wire.name} is missing for tick {node.tick - wire.delay}'
+            for node in self._nodes
+            if (wire := node.missing()) is not None
+        )
+        if said['state'] == DONE:
+            return  # it had nothing left to do
+        raise RunError(
+            f'lost a peer: nothing heard for {silent:.1f} s from {names}' + (f'; {waits}' if waits else '')
+        )
+
+    def check_stall(self, stalled: float) -> None:
+        """
+        Judge why the loop stands still.
+
+        Parameters
+        ----------
+        stalled
+            For how long [s].
+
+        Raises
+        ------
+        RunError
+            If a message was published and did not arrive, or if its publisher is none of ours and does not answer.
+        """
+        assert self.run is not None
+        if stalled < self.timeout:
+            return
+        ticks = {name: tick for said in self._heard.values() for name, tick in said['ticks'].items()}
+        ticks.update({node.get_fully_qualified_name(): node.tick for node in self._nodes})
+        for node in self._nodes:
+            wire = node.missing()
+            if wire is None:
+                continue
+            expected = node.tick - wire.delay
+            producer = self.run.publisher_of(wire.name)
+            if producer is None:
+                if ticks[self.run.timer] > expected:
+                    raise RunError(
+                        f'{wire.name}: nothing for tick {expected} in {stalled:.1f} s; '
+                        f'published by {publishers_of(node, wire.name)}'
+                    )
+            elif ticks[producer] > expected:
+                raise RunError(f'{wire.name}: tick {expected} was published by {producer} and did not arrive')
+
+    # The end.
+
+    def close_ranks(self) -> bool:
+        """Say that this process is done; return whether the whole run is finished."""
+        if self.state == RUNNING:
+            self.state = DONE
+            self._speak()
+        assert self.run is not None
+        if self._timer is None:
+            for said in self._heard.values():
+                if 'timer' in said and said['state'] == FINISHED:
+                    return True
+            return self._timer_is_gone()
+        return self._all_peers(DONE, FINISHED)
+
+    def _timer_is_gone(self) -> bool:
+        """Return whether the timer fell silent after it was done: its last word was lost, the run is complete."""
+        now = time.monotonic()
+        return any(
+            said['state'] in (DONE, FINISHED) and now - self._heard_at[process] > self.timeout
+            for process, said in self._heard.items()
+            if 'timer' in said
+        )
+
+    def say_end(self, outcome: Outcome) -> None:
+        """Tell the others how the run ended for this process, and see that they got it."""
+        if outcome == FINISHED_OUTCOME:
+            self.state = FINISHED
+        elif self._outcome_of_peer is not None:
+            return  # they know already
+        else:
+            self.state = outcome.status
+        self._speak(outcome.reason)
+        self._publisher.wait_for_all_acked(Duration(seconds=1))
+
+
+class PeerEnded(Exception):
+    """A peer said that the run ends, and how."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        super().__init__(outcome.reason)
+        self.outcome = outcome
+
+
+def _describe(node: LoopNode) -> dict[str, Any]:
+    """Return what the others, and ``run.yaml``, shall know of a node."""
+    return {
+        'inputs': [wire.name for wire in (*node.inputs, *node.optional_inputs)],
+        'outputs': [publisher.topic_name for publisher in node.loop_publishers],
+        'offers': node.offers(),
+        'parameters': node.parameters.as_mapping(),
+    }
+

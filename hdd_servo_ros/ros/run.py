@@ -1,0 +1,92 @@
+"""What all processes of a run agree on, and how it ends."""
+
+import dataclasses
+import signal
+from typing import Any
+
+from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.ticks import Ticks
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """
+    A run that is about to begin; made by the timer's process and handed to all others.
+
+    Attributes
+    ----------
+    sample_time
+        T [s].
+    last_tick
+        N; the run has the ticks 0 to N.
+    rate
+        Pace as a multiple of real time, 0 for as fast as the graph goes.
+    frame_id
+        Name of the drive.
+    timer
+        Full name of the timer's node.
+    nodes
+        For each taking-part node's full name what it said of itself: inputs, outputs, parameters and more.
+    processes
+        Identifiers of the taking-part processes.
+    """
+
+    sample_time: float
+    last_tick: int
+    rate: float
+    frame_id: str
+    timer: str
+    nodes: dict[str, dict[str, Any]]
+    processes: list[str]
+
+    @property
+    def ticks(self) -> Ticks:
+        """The time line."""
+        return Ticks(self.sample_time)
+
+    def publisher_of(self, topic: str) -> str | None:
+        """Return the full name of the taking-part node that publishes a topic (by its full name), None if none does."""
+        return next((name for name, node in self.nodes.items() if topic in node['outputs']), None)
+
+    def description(self) -> dict[str, Any]:
+        """Return what ``run.yaml`` says of the run before it has ended."""
+        offers = {key: text for node in self.nodes.values() for key, text in node['offers'].items()}
+        return {
+            'sample_time': self.sample_time,
+            'last_tick_planned': self.last_tick,
+            'duration': self.last_tick * self.sample_time,
+            'rate': self.rate,
+            **offers,
+            'nodes': self.nodes,
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """How a run ended: status as in ``run.yaml``, the reason in one line, and the signal if one ended it."""
+
+    status: str
+    reason: str = ''
+    signal_number: int = 0
+
+    @property
+    def exit_code(self) -> int:
+        """0 for a finished run, 1 for a failed one, 128 + signal number for an interrupted one, as shells have it."""
+        if self.status == FINISHED:
+            return 0
+        if self.status == INTERRUPTED:
+            return 128 + (self.signal_number or signal.SIGINT)
+        return 1
+
+
+FINISHED_OUTCOME = Outcome(FINISHED)
+
+
+def failed(reason: str) -> Outcome:
+    """Return the outcome of a run that went wrong."""
+    return Outcome(FAILED, reason)
+
+
+def interrupted(reason: str, signal_number: int) -> Outcome:
+    """Return the outcome of a run that a person or a supervisor ended."""
+    return Outcome(INTERRUPTED, reason, signal_number)

@@ -1,0 +1,1 @@
+"""Reference signals with their derivatives; no ROS, no clock."""

@@ -1,0 +1,209 @@
+"""The reference: desired head position x_d with its analytic first and second derivative."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log, sine_cosine_of_turns
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+
+WAVEFORMS = ('sine', 'square', 'step', 'ramp', 'chirp', 'multisine', 'constant')
+SINE, SQUARE, STEP, RAMP, CHIRP, MULTISINE, CONSTANT = range(len(WAVEFORMS))
+SWEEPS = ('linear', 'logarithmic')
+
+# Where the constants of reference_step stand; the components of a multisine follow from COMPONENTS on.
+TIME_STEP, WAVEFORM, START_TICK, START_TIME, OFFSET, AMPLITUDE, FREQUENCY, PHASE, DUTY_CYCLE = range(9)
+SLOPE, STOP_VALUE, END_FREQUENCY, SWEEP_TIME, LOGARITHMIC, SWEEP_RATE, COMPONENT_COUNT, COMPONENTS = range(9, 17)
+
+EDGE_TOLERANCE = 1e-9
+"""Turns by which an edge may lie late and still be taken at its own tick: far below one tick, far above rounding."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReferenceParameters(ParameterSet):
+    """
+    Parameters of :class:`Reference`.
+
+    Lengths are um here, as in chapter 5; a parameter file in other units (section 4.4: m) says so, the arithmetic is
+    the same.
+    """
+
+    waveform: str = parameter('sine', 'form of the reference x_d(t)', choices=WAVEFORMS)
+    amplitude: float = parameter(
+        2.0, 'amplitude of sine, square and chirp, height of the step, common factor of a multisine', unit='um'
+    )
+    frequency: float = parameter(
+        100.0,
+        'frequency of sine and square, first frequency of the chirp, common factor of a multisine. The thesis writes '
+        'A sin(pi f t) and calls f the frequency: this is A sin(2 pi f t); half the value gives the literal reading',
+        unit='Hz',
+        minimum=0.0,
+    )
+    phase: float = parameter(0.0, 'phase at start_time, in turns: 0.25 makes a cosine of the sine', unit='turn')
+    offset: float = parameter(0.0, 'added to every waveform, and the value before start_time', unit='um')
+    start_time: float = parameter(0.0, 'time at which the waveform starts', unit='s', minimum=0.0)
+    duty_cycle: float = parameter(
+        0.5, 'fraction of its period for which a square stands at +amplitude', above=0.0, maximum=1.0
+    )
+    slope: float = parameter(100.0, 'slope of the ramp, which holds once it has risen by amplitude', unit='um/s')
+    end_frequency: float = parameter(
+        1000.0, 'frequency of the chirp after sweep_time, then held', unit='Hz', minimum=0.0
+    )
+    sweep_time: float = parameter(1.0, 'duration of the sweep of a chirp', unit='s', above=0.0)
+    sweep: str = parameter('linear', 'how the frequency of a chirp grows with time', choices=SWEEPS)
+    component_amplitudes: tuple[float, ...] = parameter(
+        (1.0,), 'amplitudes of the components of a multisine, relative to amplitude'
+    )
+    component_frequencies: tuple[float, ...] = parameter(
+        (1.0,), 'frequencies of the components of a multisine, relative to frequency', minimum=0.0
+    )
+    component_phases: tuple[float, ...] = parameter(
+        (0.0,), 'phases of the components of a multisine, added to phase', unit='turn'
+    )
+
+    def check_together(self) -> None:
+        """Check the rules that tie several parameters together; raises :class:`ParameterError`."""
+        count = len(self.component_amplitudes)
+        for name in ('component_frequencies', 'component_phases'):
+            value = getattr(self, name)
+            if len(value) != count:
+                raise ParameterError(name, value, f'as many elements as component_amplitudes, which has {count}')
+        if self.waveform == 'chirp' and self.sweep == 'logarithmic' and not self.frequency * self.end_frequency > 0.0:
+            name = 'frequency' if self.frequency == 0.0 else 'end_frequency'
+            raise ParameterError(name, getattr(self, name), 'above 0 Hz for a logarithmic sweep')
+        if self.waveform == 'ramp' and self.slope == 0.0:
+            raise ParameterError('slope', self.slope, 'not 0 for a ramp')
+
+
+@compiled
+def _chirp(constants: NDArray[np.float64], t: float) -> tuple[float, float, float]:
+    """Return phase [turn] without the initial one, frequency [Hz] and its rate [Hz/s] at ``t`` s after the start."""
+    first = constants[FREQUENCY]
+    last = constants[END_FREQUENCY]
+    rate = constants[SWEEP_RATE]
+    inside = min(t, constants[SWEEP_TIME])
+    if constants[LOGARITHMIC] != 0.0 and rate != 0.0:
+        growth = exp(rate * inside)
+        turns = first * (growth - 1.0) / rate
+        frequency = first * growth
+        slope = rate * frequency
+    else:
+        turns = (first + 0.5 * rate * inside) * inside
+        frequency = first + rate * inside
+        slope = rate
+    if t < constants[SWEEP_TIME]:
+        return turns, frequency, slope
+    return turns + last * (t - inside), last, 0.0
+
+
+@compiled
+def _sine(amplitude: float, turns: float, frequency: float, slope: float) -> tuple[float, float, float]:
+    """Return a sine and its derivatives for a phase [turn], a frequency [Hz] and the frequency's slope [Hz/s]."""
+    sine, cosine = sine_cosine_of_turns(turns)
+    w = TWO_PI * frequency
+    return (
+        amplitude * sine,
+        amplitude * w * cosine,
+        amplitude * (TWO_PI * slope * cosine - w * w * sine),
+    )
+
+
+@compiled
+def reference_step(constants: NDArray[np.float64], state: NDArray[np.float64], tick: int) -> tuple[float, float, float]:
+    """Return x_d [um], its first [um/s] and its second derivative [um/s^2] at ``tick``; see :class:`Reference`."""
+    offset = constants[OFFSET]
+    amplitude = constants[AMPLITUDE]
+    waveform = constants[WAVEFORM]
+    if waveform == CONSTANT or float(tick) < constants[START_TICK]:
+        return offset, 0.0, 0.0
+    t = float(tick) * constants[TIME_STEP] - constants[START_TIME]
+    if waveform == STEP:
+        return offset + amplitude, 0.0, 0.0
+    if waveform == RAMP:
+        position = constants[SLOPE] * t
+        if abs(position) < abs(constants[STOP_VALUE]):
+            return offset + position, constants[SLOPE], 0.0
+        return offset + constants[STOP_VALUE], 0.0, 0.0
+    if waveform == SQUARE:
+        turns = constants[FREQUENCY] * t + constants[PHASE] + EDGE_TOLERANCE
+        if turns - np.floor(turns) < constants[DUTY_CYCLE]:
+            return offset + amplitude, 0.0, 0.0
+        return offset - amplitude, 0.0, 0.0
+    if waveform == CHIRP:
+        turns, frequency, slope = _chirp(constants, t)
+        position, velocity, acceleration = _sine(amplitude, turns + constants[PHASE], frequency, slope)
+        return offset + position, velocity, acceleration
+    if waveform == MULTISINE:
+        position, velocity, acceleration = offset, 0.0, 0.0
+        for i in range(int(constants[COMPONENT_COUNT])):
+            at = COMPONENTS + 3 * i
+            frequency = constants[at + 1]
+            x, v, a = _sine(constants[at], frequency * t + constants[at + 2], frequency, 0.0)
+            position += x
+            velocity += v
+            acceleration += a
+        return position, velocity, acceleration
+    frequency = constants[FREQUENCY]
+    position, velocity, acceleration = _sine(amplitude, frequency * t + constants[PHASE], frequency, 0.0)
+    return offset + position, velocity, acceleration
+
+
+class Reference:
+    """
+    The reference generator: x_d(t) and its derivatives at the ticks.
+
+    The derivatives are analytic. Those of a square and a step are zero everywhere: the impulses at the edges cannot be
+    sampled, and a controller that is to be fed them would need a smooth reference instead. Before ``start_time`` the
+    reference is ``offset`` at rest.
+
+    Parameters
+    ----------
+    parameters
+        Waveform and its numbers.
+    sample_time
+        T [s].
+    """
+
+    def __init__(self, parameters: ReferenceParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state: NDArray[np.float64] = np.zeros(1)
+        self.update(parameters)
+
+    def update(self, parameters: ReferenceParameters) -> None:
+        """Take other parameters from the next tick on; the time axis goes on."""
+        self.parameters = parameters
+        count = len(parameters.component_amplitudes)
+        constants = np.zeros(COMPONENTS + 3 * count)
+        constants[TIME_STEP] = self.sample_time
+        constants[WAVEFORM] = WAVEFORMS.index(parameters.waveform)
+        # The first tick at or after start_time; a quotient that only rounding lifts above a whole number counts as it.
+        constants[START_TICK] = math.ceil(parameters.start_time / self.sample_time - EDGE_TOLERANCE)
+        constants[START_TIME] = parameters.start_time
+        constants[OFFSET] = parameters.offset
+        constants[AMPLITUDE] = parameters.amplitude
+        constants[FREQUENCY] = parameters.frequency
+        constants[PHASE] = parameters.phase
+        constants[DUTY_CYCLE] = parameters.duty_cycle
+        constants[SLOPE] = parameters.slope
+        constants[STOP_VALUE] = math.copysign(parameters.amplitude, parameters.slope)
+        constants[END_FREQUENCY] = parameters.end_frequency
+        constants[SWEEP_TIME] = parameters.sweep_time
+        if parameters.sweep == 'logarithmic' and parameters.waveform == 'chirp':
+            constants[LOGARITHMIC] = 1.0
+            constants[SWEEP_RATE] = log(parameters.end_frequency / parameters.frequency) / parameters.sweep_time
+        else:
+            constants[SWEEP_RATE] = (parameters.end_frequency - parameters.frequency) / parameters.sweep_time
+        constants[COMPONENT_COUNT] = count
+        for i in range(count):
+            at = COMPONENTS + 3 * i
+            constants[at] = parameters.amplitude * parameters.component_amplitudes[i]
+            constants[at + 1] = parameters.frequency * parameters.component_frequencies[i]
+            constants[at + 2] = parameters.phase + parameters.component_phases[i]
+        self.constants: NDArray[np.float64] = constants
+
+    def step(self, tick: int) -> tuple[float, float, float]:
+        """Return x_d [um], dx_d/dt [um/s] and d2x_d/dt2 [um/s^2] at ``tick``."""
+        return reference_step(self.constants, self.state, tick)

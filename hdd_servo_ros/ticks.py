@@ -1,0 +1,61 @@
+"""Ticks and their stamps: time is an integer count of sample times, never a reading of a wall clock."""
+
+import struct
+
+NANOSECONDS = 1_000_000_000
+_STAMP = struct.Struct('<iI')
+_SECONDS = struct.Struct('<d')
+
+
+def sample_time_to_nanoseconds(sample_time: float) -> int:
+    """
+    Return a sample time [s] as whole nanoseconds.
+
+    Raises
+    ------
+    ValueError
+        If it is not a positive whole number of nanoseconds: then k*T would not be exact on `/clock`.
+    """
+    nanoseconds = round(sample_time * NANOSECONDS)
+    if nanoseconds <= 0 or abs(sample_time * NANOSECONDS - nanoseconds) > 1e-3:
+        raise ValueError(f'sample_time = {sample_time!r} s is refused: a positive whole number of nanoseconds')
+    return nanoseconds
+
+
+class Ticks:
+    """The time line of a run: tick k stands for k*T in integer nanoseconds."""
+
+    def __init__(self, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.sample_time_ns = sample_time_to_nanoseconds(sample_time)
+        # All nodes of one process ask for the same one or two stamps in turn.
+        self._cache: dict[int, bytes] = {}
+
+    def nanoseconds(self, tick: int) -> int:
+        """Return the time of ``tick`` [ns]."""
+        return tick * self.sample_time_ns
+
+    def stamp(self, tick: int) -> bytes:
+        """Return the eight bytes that ``builtin_interfaces/Time`` has for ``tick`` in little-endian CDR."""
+        stamp = self._cache.get(tick)
+        if stamp is None:
+            if len(self._cache) > 64:
+                self._cache.clear()
+            stamp = self._cache[tick] = _STAMP.pack(*divmod(tick * self.sample_time_ns, NANOSECONDS))
+        return stamp
+
+    def tick_of(self, stamp: bytes) -> float:
+        """Return the tick of eight stamp bytes; not whole where the stamp lies between ticks."""
+        seconds, nanoseconds = _STAMP.unpack(stamp)
+        time = seconds * NANOSECONDS + nanoseconds
+        return time // self.sample_time_ns if time % self.sample_time_ns == 0 else time / self.sample_time_ns
+
+    def seconds_bytes(self, tick: int) -> bytes:
+        """Return k*T [s] as the eight bytes of a float64: how a message without a header tells its tick."""
+        return _SECONDS.pack(float(tick) * self.sample_time)
+
+    def tick_of_seconds(self, seconds: bytes) -> float:
+        """Return the tick of :meth:`seconds_bytes`; not whole where the time lies between ticks."""
+        (time,) = _SECONDS.unpack(seconds)
+        nearest = round(time / self.sample_time) if abs(time) < 1e300 else 0
+        return nearest if float(nearest) * self.sample_time == time else time / self.sample_time
