@@ -54,7 +54,7 @@ class TimerParameters(ParameterSet):
         minimum=0.0,
     )
     lookahead: int = parameter(
-        1,
+        2,
         'how many ticks `/clock` may run ahead of the last `/control`; hides one hop between processes',
         unit='ticks',
         minimum=0,

@@ -8,8 +8,8 @@ dotted names (``friction.sigma_0``).
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar, cast
 
 Value = bool | int | float | str | tuple[bool, ...] | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 Block = TypeVar('Block')
@@ -84,11 +84,10 @@ class Declaration:
             If the type is another, the value is not finite, or it lies outside of the bounds or choices.
         """
         if not self.is_sequence:
-            return self._check_element(value, value)
-        if isinstance(value, str) or (not isinstance(value, Sequence) and not hasattr(value, 'tolist')):
+            return cast(Value, self._check_element(value, value))
+        if isinstance(value, str) or not hasattr(value, '__iter__'):
             raise ParameterError(self.name, value, self.allowed)
-        elements = value.tolist() if hasattr(value, 'tolist') else value
-        return tuple(self._check_element(element, value) for element in elements)  # type: ignore[return-value]
+        return tuple(self._check_element(element, value) for element in value)
 
     def _check_element(self, element: object, value: object) -> Any:
         kind = self.element_type
@@ -199,6 +198,4 @@ def to_mapping(values: object, prefix: str = '') -> dict[str, Value]:
 
 
 def _group_type(field: 'dataclasses.Field[Any]') -> type[Any]:
-    factory = field.default_factory
-    assert isinstance(factory, type)
-    return factory
+    return cast(type[Any], field.default_factory)

@@ -47,7 +47,7 @@ class Ticks:
     def tick_of(self, stamp: bytes) -> float:
         """Return the tick of eight stamp bytes; not whole where the stamp lies between ticks."""
         seconds, nanoseconds = _STAMP.unpack(stamp)
-        time = seconds * NANOSECONDS + nanoseconds
+        time: int = seconds * NANOSECONDS + nanoseconds
         return time // self.sample_time_ns if time % self.sample_time_ns == 0 else time / self.sample_time_ns
 
     def seconds_bytes(self, tick: int) -> bytes:

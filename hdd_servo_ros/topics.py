@@ -21,7 +21,9 @@ class LoopTopic:
 
 
 CLOCK = LoopTopic('clock', CLOCK_TYPE, ('time of the tick, k T [ns]',), 'deterministic_timer')
-REFERENCE = LoopTopic('reference', VECTOR_TYPE, ('x_d [um]', 'dx_d/dt [um/s]', 'd2x_d/dt2 [um/s^2]'), 'reference_generator')
+REFERENCE = LoopTopic(
+    'reference', VECTOR_TYPE, ('x_d [um]', 'dx_d/dt [um/s]', 'd2x_d/dt2 [um/s^2]'), 'reference_generator'
+)
 HEAD = LoopTopic('head', VECTOR_TYPE, ('head position [um]', 'head velocity [um/s]', 'pivot friction [V]'), 'vcm_plant')
 LDV = LoopTopic('ldv', VECTOR_TYPE, ('displacement output [V]', 'velocity output [V]', '0'), 'ldv_sensor')
 CONTROL = LoopTopic(

@@ -108,8 +108,8 @@ class NetworkParameters(ParameterSet):
     )
     leakage: float = parameter(1.0e6, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
     initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
-    position_minimum: float = parameter(-3.0, 'first position centre', unit='um')
-    position_maximum: float = parameter(3.0, 'last position centre', unit='um')
+    position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
+    position_maximum: float = parameter(6.0, 'last position centre', unit='um')
     velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
     velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
     normalize_inputs: bool = parameter(

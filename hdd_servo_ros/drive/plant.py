@@ -1,12 +1,25 @@
-"""The drive of the loop: rigid body with pivot friction, resonances of the head, disturbance; one step a tick."""
+"""
+The drive of the loop: actuator, rigid body with pivot friction, resonances of the head; one step a tick.
+
+The rigid body obeys m x'' + h + d = u (4.1) with m = 1/gain. It is integrated in substeps, each friction family by its
+own second-order step; the resonances follow the rigid body's mean acceleration of each substep exactly.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.lugre import lugre_force, lugre_level, lugre_substep
-from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
+from hdd_servo_ros.drive import electrical
+from hdd_servo_ros.drive.actuator import ActuatorParameters
+from hdd_servo_ros.drive.electrical import back_emf_current, driver_force, electrical_constants
+from hdd_servo_ros.drive.friction import parameters as friction_places
+from hdd_servo_ros.drive.friction.dahl import dahl_substep
+from hdd_servo_ros.drive.friction.elastoplastic import elastoplastic_friction, elastoplastic_substep
+from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level, lugre_substep, position_factor
+from hdd_servo_ros.drive.friction.network import network_friction, network_substep
+from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters, friction_constants
+from hdd_servo_ros.drive.friction.static import static_friction, static_substep
 from hdd_servo_ros.drive.resonance import ResonanceParameters, modal_form, mode_constants
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
@@ -14,25 +27,32 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 
 # Places in the plant's constants
 GAIN = 0
-INERTIA = 1
-CONTROL_LIMIT = 2
-SUBSTEPS = 3
-SUBSTEP = 4
-SAMPLE_TIME = 5
-DISTURBANCE = 6
-DISTURBANCE_FREQUENCY = 7
-R0 = 8
-R1 = 9
-MODES = 10
-FRICTION_MODEL = 11
-STIFFNESS = 12
-BRISTLE_DAMPING = 13
-VISCOUS = 14
-COULOMB = 15
-STATIC = 16
-STRIBECK = 17
-MODE_CONSTANTS = 18
-"""Here the modes begin."""
+CONTROL_LIMIT = 1
+SUBSTEPS = 2
+SUBSTEP = 3
+SAMPLE_TIME = 4
+DISTURBANCE = 5
+DISTURBANCE_FREQUENCY = 6
+R0 = 7
+R1 = 8
+MODES = 9
+MODE_PLACE = 10
+ELECTRICAL = 11
+"""1 with a driver's electrical dynamics, else 0; their constants begin one place on."""
+ELECTRICAL_CONSTANTS = 12
+FRICTION_CONSTANTS = ELECTRICAL_CONSTANTS + electrical.COUNT
+
+STIFFNESS = FRICTION_CONSTANTS + friction_places.STIFFNESS
+BRISTLE_DAMPING = FRICTION_CONSTANTS + friction_places.BRISTLE_DAMPING
+VISCOUS = FRICTION_CONSTANTS + friction_places.VISCOUS
+COULOMB = FRICTION_CONSTANTS + friction_places.COULOMB
+STATIC = FRICTION_CONSTANTS + friction_places.STATIC
+INVERSE_STRIBECK = FRICTION_CONSTANTS + friction_places.INVERSE_STRIBECK
+DAHL_EXPONENT = FRICTION_CONSTANTS + friction_places.DAHL_EXPONENT
+RIPPLE = FRICTION_CONSTANTS + friction_places.RIPPLE
+INVERSE_PERIOD = FRICTION_CONSTANTS + friction_places.INVERSE_PERIOD
+BRISTLE_LIMIT = FRICTION_CONSTANTS + friction_places.BRISTLE_LIMIT
+MEAN_BACK_EMF = ELECTRICAL_CONSTANTS + electrical.MEAN_BACK_EMF
 
 MODE_HEADER = 8
 """Constants of a mode before those of its substeps."""
@@ -40,19 +60,26 @@ MODE_HEADER = 8
 # Places in the plant's state
 POSITION = 0
 VELOCITY = 1
-BRISTLE = 2
-MEAN_FRICTION = 3
-FRICTION = 4
-MODE_STATES = 5
-"""Here the modes' q and q' begin; the forces of the substeps follow them."""
+AMPLIFIER = 2
+COIL = 3
+DEFLECTION = 4
+MEAN_FRICTION = 5
+FRICTION = 6
+MODE_STATES = 7
+"""Here the modes' q and q' begin; the accelerations of the substeps follow them."""
 
-MODEL_NONE = MODELS.index('none')
-MODEL_LUGRE = MODELS.index('lugre')
+NO_FRICTION = MODELS.index('none')
+TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
+COMPLETE = MODELS.index('complete')
+DAHL = MODELS.index('dahl')
+LUGRE = MODELS.index('lugre')
+LUGRE_POSITION = MODELS.index('lugre_position')
+NETWORK = MODELS.index('rbf_network')
 
 
 @dataclass(frozen=True)
 class DisturbanceParameters(ParameterSet):
-    """The sinusoidal disturbance d(t) = d0 sin(w t) of section 4.4."""
+    """The sinusoidal disturbance d(t) = d0 sin(w t) of section 4.4, in the control's unit."""
 
     amplitude: float = parameter(0.0, 'amplitude d0 of the disturbance', unit='V')
     angular_frequency: float = parameter(20.0, 'angular frequency w of the disturbance', unit='rad/s', minimum=0.0)
@@ -63,25 +90,31 @@ class PlantParameters(ParameterSet):
     """Parameters of the drive; the default is the Seagate 7200.10 of chapter 5."""
 
     gain: float = parameter(
-        4.0968e7, 'acceleration of the rigid body per volt, k of (5.1), 1/m of (4.1)', unit='um/s^2/V', above=0.0
+        4.0968e7,
+        'acceleration of the rigid body per volt, k of (5.1), 1/m of (4.1); read with the reduced driver',
+        unit='um/s^2/V',
+        above=0.0,
     )
     control_limit: float = parameter(10.0, 'largest control voltage u_max of (3.18)', unit='V', above=0.0)
-    substeps: int = parameter(2, 'integration steps a sample', minimum=1, maximum=1024)
+    substeps: int = parameter(4, 'integration steps a sample', minimum=1, maximum=1024)
     initial_position: float = parameter(0.0, 'position of the rigid body at tick 0', unit='um')
     initial_velocity: float = parameter(0.0, 'velocity of the rigid body at tick 0', unit='um/s')
     length_unit: str = parameter('um', 'unit of length of this drive, for labels', read_only=True)
     control_unit: str = parameter('V', 'unit of the control signal of this drive, for labels', read_only=True)
+    actuator: ActuatorParameters = group(ActuatorParameters)
     friction: FrictionParameters = group(FrictionParameters)
     resonance: ResonanceParameters = group(ResonanceParameters)
     disturbance: DisturbanceParameters = group(DisturbanceParameters)
 
+    @property
+    def rigid_gain(self) -> float:
+        """Return the acceleration per volt of the rigid body [um/s^2/V], from whichever the driver makes the source."""
+        return self.gain if self.actuator.driver == 'reduced' else self.actuator.gain
+
 
 class Plant:
     """
-    The drive as a block: control voltage in, head position, head velocity and pivot friction out.
-
-    The rigid body obeys m x'' + h + d = u (4.1), with m = 1/gain; the resonances shape what the head makes of its
-    motion.
+    The drive as a block: control voltage in; head position, head velocity and pivot friction out.
 
     Parameters
     ----------
@@ -127,18 +160,16 @@ class Plant:
         """
         Go on under other parameters from the present state.
 
-        The modes start at rest again when their number changes.
+        The contact's deflection starts at zero again when the friction model changes, the modes at rest when their
+        number changes. ``constants`` and ``state`` are new arrays afterwards.
         """
-        old = self.parameters
-        state = plant_state(parameters)
-        modes = int(self.constants[MODES])
         constants = plant_constants(parameters, self.sample_time)
-        kept = MODE_STATES
-        if int(constants[MODES]) == modes:
-            kept += 2 * modes
-        if parameters.friction.model != old.friction.model:
-            kept = BRISTLE
+        state = plant_state(parameters)
+        modes = int(constants[MODES])
+        kept = MODE_STATES + 2 * modes if modes == int(self.constants[MODES]) else MODE_STATES
         state[:kept] = self.state[:kept]
+        if parameters.friction.model != self.parameters.friction.model:
+            state[[DEFLECTION, MEAN_FRICTION, FRICTION]] = 0.0
         self.parameters = parameters
         self.constants = constants
         self.state = state
@@ -147,63 +178,171 @@ class Plant:
 def plant_constants(parameters: PlantParameters, sample_time: float) -> npt.NDArray[np.float64]:
     """Return the constants of the plant's kernel for a sample time [s]."""
     substep = sample_time / parameters.substeps
-    friction = parameters.friction
     modal = modal_form(parameters.resonance)
-    frequency = parameters.disturbance.angular_frequency / TWO_PI
+    disturbance = parameters.disturbance
+    frequency = disturbance.angular_frequency / TWO_PI
     # The mean of a sinusoid over a substep is its middle value times sin(a)/a, a half the substep's angle.
-    angle = 0.5 * parameters.disturbance.angular_frequency * substep
+    angle = 0.5 * disturbance.angular_frequency * substep
     mean = sine_cosine_of_turns(0.5 * frequency * substep)[0] / angle if angle > 0.0 else 1.0
+    friction = friction_constants(parameters.friction)
     constants = [
-        parameters.gain,
-        1.0 / parameters.gain,
+        parameters.rigid_gain,
         parameters.control_limit,
         float(parameters.substeps),
         substep,
         sample_time,
-        parameters.disturbance.amplitude * mean,
+        disturbance.amplitude * mean,
         frequency,
         modal.r0,
         modal.r1,
         float(len(modal.modes)),
-        float(MODELS.index(friction.model)),
-        friction.stiffness,
-        friction.bristle_damping,
-        friction.viscous_coefficient,
-        friction.coulomb_level,
-        friction.static_level,
-        friction.stribeck_velocity,
+        float(FRICTION_CONSTANTS + len(friction)),
     ]
+    if parameters.actuator.driver == 'reduced':
+        constants += [0.0] * (1 + electrical.COUNT)
+    else:
+        constants += [1.0, *electrical_constants(parameters.actuator, substep)]
+    constants += friction
     for mode in modal.modes:
         constants += mode_constants(mode, sample_time, parameters.substeps)
     return np.array(constants)
 
 
 def plant_state(parameters: PlantParameters) -> npt.NDArray[np.float64]:
-    """Return the plant's state at tick 0."""
+    """Return the plant's state at tick 0: the contact undeflected, the modes and currents at rest."""
     modes = len(modal_form(parameters.resonance).modes)
     state = np.zeros(MODE_STATES + 2 * modes + parameters.substeps)
     state[POSITION] = parameters.initial_position
     state[VELOCITY] = parameters.initial_velocity
-    if parameters.friction.model == 'lugre':
-        rate = parameters.friction.bristle_damping + parameters.friction.viscous_coefficient
-        state[FRICTION] = rate * parameters.initial_velocity
+    friction = np.array(friction_constants(parameters.friction))
+    state[FRICTION] = _friction(friction, 0, parameters.initial_position, parameters.initial_velocity, 0.0, 0.0)
     return state
+
+
+@compiled
+def _friction(
+    constants: npt.NDArray[np.float64],
+    place: int,
+    position: float,
+    velocity: float,
+    deflection: float,
+    mean_friction: float,
+) -> float:
+    """Return the friction [V] at a state of the rigid body; ``mean_friction`` holds a static model at rest."""
+    model = int(constants[place])
+    if model in (LUGRE, LUGRE_POSITION):
+        level = lugre_level(
+            velocity,
+            constants[place + friction_places.COULOMB],
+            constants[place + friction_places.STATIC],
+            constants[place + friction_places.INVERSE_STRIBECK],
+        )
+        if model == LUGRE_POSITION:
+            level *= position_factor(
+                position, constants[place + friction_places.RIPPLE], constants[place + friction_places.INVERSE_PERIOD]
+            )
+        return lugre_friction(
+            velocity,
+            deflection,
+            constants[place + friction_places.STIFFNESS],
+            constants[place + friction_places.BRISTLE_DAMPING],
+            constants[place + friction_places.VISCOUS],
+            level,
+        )
+    if model == NO_FRICTION:
+        return 0.0
+    if model == DAHL:
+        return constants[place + friction_places.STIFFNESS] * deflection
+    if model in (TANGENTIAL_STIFFNESS, COMPLETE):
+        return elastoplastic_friction(constants, place, velocity, deflection)
+    if model == NETWORK:
+        return network_friction(constants, place, position, velocity)
+    return static_friction(constants, place, velocity, mean_friction)
 
 
 @compiled
 def plant_output(constants: npt.NDArray[np.float64], state: npt.NDArray[np.float64]) -> tuple[float, float, float]:
     """Return head position [um], head velocity [um/s] and pivot friction [V] of a state."""
-    substeps = int(constants[SUBSTEPS])
+    row = MODE_HEADER + 2 * int(constants[SUBSTEPS])
     position = constants[R0] * state[POSITION] + constants[R1] * state[VELOCITY]
     velocity = constants[R0] * state[VELOCITY]
-    place = MODE_CONSTANTS
+    place = int(constants[MODE_PLACE])
     for i in range(int(constants[MODES])):
         q = state[MODE_STATES + 2 * i]
         p = state[MODE_STATES + 2 * i + 1]
         position += constants[place + 4] * q + constants[place + 5] * p
         velocity += constants[place + 6] * q + constants[place + 7] * p
-        place += MODE_HEADER + 2 * substeps
+        place += row
     return position, velocity, state[FRICTION]
+
+
+@compiled
+def _rigid_substep(
+    constants: npt.NDArray[np.float64],
+    position: float,
+    velocity: float,
+    deflection: float,
+    friction: float,
+    applied: float,
+    drag: float,
+) -> tuple[float, float, float, float]:
+    """Return position, velocity, deflection and mean friction after one substep, by the friction's own scheme."""
+    model = int(constants[FRICTION_CONSTANTS])
+    substep = constants[SUBSTEP]
+    gain = constants[GAIN]
+    if model in (LUGRE, LUGRE_POSITION):
+        factor = 1.0
+        if model == LUGRE_POSITION:
+            middle = position + 0.5 * substep * velocity
+            factor = position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
+        mean, deflection, friction = lugre_substep(
+            substep,
+            gain,
+            velocity,
+            deflection,
+            friction,
+            applied,
+            drag,
+            constants[STIFFNESS],
+            constants[BRISTLE_DAMPING],
+            constants[VISCOUS],
+            constants[COULOMB],
+            constants[STATIC],
+            constants[INVERSE_STRIBECK],
+            factor,
+            constants[BRISTLE_LIMIT],
+        )
+    elif model == NO_FRICTION:
+        mean = (2.0 * velocity + gain * substep * applied) / (2.0 + gain * substep * drag)
+    elif model == DAHL:
+        stiffness = constants[STIFFNESS]
+        mean, force, friction = dahl_substep(
+            substep,
+            gain,
+            velocity,
+            stiffness * deflection,
+            friction,
+            applied,
+            drag,
+            stiffness,
+            constants[COULOMB],
+            constants[DAHL_EXPONENT],
+        )
+        deflection = force / stiffness
+    elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
+        mean, deflection, friction = elastoplastic_substep(
+            constants, FRICTION_CONSTANTS, substep, gain, velocity, deflection, friction, applied, drag
+        )
+    elif model == NETWORK:
+        mean, friction = network_substep(
+            constants, FRICTION_CONSTANTS, substep, gain, position, velocity, friction, applied, drag
+        )
+    else:
+        position, velocity, friction = static_substep(
+            constants, FRICTION_CONSTANTS, substep, gain, position, velocity, applied, drag
+        )
+        return position, velocity, deflection, friction
+    return position + substep * mean, 2.0 * mean - velocity, deflection, friction
 
 
 @compiled
@@ -215,60 +354,45 @@ def plant_step(
     disturbance: float,
 ) -> tuple[float, float, float]:
     """Advance ``state`` from ``tick`` - 1 to ``tick``; see :meth:`Plant.step`."""
-    limit = constants[CONTROL_LIMIT]
-    if control > limit:
-        control = limit
-    elif control < -limit:
-        control = -limit
+    control = min(max(control, -constants[CONTROL_LIMIT]), constants[CONTROL_LIMIT])
     substeps = int(constants[SUBSTEPS])
     substep = constants[SUBSTEP]
     modes = int(constants[MODES])
-    model = int(constants[FRICTION_MODEL])
-    inertia = constants[INERTIA]
-    amplitude = constants[DISTURBANCE]
+    is_electrical = constants[ELECTRICAL] != 0.0
     start = float(tick - 1) * constants[SAMPLE_TIME]
     position = state[POSITION]
     velocity = state[VELOCITY]
-    bristle = state[BRISTLE]
+    amplifier = state[AMPLIFIER]
+    coil = state[COIL]
+    deflection = state[DEFLECTION]
     friction = state[MEAN_FRICTION]
-    forces = MODE_STATES + 2 * modes
-    held = control - disturbance
+    accelerations = MODE_STATES + 2 * modes
     for j in range(substeps):
-        applied = held
-        if amplitude != 0.0:
+        applied = control
+        drag = 0.0
+        if is_electrical:
+            amplifier, coil, applied = driver_force(constants, ELECTRICAL_CONSTANTS, control, amplifier, coil)
+            drag = constants[MEAN_BACK_EMF]
+        applied -= disturbance
+        if constants[DISTURBANCE] != 0.0:
             turns = constants[DISTURBANCE_FREQUENCY] * (start + (float(j) + 0.5) * substep)
-            applied -= amplitude * sine_cosine_of_turns(turns)[0]
-        if model == MODEL_LUGRE:
-            mean, bristle, friction = lugre_substep(
-                substep,
-                inertia,
-                velocity,
-                bristle,
-                friction,
-                applied,
-                constants[STIFFNESS],
-                constants[BRISTLE_DAMPING],
-                constants[VISCOUS],
-                constants[COULOMB],
-                constants[STATIC],
-                constants[STRIBECK],
-            )
-        else:
-            mean = velocity + 0.5 * substep * constants[GAIN] * applied
-            friction = 0.0
-        position += substep * mean
-        velocity = 2.0 * mean - velocity
-        state[forces + j] = constants[GAIN] * (applied - friction)
+            applied -= constants[DISTURBANCE] * sine_cosine_of_turns(turns)[0]
+        previous_position = position
+        previous_velocity = velocity
+        position, velocity, deflection, friction = _rigid_substep(
+            constants, position, velocity, deflection, friction, applied, drag
+        )
+        if is_electrical:
+            coil -= back_emf_current(constants, ELECTRICAL_CONSTANTS, (position - previous_position) / substep)
+        state[accelerations + j] = (velocity - previous_velocity) / substep
     state[POSITION] = position
     state[VELOCITY] = velocity
-    state[BRISTLE] = bristle
+    state[AMPLIFIER] = amplifier
+    state[COIL] = coil
+    state[DEFLECTION] = deflection
     state[MEAN_FRICTION] = friction
-    if model == MODEL_LUGRE:
-        level = lugre_level(velocity, constants[COULOMB], constants[STATIC], constants[STRIBECK])
-        state[FRICTION] = lugre_force(
-            velocity, bristle, constants[STIFFNESS], constants[BRISTLE_DAMPING], constants[VISCOUS], level
-        )
-    place = MODE_CONSTANTS
+    state[FRICTION] = _friction(constants, FRICTION_CONSTANTS, position, velocity, deflection, friction)
+    place = int(constants[MODE_PLACE])
     for i in range(modes):
         q = state[MODE_STATES + 2 * i]
         p = state[MODE_STATES + 2 * i + 1]
@@ -276,9 +400,9 @@ def plant_step(
         next_p = constants[place + 2] * q + constants[place + 3] * p
         place += MODE_HEADER
         for j in range(substeps):
-            force = state[forces + j]
-            next_q += constants[place] * force
-            next_p += constants[place + 1] * force
+            acceleration = state[accelerations + j]
+            next_q += constants[place] * acceleration
+            next_p += constants[place + 1] * acceleration
             place += 2
         state[MODE_STATES + 2 * i] = next_q
         state[MODE_STATES + 2 * i + 1] = next_p

@@ -25,9 +25,7 @@ class ControllerNode(LoopNode):
         Makes the controller from its parameters and T [s].
     """
 
-    def __init__(
-        self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]
-    ) -> None:
+    def __init__(self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]) -> None:
         super().__init__(name, [kind], [Input(REFERENCE), Input(LDV)], [CONTROL, ESTIMATES])
         self._kind = kind
         self._make = make

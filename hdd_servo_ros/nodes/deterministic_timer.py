@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.recording.cdr import ClockCodec
+from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.main import run_node
-from hdd_servo_ros.ros.progress import Progress
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
 
@@ -18,8 +18,10 @@ RECORDER_WINDOW = QUEUE_DEPTH // 2
 
 class DeterministicTimer(LoopNode):
     """
-    Publishes `/clock`: tick k once `/control` of tick k - 1 - ``lookahead`` is there, the recorder is near, and, when
-    the run is paced, wall time has come to it.
+    Publishes `/clock`.
+
+    Tick k comes once `/control` of tick k - 1 - ``lookahead`` is there, the recorder is near, and, when the run is
+    paced, wall time has come to it.
     """
 
     paced = True
@@ -53,7 +55,7 @@ class DeterministicTimer(LoopNode):
     def prepare(self, run: Run) -> None:
         self.update()
         if self.parameters[TimerParameters].progress:
-            self._progress = Progress(run)
+            self._progress = Progress('run', run.last_tick, run.sample_time)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         self.publish_bytes(0, ClockCodec.pack(stamp))

@@ -2,25 +2,71 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
+from rclpy.node import Node
+
+from hdd_servo_ros.loop_parameters import RigParameters, TimerParameters
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
+from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.deterministic_timer import DeterministicTimer
 from hdd_servo_ros.nodes.ldv_sensor import LdvSensor
 from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
-from hdd_servo_ros.loop_parameters import RigParameters
+from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.main import run_nodes
+from hdd_servo_ros.ros.node_parameters import NodeParameters
 
-def make():
-    return [DeterministicTimer(), ReferenceGenerator(), VcmPlant(), LdvSensor(), AdaptiveNnController(), BagRecorder(separate_process=True)]
+CONTROLLER_NODES: dict[str, type[ControllerNode]] = {
+    'adaptive_nn': AdaptiveNnController,
+    'pid': PidController,
+    'open_loop': OpenLoopController,
+}
+
+
+class Rig:
+    """The nodes of the graph, in the order in which data flows through a tick."""
+
+    def __init__(self) -> None:
+        node = Node('rig', automatically_declare_parameters_from_overrides=True)
+        self.parameters: RigParameters = NodeParameters(node, [RigParameters])[RigParameters]
+        timer = DeterministicTimer()
+        self.nodes: list[LoopNode] = [
+            timer,
+            ReferenceGenerator(),
+            VcmPlant(),
+            LdvSensor(),
+            CONTROLLER_NODES[self.parameters.controller](),  # type: ignore[call-arg]
+        ]
+        self.recorder: BagRecorder | None = None
+        if timer.parameters[TimerParameters].record:
+            self.recorder = BagRecorder(separate_process=True)
+            self.nodes.append(self.recorder)
+        # Kept alive, so that its parameters can be asked for like any node's.
+        self._node = node
+
+    def show(self) -> None:
+        """Sum up and draw the run that has ended."""
+        if self.recorder is not None:
+            show_run(Path(self.recorder.directory), plot=self.parameters.plot)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node."""
-    return run_nodes('rig', make, arguments)
+    """Run the whole graph, then say how it went."""
+    rigs: list[Rig] = []
+
+    def make() -> Sequence[LoopNode]:
+        rigs.append(Rig())
+        return rigs[0].nodes
+
+    exit_code = run_nodes('rig', make, arguments)
+    if exit_code == 0:
+        rigs[0].show()
+    return exit_code
 
 
 if __name__ == '__main__':

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
+from types import MappingProxyType
 
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -32,7 +32,9 @@ class _JazzySqlite3Writer(Sqlite3Writer):
 class _JazzyWriter(Writer):
     """`rosbags` names itself as the distribution; the message definitions and hashes here are Jazzy's."""
 
-    STORAGE_PLUGINS: ClassVar = {StoragePlugin.MCAP: _JazzyMcapWriter, StoragePlugin.SQLITE3: _JazzySqlite3Writer}
+    STORAGE_PLUGINS = MappingProxyType(
+        {StoragePlugin.MCAP: _JazzyMcapWriter, StoragePlugin.SQLITE3: _JazzySqlite3Writer}
+    )
 
     def close(self) -> None:
         super().close()

@@ -9,6 +9,11 @@ in the padding, little-endian; the tests compare them.
 import struct
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.ticks import NANOSECONDS
+
 HEADER = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
 """Where a message that begins with a stamp or a header holds its time."""
@@ -109,3 +114,50 @@ def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
     if count != len(names):
         raise ValueError(f'the array has {count} elements and {len(names)} names')
     return names, offset
+
+
+def vector_rows(codec: VectorCodec, stamps: NDArray[np.uint8], values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """
+    Return many vector messages at once, one a row, the same bytes as :meth:`VectorCodec.pack` gives.
+
+    Parameters
+    ----------
+    codec
+        The layout.
+    stamps
+        Stamp bytes, shape (n, 8); see :func:`stamp_rows`.
+    values
+        x, y, z, shape (n, 3).
+    """
+    return _rows(codec.pack(bytes(8), 0.0, 0.0, 0.0), codec.stamp.start, stamps, values)
+
+
+def array_rows(codec: ArrayCodec, values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return many array messages at once, one a row; ``values`` has shape (n, number of names)."""
+    return _rows(codec.pack([0.0] * len(codec.names)), None, None, values)
+
+
+def clock_rows(stamps: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return many clock messages at once, one a row."""
+    return _rows(ClockCodec.pack(bytes(8)), STAMP.start, stamps, np.empty((len(stamps), 0)))
+
+
+def stamp_rows(times_ns: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return the stamp bytes of times [ns], shape (n, 8)."""
+    stamps = np.empty(len(times_ns), dtype=[('sec', '<i4'), ('nanosec', '<u4')])
+    stamps['sec'], stamps['nanosec'] = np.divmod(times_ns, NANOSECONDS)
+    return stamps.view(np.uint8).reshape(len(times_ns), 8)
+
+
+def _rows(
+    template: bytes, stamp_at: int | None, stamps: NDArray[np.uint8] | None, values: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """Repeat a message, and write the stamps and, at its end, the values into the copies."""
+    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(values), 1))
+    if stamps is not None:
+        assert stamp_at is not None
+        rows[:, stamp_at : stamp_at + 8] = stamps
+    size = values.shape[1] * 8
+    if size:
+        rows[:, -size:] = np.ascontiguousarray(values, dtype='<f8').view(np.uint8).reshape(len(values), size)
+    return rows

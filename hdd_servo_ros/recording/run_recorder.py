@@ -63,7 +63,8 @@ class RunRecorder:
         self._loop_topics = tuple(range(len(topics)))
         self._parameter_events = len(topics)
         self._last_tick = -1
-        self._started = time.monotonic()
+        self._started = self._first_tick_at = time.monotonic()
+        self._sample_time = float(description['sample_time'])
 
     @property
     def directory(self) -> Path:
@@ -74,6 +75,8 @@ class RunRecorder:
         """Write the messages of one tick, in the topics' order; their receive time is the tick's time [ns]."""
         assert self._writer is not None
         self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
+        if tick == 0:
+            self._first_tick_at = time.monotonic()
         self._last_tick = tick
 
     def write_ticks(
@@ -93,6 +96,7 @@ class RunRecorder:
         """Complete the bag; does nothing the second time."""
         writer, self._writer = self._writer, None
         if writer is not None:
+            self._last_tick_at = time.monotonic()
             writer.close()
 
     def finish(self, status: str, reason: str) -> None:
@@ -100,8 +104,14 @@ class RunRecorder:
         try:
             self.close_bag()
         finally:
-            wall_time = time.monotonic() - self._started
-            self._folder.close(status, reason, self._last_tick, wall_time=round(wall_time, 3))
+            looped = max(self._last_tick_at - self._first_tick_at, 1e-9)
+            self._folder.close(
+                status,
+                reason,
+                self._last_tick,
+                wall_time=round(time.monotonic() - self._started, 3),
+                real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
+            )
 
 
 def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:

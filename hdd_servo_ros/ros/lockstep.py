@@ -52,9 +52,7 @@ class Lockstep:
 
     def run(self) -> Outcome:
         """Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run."""
-        previous = {
-            number: signal.signal(number, self._take_signal) for number in (signal.SIGINT, signal.SIGTERM)
-        }
+        previous = {number: signal.signal(number, self._take_signal) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             outcome = self._run()
             self._say(outcome)

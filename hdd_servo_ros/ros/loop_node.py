@@ -86,7 +86,7 @@ class Input:
         return message[self._stamp]
 
 
-class LoopNode(Node):  # type: ignore[misc]
+class LoopNode(Node):
     """
     Base of the loop's nodes: a block with wires on it.
 
@@ -138,7 +138,9 @@ class LoopNode(Node):  # type: ignore[misc]
         self._ticks: Any = None
         self._arrived = 0
         self._messages: list[bytes | None] = []
-        self.get_clock()._set_ros_time_is_active(True)
+        self._ros_clock: Any = self.get_clock()
+        # What a TimeSource does on /clock: here the lockstep knows the time better.
+        self._ros_clock._set_ros_time_is_active(True)
 
     # What a subclass provides.
 
@@ -244,7 +246,7 @@ class LoopNode(Node):  # type: ignore[misc]
     def show_time(self) -> None:
         """Let this node's ROS clock stand at its next tick, so that parameter events carry it."""
         if self._ticks is not None:
-            self.get_clock().set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
+            self._ros_clock.set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
 
     def publish_bytes(self, output: int, message: bytes) -> None:
         """Publish on one of the outputs."""
@@ -265,8 +267,8 @@ class LoopNode(Node):  # type: ignore[misc]
 
     def _stamp_bytes(self, wire: Input, tick: int) -> bytes:
         if wire.topic.type_name == ARRAY_TYPE:
-            return self._ticks.seconds_bytes(tick)  # type: ignore[no-any-return]
-        return self._ticks.stamp(tick)  # type: ignore[no-any-return]
+            return self._ticks.seconds_bytes(tick)
+        return self._ticks.stamp(tick)
 
     def _refuse(self, wire: Input, expected: int, message: bytes) -> None:
         stamp = wire.stamp_of(message)
@@ -279,7 +281,5 @@ class LoopNode(Node):  # type: ignore[misc]
 
 def publishers_of(node: Node, topic: str) -> str:
     """Return the names of the nodes that publish a topic, for messages."""
-    names = [
-        f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in node.get_publishers_info_by_topic(topic)
-    ]
+    names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in node.get_publishers_info_by_topic(topic)]
     return ', '.join(sorted(names)) or 'nobody now'

@@ -51,4 +51,4 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
         print(f'{name}: {error}', file=sys.stderr)
         return 2
     finally:
-        rclpy.try_shutdown()
+        rclpy.utilities.try_shutdown()

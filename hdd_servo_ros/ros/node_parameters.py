@@ -67,8 +67,8 @@ class NodeParameters:
         self._kinds = tuple(kinds)
         self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self._kinds}
         self._on_change: Callable[[], None] | None = None
-        given = {
-            name: () if found.value is None else found.value
+        given: dict[str, Any] = {
+            name: () if found.value is None else found.value  # type: ignore[union-attr]  # they are Parameters
             for name, found in node.get_parameters_by_prefix('').items()
             if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
         }

@@ -38,6 +38,8 @@ DONE = 'done'
 RECORDER = 'bag_recorder'
 _PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 """How often a process speaks in each state [s]."""
+_FOREIGN_AFTER = 2.0
+"""How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s]."""
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -66,6 +68,7 @@ class Peers:
         self._heard_at: dict[str, float] = {}
         self._spoke_at = 0.0
         self._changed_at = time.monotonic()
+        self._unannounced_since: dict[str, float] = {}
         self._missing: list[str] = []
         self._told: list[str] = []
         self._told_at = time.monotonic()
@@ -196,9 +199,12 @@ class Peers:
         nodes = dict(self._known_nodes())
         for node in self._nodes:
             for wire in node.inputs:
-                self._check_publishers(node, wire.name, [n for n, d in nodes.items() if wire.name in d['outputs']])
+                announced = [name for name, description in nodes.items() if wire.name in description['outputs']]
+                self._check_publishers(node, wire.name, announced)
                 if wire.subscription.get_publisher_count() == 0:
                     yield f'{wire.topic.published_by} (nobody publishes {wire.name})'
+                elif not announced and not self._is_foreign(wire.name):
+                    yield f'the publisher of {wire.name} to say who it is'
             for wire in node.optional_inputs:
                 announced = [name for name, description in nodes.items() if wire.name in description['outputs']]
                 self._check_publishers(node, wire.name, announced)
@@ -209,12 +215,18 @@ class Peers:
                 if publisher.get_subscription_count() < readers:
                     yield f'the readers of {publisher.topic_name}'
         if self._timer is not None and self._timer.parameters[TimerParameters].record:
-            if not any(name.rsplit('/', 1)[1] == RECORDER for name in nodes):
+            recorders = [name for name in nodes if name.rsplit('/', 1)[1] == RECORDER]
+            if not recorders:
                 yield f'{RECORDER} (parameter record of deterministic_timer is true)'
         for process, said in self._heard.items():
             if self._timer is not None and said['state'] != READY:
                 names = ', '.join(said['nodes']) or process
                 yield f'{names} to get ready'
+
+    def _is_foreign(self, topic: str) -> bool:
+        """Return whether a topic's publisher is none of ours: it had time to say who it is and did not."""
+        now = time.monotonic()
+        return now - self._unannounced_since.setdefault(topic, now) > _FOREIGN_AFTER
 
     def _check_sample_time(self, sample_time: float) -> None:
         for node in self._nodes:
@@ -287,9 +299,7 @@ class Peers:
         )
         if said['state'] == DONE:
             return  # it had nothing left to do
-        raise RunError(
-            f'lost a peer: nothing heard for {silent:.1f} s from {names}' + (f'; {waits}' if waits else '')
-        )
+        raise RunError(f'lost a peer: nothing heard for {silent:.1f} s from {names}' + (f'; {waits}' if waits else ''))
 
     def check_stall(self, stalled: float) -> None:
         """
@@ -377,4 +387,3 @@ def _describe(node: LoopNode) -> dict[str, Any]:
         'offers': node.offers(),
         'parameters': node.parameters.as_mapping(),
     }
-

@@ -1,0 +1,79 @@
+# `make run` and `make test` need nothing but Python 3.10 to 3.13 on x86_64 Linux; `make help` lists the rest.
+
+PYTHONS := python3.11 python3.12 python3.13 python3.10 python3
+SUITABLE := import platform, sys; \
+	sys.exit(not ((3, 10) <= sys.version_info[:2] <= (3, 13) and sys.platform == "linux" and platform.machine() == "x86_64"))
+PYTHON ?= $(shell for p in $(PYTHONS); do if $$p -c '$(SUITABLE)' 2>/dev/null; then command -v $$p; break; fi; done)
+
+VENV := .venv
+BIN := $(VENV)/bin
+# A run is this machine's own affair unless its user says otherwise.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+# Where the environment's ROS packages lie; the wheels do not say it themselves.
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
+# An outer environment's guard would keep this environment's interpreter from finding its ROS libraries.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONPATH
+
+ARGS ?=
+PARAMS ?= params/seagate_7200_10.yaml
+
+.PHONY: help run simulate test lint bench ws clean
+
+help:
+	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
+	@echo 'make simulate  the same experiment without middleware'
+	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
+	@echo 'make lint      ruff and mypy'
+	@echo 'make bench     the benchmarks, into docs/performance.md'
+	@echo 'make ws        colcon build, as ros2 run expects it in install/'
+	@echo 'make clean     remove the environment and everything built'
+
+run: $(VENV)/.run
+	@$(BIN)/rig --ros-args --params-file $(PARAMS) $(ARGS)
+
+simulate: $(VENV)/.run
+	@$(BIN)/simulate --ros-args --params-file $(PARAMS) $(ARGS)
+
+test: $(VENV)/.develop
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.develop
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy hdd_servo_ros
+
+bench: $(VENV)/.develop
+	$(BIN)/python -m benchmarks $(ARGS)
+
+ws: $(VENV)/.develop
+	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
+		--base-paths . --build-base build --install-base install
+	@ls install/hdd_servo_ros/lib/hdd_servo_ros
+
+clean:
+	rm -rf $(VENV) build install log
+
+$(VENV)/.run: setup.py constraints.txt
+	@$(call make_venv)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros]'
+	@touch $@
+
+$(VENV)/.develop: $(VENV)/.run
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws]'
+	@touch $@
+
+define make_venv
+	if [ -z '$(PYTHON)' ]; then \
+		echo 'hdd_servo_ros needs Python 3.10 to 3.13 on x86_64 Linux, for which ROS 2 Jazzy has wheels; found: '"$$(uname -sm), $$(python3 --version 2>&1)" >&2; \
+		exit 1; \
+	fi; \
+	$(PYTHON) -c '$(SUITABLE)' || { \
+		echo 'hdd_servo_ros needs Python 3.10 to 3.13 on x86_64 Linux, for which ROS 2 Jazzy has wheels; $(PYTHON) is '"$$($(PYTHON) --version 2>&1) on $$(uname -sm)" >&2; \
+		exit 1; \
+	}; \
+	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { \
+		echo 'could not make $(VENV) with $(PYTHON): its venv module is incomplete (on Debian and Ubuntu: apt install python3-venv)' >&2; \
+		exit 1; \
+	}
+endef

@@ -1,0 +1,72 @@
+"""
+Presliding as a spring: tangential stiffness (2.2) and the complete model (2.13).
+
+Both are printed with delta(v), which is zero whenever the body moves and so contradicts a spring of presliding. Here
+the contact is a spring f_t z that carries the body until its force reaches the level of sliding, and slides on at that
+level: f_s for (2.2), f_c + f_r sqrt|v| (and f_v v + f_d v|v| beside it) for (2.13). In sliding it is (2.13) to the letter.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from hdd_servo_ros.drive.friction.parameters import MODEL, MODELS, STATIC, STIFFNESS
+from hdd_servo_ros.drive.friction.static import sliding_terms
+from hdd_servo_ros.numerics.compiled import compiled
+
+TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
+
+
+@compiled
+def slip_terms(constants: npt.NDArray[np.float64], place: int, speed: float) -> tuple[float, float]:
+    """Return the level [V] at which the contact slips at a speed |v| [um/s], and its resistance [V s/um]."""
+    if int(constants[place + MODEL]) == TANGENTIAL_STIFFNESS:
+        return constants[place + STATIC], 0.0
+    return sliding_terms(constants, place, speed)
+
+
+@compiled
+def elastoplastic_friction(constants: npt.NDArray[np.float64], place: int, velocity: float, deflection: float) -> float:
+    """Return the friction [V] at a velocity [um/s] and a deflection z [um] of the contact."""
+    _, resistance = slip_terms(constants, place, abs(velocity))
+    return constants[place + STIFFNESS] * deflection + resistance * velocity
+
+
+@compiled
+def elastoplastic_substep(
+    constants: npt.NDArray[np.float64],
+    place: int,
+    substep: float,
+    gain: float,
+    velocity: float,
+    deflection: float,
+    previous_force: float,
+    applied: float,
+    drag: float,
+) -> tuple[float, float, float]:
+    """
+    Advance a rigid body on an elastoplastic contact by one substep, by the implicit midpoint rule.
+
+    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the deflection z [um] at the start
+    and the mean friction of the substep before [V].
+
+    Returns
+    -------
+    tuple
+        Mean velocity [um/s], deflection at the end [um], mean friction [V].
+    """
+    stiffness = constants[place + STIFFNESS]
+    predicted = velocity + 0.5 * substep * gain * (applied - previous_force)
+    level, resistance = slip_terms(constants, place, abs(predicted))
+    total = 2.0 + gain * substep * (resistance + drag)
+    mean = (2.0 * velocity + gain * substep * (applied - stiffness * deflection)) / (
+        total + 0.5 * gain * substep * substep * stiffness
+    )
+    new_deflection = deflection + substep * mean
+    if stiffness * abs(new_deflection) <= level:
+        return mean, new_deflection, stiffness * (deflection + 0.5 * substep * mean) + resistance * mean
+    # The contact slips in the direction in which the spring was being stretched.
+    slip = math.copysign(level, new_deflection)
+    mean = (2.0 * velocity + gain * substep * (applied - slip)) / total
+    return mean, slip / stiffness, slip + resistance * mean

@@ -1,0 +1,172 @@
+"""The linear loop around the sampled drive: frequency response, peak sensitivity, poles; for tuning and studies."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.drive.resonance import modal_form
+
+
+@dataclasses.dataclass(frozen=True)
+class SampledDrive:
+    """
+    x_{k+1} = A x_k + B u_k, (position, velocity)_k = C x_k: the drive with hold and sampler, u_k held from tick k on.
+
+    There is no further delay: as in the loop, u_k answers the measurement of tick k and acts from then on.
+    """
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    c: NDArray[np.float64]
+    sample_time: float
+
+    def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """Return position [um/V] and velocity [um/s/V] over u at ``frequencies`` [Hz], shape (len(frequencies), 2)."""
+        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
+        poles, vectors = np.linalg.eig(self.a)
+        residues = (self.c @ vectors) * np.linalg.solve(vectors, self.b.astype(np.complex128))[:, 0]
+        # A rigid body has a double pole at z = 1, which has no full set of eigenvectors: solve then.
+        if np.linalg.cond(vectors) < 1e10:
+            return np.asarray((residues[None, :, :] / (z[:, None, None] - poles)).sum(axis=2))
+        eye = np.eye(len(self.a))
+        return np.array([(self.c @ np.linalg.solve(value * eye - self.a, self.b))[:, 0] for value in z])
+
+
+def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) -> SampledDrive:
+    """
+    Linearise the drive and discretise it exactly under a zero-order hold.
+
+    Parameters
+    ----------
+    plant
+        The drive.
+    sample_time
+        T [s].
+    presliding
+        True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion. False: only the
+        damper sigma_2 is left, as in fast sliding.
+    """
+    modal = modal_form(plant.resonance)
+    size = 2 + 2 * len(modal.modes)
+    friction = plant.friction
+    lugre = friction.model == 'lugre'
+    stiffness = friction.stiffness if presliding and lugre else 0.0
+    damping = (friction.bristle_damping if presliding else 0.0) + friction.viscous_coefficient if lugre else 0.0
+    # The modes, like the rigid body, are driven by the net acceleration gain (u - friction).
+    acceleration = np.zeros(size)
+    acceleration[:2] = -plant.gain * stiffness, -plant.gain * damping
+    a = np.zeros((size, size))
+    b = np.zeros((size, 1))
+    c = np.zeros((2, size))
+    a[0, 1] = 1.0
+    a[1] = acceleration
+    b[1] = plant.gain
+    c[0, :2] = modal.r0, modal.r1
+    c[1, 1] = modal.r0
+    for i, mode in enumerate(modal.modes):
+        q = 2 + 2 * i
+        a[q, q + 1] = 1.0
+        a[q + 1] = acceleration
+        a[q + 1, q] -= mode.a0
+        a[q + 1, q + 1] -= mode.a1
+        b[q + 1] = plant.gain
+        c[0, q : q + 2] = mode.gamma, mode.beta
+        c[1, q : q + 2] = -mode.beta * mode.a0, mode.gamma - mode.beta * mode.a1
+    augmented = np.zeros((size + 1, size + 1))
+    augmented[:size, :size] = a
+    augmented[:size, size:] = b
+    transition = expm(augmented * sample_time)
+    return SampledDrive(transition[:size, :size], transition[:size, size:], c, sample_time)
+
+
+def frequency_grid(sample_time: float) -> NDArray[np.float64]:
+    """Return frequencies [Hz] from 3 Hz to just below Nyquist, dense where the sampled resonances lie."""
+    nyquist = 0.5 / sample_time
+    return np.concatenate(
+        [np.geomspace(3.0, 0.2 * nyquist, 250, endpoint=False), np.linspace(0.2 * nyquist, 0.9999 * nyquist, 800)]
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearController:
+    """
+    u = -(k_p + k_i T z/(z - 1)) position - k_d F(z) velocity, with F a first-order low pass.
+
+    -k r of (4.16) is k_p = k lambda, k_d = k; sigma_hat and m_hat, taken as constants, subtract sigma_hat from k_d and
+    add m_hat lambda to it.
+    """
+
+    proportional: float
+    derivative: float
+    integral: float = 0.0
+    bandwidth: float = 0.0
+    """Corner frequency of F [Hz], 0 for F = 1."""
+    delay: int = 0
+    """Samples by which u comes late."""
+
+    def _smoothing(self, sample_time: float) -> float:
+        return 1.0 - float(np.exp(-2.0 * np.pi * self.bandwidth * sample_time)) if self.bandwidth > 0.0 else 1.0
+
+    def response(self, frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
+        """Return the voltage over position [V/um] and velocity [V s/um], shape (len(frequencies), 2), without the minus."""
+        z = np.exp(2j * np.pi * np.asarray(frequencies) * sample_time)
+        smoothing = self._smoothing(sample_time)
+        position = self.proportional + self.integral * sample_time * z / (z - 1.0)
+        velocity = self.derivative * smoothing / (1.0 - (1.0 - smoothing) / z)
+        return np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None]
+
+    def closed_loop_radius(self, drive: SampledDrive) -> float:
+        """Return the largest magnitude of the closed loop's poles, below 1 if it is stable."""
+        n = len(drive.a)
+        smoothing = self._smoothing(drive.sample_time)
+        # States: the drive, the integral of position, the filtered velocity, the late voltages.
+        size = n + 2 + self.delay
+        position, velocity = np.zeros(size), np.zeros(size)
+        position[:n], velocity[:n] = drive.c[0], drive.c[1]
+        integral, filtered = drive.sample_time * position, smoothing * velocity
+        integral[n], filtered[n + 1] = 1.0, 1.0 - smoothing
+        voltage = -(self.proportional * position + self.integral * integral + self.derivative * filtered)
+        matrix = np.zeros((size, size))
+        matrix[:n, :n] = drive.a
+        # An integral that nothing uses would count as a pole at 1.
+        matrix[n], matrix[n + 1] = (integral if self.integral > 0.0 else 0.0), filtered
+        acting = voltage
+        if self.delay > 0:
+            acting = np.zeros(size)
+            acting[n + 2] = 1.0
+            for i in range(self.delay - 1):
+                matrix[n + 2 + i, n + 3 + i] = 1.0
+            matrix[size - 1] = voltage
+        matrix[:n] += drive.b @ acting[None, :]
+        return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+class LoopMargins:
+    """
+    Peak sensitivity and stability of a linear controller on one drive, in presliding and in sliding.
+
+    Parameters
+    ----------
+    plant
+        The drive.
+    sample_time
+        T [s].
+    """
+
+    def __init__(self, plant: PlantParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.gain = plant.gain
+        self.frequencies = frequency_grid(sample_time)
+        self.drives = tuple(sampled_drive(plant, sample_time, presliding) for presliding in (True, False))
+        self._responses = tuple(drive.response(self.frequencies) for drive in self.drives)
+
+    def peak_sensitivity(self, controller: LinearController) -> float:
+        """Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable."""
+        law = controller.response(self.frequencies, self.sample_time)
+        peaks = [float(np.abs(1.0 / (1.0 + (law * response).sum(axis=1))).max()) for response in self._responses]
+        if max(controller.closed_loop_radius(drive) for drive in self.drives) >= 1.0:
+            return float('inf')
+        return max(peaks)

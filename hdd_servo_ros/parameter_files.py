@@ -1,0 +1,191 @@
+"""
+ROS 2 arguments and parameter files read without ROS, for `simulate`.
+
+The same command line and the same files mean the same as to a ROS node: several files and ``-p`` overlay from left to
+right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts).
+"""
+
+import dataclasses
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hdd_servo_ros.parameters import ParameterError
+
+
+class ArgumentError(ValueError):
+    """A command line or a parameter file that cannot be read; says what and where."""
+
+
+class _RosLoader(yaml.SafeLoader):
+    """YAML as ROS reads it: ``1e-4`` is a number, though YAML 1.1 wants a dot in it."""
+
+
+_RosLoader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'), list('-+0123456789')
+)
+
+
+@dataclasses.dataclass
+class RosArguments:
+    """
+    A ROS command line.
+
+    Attributes
+    ----------
+    overrides
+        Node pattern and parameters, in the order in which they were given; later ones win.
+    namespace
+        From ``-r __ns:=``.
+    remaps
+        Further remappings of names, as given.
+    others
+        What is none of ROS's.
+    """
+
+    overrides: list[tuple[str, dict[str, object]]]
+    namespace: str
+    remaps: dict[str, str]
+    others: list[str]
+
+    def parameters_of(self, node: str) -> dict[str, object]:
+        """Return the parameters given for a node, by its name without namespace."""
+        full_name = f'{self.namespace.rstrip("/")}/{node}'
+        values: dict[str, object] = {}
+        for pattern, parameters in self.overrides:
+            if _matches(pattern, full_name):
+                values.update(parameters)
+        return values
+
+    def check_nodes(self, nodes: Sequence[str]) -> None:
+        """
+        Refuse a ``-p NODE:PARAMETER`` or file section for a node that there is not.
+
+        Raises
+        ------
+        ArgumentError
+            If a pattern matches none of ``nodes``.
+        """
+        names = [f'{self.namespace.rstrip("/")}/{node}' for node in nodes]
+        for pattern, _ in self.overrides:
+            if not any(_matches(pattern, name) for name in names):
+                raise ArgumentError(f'no node {pattern!r}; there are {", ".join(nodes)}')
+
+
+def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
+    """
+    Read a command line (without the program's name).
+
+    Raises
+    ------
+    ArgumentError
+        If an argument or a file is malformed.
+    """
+    parsed = RosArguments([], '/', {}, [])
+    rest = list(arguments)
+    in_ros = False
+    while rest:
+        argument = rest.pop(0)
+        if argument == '--ros-args':
+            in_ros = True
+        elif not in_ros:
+            parsed.others.append(argument)
+        elif argument == '--':
+            in_ros = False
+        elif argument in ('-p', '--param'):
+            parsed.overrides.append(_parse_parameter(_value_of(argument, rest)))
+        elif argument == '--params-file':
+            parsed.overrides += read_parameter_file(Path(_value_of(argument, rest)))
+        elif argument in ('-r', '--remap'):
+            _parse_remap(_value_of(argument, rest), parsed)
+        elif argument in ('--log-level', '--log-config-file', '-e', '--enclave'):
+            _value_of(argument, rest)
+        elif not argument.startswith(('--disable-', '--enable-')):
+            raise ArgumentError(f'unknown ROS argument {argument!r}')
+    return parsed
+
+
+def _value_of(argument: str, rest: list[str]) -> str:
+    if not rest:
+        raise ArgumentError(f'{argument} wants a value behind it')
+    return rest.pop(0)
+
+
+def _parse_parameter(text: str) -> tuple[str, dict[str, object]]:
+    match = re.fullmatch(r'(?:([^:]+):)?([^:=]+):=(.*)', text, re.DOTALL)
+    if not match:
+        raise ArgumentError(f'-p {text!r} is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE')
+    node, name, value = match.groups()
+    try:
+        return _pattern(node or '/**'), {name: _value(yaml.load(value, _RosLoader))}
+    except yaml.YAMLError as error:
+        raise ArgumentError(f'-p {text!r}: {error}') from None
+
+
+def _parse_remap(text: str, parsed: RosArguments) -> None:
+    source, separator, target = text.partition(':=')
+    if not separator:
+        raise ArgumentError(f'-r {text!r} is not FROM:=TO')
+    if source.endswith('__ns'):
+        parsed.namespace = '/' + target.strip('/')
+    else:
+        parsed.remaps[source] = target
+
+
+def read_parameter_file(path: Path) -> list[tuple[str, dict[str, object]]]:
+    """
+    Return node patterns and their parameters from a ROS 2 parameter file, in the file's order.
+
+    Raises
+    ------
+    ArgumentError
+        If the file cannot be read or is no ROS 2 parameter file.
+    """
+    try:
+        content = yaml.load(path.read_text('utf8'), _RosLoader)
+    except (OSError, yaml.YAMLError) as error:
+        raise ArgumentError(f'parameter file {path}: {error}') from None
+    if not isinstance(content, dict):
+        raise ArgumentError(f'parameter file {path}: expected node names at the top')
+    return list(_sections(content, '', path))
+
+
+def _sections(content: Mapping[Any, Any], prefix: str, path: Path) -> Iterator[tuple[str, dict[str, object]]]:
+    for key, value in content.items():
+        if not isinstance(value, dict):
+            raise ArgumentError(f'parameter file {path}: {key!r} holds neither ros__parameters nor further names')
+        name = f'{prefix}/{str(key).strip("/")}'
+        if 'ros__parameters' in value:
+            yield _pattern(name), dict(_flatten(value['ros__parameters'] or {}, ''))
+        else:
+            yield from _sections(value, name, path)
+
+
+def _flatten(parameters: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, object]]:
+    for key, value in parameters.items():
+        if isinstance(value, dict):
+            yield from _flatten(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', _value(value)
+
+
+def _value(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _pattern(name: str) -> str:
+    return '/' + name.strip('/')
+
+
+def _matches(pattern: str, full_name: str) -> bool:
+    # As rcl has it, '/**/node' matches '/node' too.
+    expression = re.escape(pattern).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', '[^/]+')
+    return re.fullmatch(expression, full_name) is not None
+
+
+def with_node(error: ParameterError, node: str) -> ParameterError:
+    """Return a parameter error whose name begins with the node's."""
+    return ParameterError(f'{node}:{error.name}', error.value, error.allowed)

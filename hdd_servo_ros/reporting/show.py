@@ -1,0 +1,19 @@
+"""What `rig` and `simulate` do once a run is on disk."""
+
+from pathlib import Path
+
+from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.recording.run_folder import read_run_yaml
+from hdd_servo_ros.reporting.summary import summary
+
+
+def show_run(directory: Path, *, plot: bool) -> None:
+    """Print the summary of a recorded run, and draw it into its folder as ``run.png`` if asked to."""
+    signals, run = read_signals(directory), read_run_yaml(directory)
+    print(summary(signals, run, directory))
+    if plot:
+        from hdd_servo_ros.reporting.plot import plot_run
+
+        picture = directory / 'run.png'
+        plot_run(signals, run, picture)
+        print(f'{"picture":>16}  {picture}')

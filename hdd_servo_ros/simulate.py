@@ -1,0 +1,281 @@
+"""
+`simulate`: the same experiment as `rig` without middleware, from the same parameters into the same bag.
+
+No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
+"""
+
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.help import parse_help
+from hdd_servo_ros.loop.experiment import Experiment, Rows
+from hdd_servo_ros.loop_parameters import DriveNameParameters, RecorderParameters, RigParameters, TimerParameters
+from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments, with_node
+from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping, to_mapping
+from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
+from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS
+from hdd_servo_ros.reporting.progress import Progress
+from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
+
+CHUNK = 4096
+"""Ticks that are computed, packed and written in one piece."""
+
+_OUTPUTS: dict[str, tuple[LoopTopic, ...]] = {
+    'deterministic_timer': (CLOCK,),
+    'reference_generator': (REFERENCE,),
+    'vcm_plant': (HEAD,),
+    'ldv_sensor': (LDV,),
+    'bag_recorder': (),
+    **dict.fromkeys(CONTROLLERS.values(), (CONTROL, ESTIMATES)),
+}
+
+
+class Simulation:
+    """
+    One run of the loop, described by ROS arguments.
+
+    Parameters
+    ----------
+    arguments
+        The command line.
+
+    Raises
+    ------
+    ParameterError, ArgumentError
+        If a parameter or argument is not allowed; the message names the node.
+    """
+
+    def __init__(self, arguments: RosArguments) -> None:
+        arguments.check_nodes(list(NODE_PARAMETERS))
+        self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
+        controller = CONTROLLERS[self.rig.controller]
+        names = ['deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor', controller, 'bag_recorder']
+        sets = {name: self._sets(arguments, name) for name in names}
+        self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
+        self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
+        self.frame_id = sets['vcm_plant'][DriveNameParameters].frame_id
+        self._check_sample_times(sets)
+        mappings = {
+            name: {key: value for values in kinds.values() for key, value in to_mapping(values).items()}
+            for name, kinds in sets.items()
+        }
+        self._namespace = arguments.namespace.rstrip('/')
+        self.topics = [(self._full_name(topic, arguments), topic.type_name) for topic in LOOP_TOPICS]
+        by_topic = {topic: name for topic, (name, _) in zip(LOOP_TOPICS, self.topics, strict=True)}
+        units = {'frame_id': self.frame_id} | {
+            key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
+        }
+        self.nodes: dict[str, dict[str, Any]] = {
+            f'{self._namespace}/{name}': {
+                'outputs': [by_topic[topic] for topic in _OUTPUTS[name]],
+                'offers': units if name == 'vcm_plant' else {},
+                'parameters': mappings[name],
+            }
+            for name in names
+        }
+        self.units = units
+        blocks = {
+            name: {
+                key: value
+                for kind, values in sets[name].items()
+                if kind is NODE_PARAMETERS[name][-1]
+                for key, value in to_mapping(values).items()
+            }
+            for name in names
+        }
+        self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks)
+
+    @staticmethod
+    def _sets(arguments: RosArguments, node: str, *aliases: str) -> dict[type[Any], Any]:
+        """Return a node's parameter sets, checked as the node itself would check them."""
+        values = {}
+        for name in (*aliases, node):
+            values.update(arguments.parameters_of(name))
+        sets = {}
+        try:
+            for kind in NODE_PARAMETERS[node]:
+                known = {declaration.name for declaration in declarations(kind)}
+                sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
+            values.pop('use_sim_time', None)
+            for name, value in values.items():
+                raise ParameterError(name, value, 'no such parameter')
+        except ParameterError as error:
+            raise with_node(error, node) from None
+        return sets
+
+    def _check_sample_times(self, sets: dict[str, dict[type[Any], Any]]) -> None:
+        for name, kinds in sets.items():
+            for values in kinds.values():
+                own = getattr(values, 'sample_time', 0.0)
+                if own not in (0.0, self.timer.sample_time):
+                    allowed = f'deterministic_timer has {self.timer.sample_time!r} s'
+                    raise ParameterError(f'{name}:sample_time', own, allowed)
+
+    def _full_name(self, topic: LoopTopic, arguments: RosArguments) -> str:
+        name = arguments.remaps.get(topic.name, topic.name)
+        return name if name.startswith('/') else f'{self._namespace}/{name}'
+
+    def description(self) -> dict[str, Any]:
+        """Return what ``run.yaml`` says of the run before it has ended."""
+        return {
+            'sample_time': self.timer.sample_time,
+            'last_tick_planned': self.timer.last_tick,
+            'duration': self.timer.last_tick * self.timer.sample_time,
+            'rate': 0.0,
+            **self.units,
+            'nodes': self.nodes,
+        }
+
+
+class _Packer:
+    """Turns rows into messages, in the order in which the recorder of the graph writes them."""
+
+    def __init__(self, ticks: Ticks, frame_id: str, controller: Controller) -> None:
+        self._ticks = ticks
+        self._vector = VectorCodec(frame_id)
+        self._array = ArrayCodec(controller.estimate_names)
+
+    def pack(self, rows: Rows) -> tuple[list[int], list[int], list[memoryview]]:
+        """Return topic, time [ns] and payload of every message of the rows."""
+        count = len(rows.head)
+        times = np.arange(rows.first_tick, rows.first_tick + count, dtype=np.int64) * self._ticks.sample_time_ns
+        stamps = stamp_rows(times)
+        ldv = np.column_stack((rows.ldv, np.zeros(count)))
+        by_topic = (
+            clock_rows(stamps),
+            vector_rows(self._vector, stamps, rows.reference),
+            vector_rows(self._vector, stamps, rows.head),
+            vector_rows(self._vector, stamps, ldv),
+            vector_rows(self._vector, stamps, rows.control),
+            array_rows(self._array, rows.estimates),
+        )
+        kinds = len(by_topic)
+        payloads: list[Any] = [None] * (count * kinds)
+        for place, messages in enumerate(by_topic):
+            size = messages.shape[1]
+            flat = messages.reshape(-1).data
+            payloads[place::kinds] = [flat[start : start + size] for start in range(0, count * size, size)]
+        return list(range(kinds)) * count, np.repeat(times, kinds).tolist(), payloads
+
+
+def first_not_finite(rows: Rows) -> tuple[str, int] | None:
+    """Return topic and tick of the first value that is not finite, None if all are."""
+    found = []
+    signals = {REFERENCE: rows.reference, HEAD: rows.head, LDV: rows.ldv, CONTROL: rows.control}
+    for order, (topic, values) in enumerate(signals.items()):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            found.append((rows.first_tick + int(bad[0]), order, topic.name))
+    return (min(found)[2], min(found)[0]) if found else None
+
+
+def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | None]:
+    """
+    Run a simulation, recording it unless its timer's parameter ``record`` is false.
+
+    Returns
+    -------
+    exit_code, directory
+        As of `rig`; the run's folder, None if it was not recorded.
+    """
+    last_tick, parameters = simulation.timer.last_tick, simulation.recorder
+    recorder = None
+    if simulation.timer.record:
+        recorder = RunRecorder(
+            parameters.run_dir,
+            parameters.storage,
+            simulation.topics,
+            simulation.description(),
+            separate_process=False,
+        )
+    interrupted: list[int] = []
+
+    def take_signal(number: int, frame: FrameType | None) -> None:
+        interrupted.append(number)
+
+    previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    status, reason, exit_code = FINISHED, '', 0
+    try:
+        packer = _Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
+        rows: Rows | None = None
+        shown = Progress('simulate', last_tick, simulation.timer.sample_time) if progress else None
+        if shown is not None:
+            shown.show(0)
+        for first_tick in range(0, last_tick + 1, CHUNK):
+            count = min(CHUNK, last_tick + 1 - first_tick)
+            rows = simulation.experiment.run(first_tick, count, rows)
+            bad = first_not_finite(rows)
+            if bad is not None:
+                status, reason, exit_code = FAILED, f'{bad[0]}: not finite at tick {bad[1]}', 1
+                rows = _cut(rows, bad[1])
+            if recorder is not None and len(rows.head):
+                recorder.write_ticks(rows.first_tick + len(rows.head) - 1, *packer.pack(rows))
+            if shown is not None:
+                shown.show(first_tick + count - 1)
+            if interrupted:
+                name = signal.Signals(interrupted[0]).name
+                status, reason = INTERRUPTED, f'{name} at tick {first_tick + count - 1}'
+                exit_code = 128 + interrupted[0]
+            if status != FINISHED:
+                break
+        if shown is not None:
+            shown.close()
+    except BaseException as error:
+        status, reason, exit_code = FAILED, f'{type(error).__name__}: {error}', 1
+        raise
+    finally:
+        if recorder is not None:
+            recorder.finish(status, reason)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    if status != FINISHED:
+        print(f'simulate: run {status}: {reason}', file=sys.stderr)
+    return exit_code, None if recorder is None else recorder.directory
+
+
+def _cut(rows: Rows, tick: int) -> Rows:
+    """Return the rows before ``tick``."""
+    count = tick - rows.first_tick
+    return Rows(
+        rows.first_tick,
+        rows.sample_time,
+        rows.reference[:count],
+        rows.head[:count],
+        rows.ldv[:count],
+        rows.control[:count],
+        rows.estimates[:count],
+        rows.estimate_names,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the experiment; exit codes as of `rig`."""
+    command_line = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        parsed = parse_ros_arguments(command_line)
+        parse_help('simulate', parsed.others)
+        simulation = Simulation(parsed)
+        exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
+    except (ParameterError, ArgumentError, FileExistsError) as error:
+        print(f'simulate: {error}', file=sys.stderr)
+        return 2
+    if exit_code == 0 and directory is not None:
+        # Imported late: a run that draws nothing need not wait for matplotlib.
+        from hdd_servo_ros.reporting.show import show_run
+
+        show_run(directory, plot=simulation.rig.plot)
+    return exit_code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

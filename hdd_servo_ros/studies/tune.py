@@ -1,0 +1,272 @@
+"""
+Tune both controllers for a drive by one rule, and print what belongs into the parameter file.
+
+    python -m hdd_servo_ros.studies.tune [--params-file FILE ...] [--seconds 60]
+
+The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances and filters included, no spare
+delay), in presliding, where the friction is a spring, and in sliding, where it is gone.
+
+Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
+max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda given, g gets the largest value that
+the rule allows, and is divided 80 : 10 : 10. The network and phi_hat get the small shares because they multiply sgn r,
+which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 10 1/s on the design reference, a 2 um
+sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times slower: fast enough
+to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625 times as fast.
+
+PID controller. Among all k_i, k_d and corner frequencies of the derivative's filter, each with the largest k_p that the
+rule allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise.
+"""
+
+import argparse
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
+from hdd_servo_ros.loop.parameter_file import read_parameter_files
+from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.parameters import from_mapping
+
+MAX_SENSITIVITY = 2.0
+SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
+FORGETTING_RATE = 5.0
+"""Of phi_hat and W_hat [1/s]."""
+LEARNING_RATE = 10.0
+"""Of sigma_hat and m_hat on the design reference [1/s]."""
+LEAKAGE_RATE = 0.05
+"""Of sigma_hat and m_hat [1/s]."""
+AMPLITUDE = 2.0
+"""Of the sines [um]."""
+DESIGN_FREQUENCY = 100.0
+"""Of the design reference [Hz]."""
+FREQUENCIES = (100.0, 200.0)
+"""Of the sines by which the PID controller is judged [Hz]."""
+TRANSIENT = 2.0
+"""What the tables leave out at the start of a run [s]."""
+
+Sections = Mapping[str, Mapping[str, object]]
+
+
+def round_down(value: float, digits: int = 3) -> float:
+    """Return ``value`` > 0 rounded towards zero to significant digits, so that a bound it keeps stays kept."""
+    scale = digits - 1 - math.floor(math.log10(value))
+    return float(f'{math.floor(value * 10**scale + 1e-9) / 10**scale:.{digits}g}')
+
+
+def largest(allowed: Any, start: float, factor: float = 1.1) -> float:
+    """Return the largest value up to which ``allowed`` holds on a walk up from ``start``, 0 if not even there."""
+    if not allowed(start):
+        return 0.0
+    while allowed(start * factor):
+        start *= factor
+    low, high = start, start * factor
+    while high - low > 1e-4 * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return low
+
+
+def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float) -> float:
+    """
+    Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
+
+    Raises
+    ------
+    ValueError
+        If no gain keeps it: lambda is too large for this drive and sample time.
+    """
+
+    def allowed(g: float) -> bool:
+        return margins.peak_sensitivity(LinearController(g * error_filter_lambda, g)) <= MAX_SENSITIVITY
+
+    # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
+    g = largest(allowed, max(2.0 * error_filter_lambda / margins.gain, 10.0 / margins.gain))
+    if g == 0.0:
+        raise ValueError(f'no gain gives Ms <= {MAX_SENSITIVITY:g} with lambda = {error_filter_lambda:g} 1/s')
+    return g
+
+
+def tune_adaptive_nn(plant: PlantParameters, sample_time: float, base: AdaptiveNnParameters) -> dict[str, object]:
+    """
+    Return the adaptive NN controller's gains by the rule above, under their ROS names.
+
+    Parameters
+    ----------
+    plant
+        The drive.
+    sample_time
+        T [s].
+    base
+        lambda, the lattice, and everything else that the rule leaves alone.
+    """
+    g = round_down(largest_gain_on_r(LoopMargins(plant, sample_time), base.error_filter_lambda))
+    # max(S'S) of the lattice: what a leakage of 1 adds to the gain.
+    unit = dataclasses.replace(base.network, enabled=True, gain=(1.0,), leakage=1.0)
+    lattice = dataclasses.replace(
+        base, network=unit, feedback_gain=0.0, phi=dataclasses.replace(base.phi, enabled=False)
+    )
+    squares = AdaptiveNn(lattice, sample_time).gain_on_r
+    w = 2.0 * math.pi * DESIGN_FREQUENCY
+    velocity_square = 0.5 * (AMPLITUDE * w) ** 2
+    k_sigma = round_down(LEARNING_RATE * g / velocity_square)
+    k_m = round_down(LEARNING_RATE * g / (velocity_square * w * w))
+    phi_leakage = 1.0 / (SHARES['phi'] * g)
+    network_leakage = squares / (SHARES['network'] * g)
+    return {
+        'error_filter_lambda': base.error_filter_lambda,
+        'feedback_gain': round_down(SHARES['feedback'] * g),
+        'sigma.gain': k_sigma,
+        'sigma.leakage': round_down(LEAKAGE_RATE / k_sigma),
+        'mass.gain': k_m,
+        'mass.leakage': round_down(LEAKAGE_RATE / k_m),
+        'phi.gain': round_down(FORGETTING_RATE / phi_leakage),
+        'phi.leakage': round_up(phi_leakage),
+        'network.gain': [round_down(FORGETTING_RATE / network_leakage)],
+        'network.leakage': round_up(network_leakage),
+        'safe_gain': g,
+    }
+
+
+def round_up(value: float, digits: int = 3) -> float:
+    """Return ``value`` > 0 rounded up to significant digits."""
+    down = round_down(value, digits)
+    return down if down >= value else float(f'{down + 10.0 ** (math.floor(math.log10(value)) - digits + 1):.{digits}g}')
+
+
+def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> dict[str, object]:
+    """
+    Return the PID controller's gains by the rule above, under their ROS names.
+
+    Parameters
+    ----------
+    plant
+        The drive, also in ``sections``.
+    sample_time
+        T [s].
+    sections
+        Parameters of drive and vibrometer for the runs.
+    """
+    margins = LoopMargins(plant, sample_time)
+    # With hardly any k_p, k_d could reach this far.
+    reach = largest_gain_on_r(margins, 100.0)
+
+    def candidate(derivative: float, integral: float, bandwidth: float) -> tuple[float, dict[str, object]]:
+        def allowed(proportional: float) -> bool:
+            law = LinearController(proportional, derivative, integral, bandwidth)
+            return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
+
+        # Integral action needs some k_p to be stable at all, so the walk starts where sound loops lie.
+        proportional = round_down(max(largest(allowed, 300.0 * derivative), 1e-12))
+        gains: dict[str, object] = {
+            'proportional_gain': proportional,
+            'integral_gain': integral,
+            'derivative_gain': derivative,
+            'derivative_bandwidth': bandwidth,
+        }
+        if not allowed(proportional):
+            return math.inf, gains
+        runs = [track('pid', gains, sections, sample_time, frequency, 1.0, 0.5) for frequency in FREQUENCIES]
+        return sum(run.rms_error**2 for run in runs), gains
+
+    # A coarse grid over everything, then a fine one about its best.
+    best = min(
+        (
+            candidate(round_down(share * reach), integral, bandwidth)
+            for share, integral, bandwidth in itertools.product(
+                (0.5, 0.6, 0.7, 0.8, 0.9, 0.95), (0.0, 3.0, 10.0, 30.0, 100.0), (0.0, 4000.0, 2500.0, 1500.0)
+            )
+        ),
+        key=lambda result: result[0],
+    )
+    derivative, integral, bandwidth = (
+        float(str(best[1][name])) for name in ('derivative_gain', 'integral_gain', 'derivative_bandwidth')
+    )
+    return min(
+        (
+            candidate(round_down(change * derivative), round(share * integral, 1), bandwidth + shift)
+            for change, share, shift in itertools.product(
+                (0.92, 0.96, 1.0, 1.04), (0.4, 0.7, 1.0, 1.5), (-500.0, 0.0, 500.0) if bandwidth > 0.0 else (0.0,)
+            )
+        ),
+        key=lambda result: result[0],
+    )[1]
+
+
+def track(
+    controller: str,
+    gains: Mapping[str, object],
+    sections: Sections,
+    sample_time: float,
+    frequency: float,
+    duration: float,
+    transient: float,
+) -> TrackingMetrics:
+    """Run a 2 um sine with one controller under ``gains`` and return its metrics."""
+    node = f'{controller}_controller'
+    parameters = {
+        'vcm_plant': sections.get('vcm_plant', {}),
+        'ldv_sensor': sections.get('ldv_sensor', {}),
+        'reference_generator': {'waveform': 'sine', 'amplitude': AMPLITUDE, 'frequency': frequency},
+        node: {**sections.get(node, {}), **gains},
+    }
+    rows = Experiment(sample_time, controller, parameters).run(0, round(duration / sample_time) + 1)
+    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient)
+
+
+def _print_section(node: str, gains: Mapping[str, object]) -> None:
+    print(f'/**/{node}:\n  ros__parameters:')
+    for name, value in gains.items():
+        print(f'    {name}: {value}')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Tune, print the parameters and what they do."""
+    parser = argparse.ArgumentParser(
+        prog='python -m hdd_servo_ros.studies.tune', description='Tune both controllers for a drive by one rule.'
+    )
+    parser.add_argument(
+        '--params-file', nargs='*', default=[], help='parameter files of the drive and the vibrometer, later ones win'
+    )
+    parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
+    parser.add_argument('--seconds', type=float, default=60.0, help='length of the runs in the table [s]')
+    options = parser.parse_args(arguments)
+    sections = read_parameter_files(options.params_file)
+    plant = from_mapping(PlantParameters, sections.get('vcm_plant', {}))
+    base = from_mapping(AdaptiveNnParameters, sections.get('adaptive_nn_controller', {}))
+    nn = tune_adaptive_nn(plant, options.sample_time, base)
+    pid = tune_pid(plant, options.sample_time, sections)
+    _print_section('adaptive_nn_controller', nn)
+    _print_section('pid_controller', pid)
+    margins = LoopMargins(plant, options.sample_time)
+    same = {
+        'proportional_gain': float(str(nn['feedback_gain'])) * base.error_filter_lambda,
+        'derivative_gain': nn['feedback_gain'],
+        'integral_gain': 0.0,
+        'derivative_bandwidth': 0.0,
+    }
+    g = float(str(nn['safe_gain']))
+    print(f'\nMs of -g r:  {margins.peak_sensitivity(LinearController(g * base.error_filter_lambda, g)):.3f}')
+    law = [float(str(pid[f'{name}_gain'])) for name in ('proportional', 'derivative', 'integral')]
+    fair = LinearController(*law, bandwidth=float(str(pid['derivative_bandwidth'])))
+    print(f'Ms of PID:   {margins.peak_sensitivity(fair):.3f}')
+    print(f'\n2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s:   rms / max error [nm], peak u [V]')
+    for label, controller, gains in (
+        ('adaptive NN', 'adaptive_nn', nn),
+        ('PID', 'pid', pid),
+        ('PID with k_p = k lambda, k_d = k', 'pid', same),
+    ):
+        for frequency in FREQUENCIES:
+            run = track(controller, gains, sections, options.sample_time, frequency, options.seconds, TRANSIENT)
+            print(
+                f'{label:34s} {frequency:5g} Hz   {run.rms_error:8.2f} / {run.max_error:8.2f}   {run.peak_control:.3f}'
+            )
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

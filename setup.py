@@ -1,0 +1,71 @@
+"""Declares the package for ament_python (`colcon build`) and for pip."""
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'hdd_servo_ros'
+HERE = Path(__file__).parent
+VERSION = re.search(r"__version__ = '(.+)'", (HERE / NAME / '__init__.py').read_text()).group(1)
+
+# Node executables: one module each in hdd_servo_ros/nodes.
+NODES = (
+    'vcm_plant',
+    'ldv_sensor',
+    'adaptive_nn_controller',
+    'pid_controller',
+    'open_loop_controller',
+    'reference_generator',
+    'deterministic_timer',
+    'bag_recorder',
+    'rig',
+)
+SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
+SCRIPTS += [f'simulate = {NAME}.simulate:main']
+
+
+def files(pattern):
+    """Return the package's data files, relative as setuptools wants them."""
+    return [path.relative_to(HERE).as_posix() for path in sorted(HERE.glob(pattern))]
+
+
+setup(
+    name=NAME,
+    version=VERSION,
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/params', files('params/*.yaml')),
+    ],
+    python_requires='>=3.10,<3.14',
+    # The lower bounds are those of Ubuntu 24.04, on which Jazzy runs, where that has the package.
+    install_requires=[
+        'numpy>=1.26',
+        'scipy>=1.11',
+        'numba>=0.58',
+        'rosbags>=0.10.5',
+        'matplotlib>=3.6',
+        'PyYAML>=6.0.1',
+        'tqdm>=4.64',
+    ],
+    extras_require={
+        # What an apt-installed Jazzy brings itself.
+        'ros': [
+            'ros-jazzy-rclpy[fastrtps]>=7.1.5',
+            'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
+            'ros-jazzy-common-interfaces>=5.3.6',
+        ],
+        'test': ['pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
+        'lint': ['ruff>=0.15', 'mypy>=1.19', 'types-PyYAML', 'types-tqdm'],
+        'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],
+    },
+    zip_safe=True,
+    maintainer='hdd_servo_ros maintainers',
+    maintainer_email='hdd_servo_ros@example.org',
+    description='A hard disk drive servo bench as a deterministic ROS 2 node graph.',
+    license='Apache-2.0',
+    entry_points={'console_scripts': SCRIPTS},
+)
