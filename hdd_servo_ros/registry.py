@@ -1,6 +1,7 @@
 """Which parameters each node has: the one list for nodes, `simulate`, help texts and documents; no ROS import."""
 
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from hdd_servo_ros.bench.ldv import LdvParameters
@@ -16,7 +17,7 @@ from hdd_servo_ros.loop_parameters import (
     SampleTimeParameters,
     TimerParameters,
 )
-from hdd_servo_ros.parameters import Declaration, declarations
+from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
 from hdd_servo_ros.signals.reference import ReferenceParameters
 
 CONTROLLERS = {
@@ -40,6 +41,30 @@ NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
     'rig': (RigParameters,),
     'simulate': (RigParameters,),
 }
+
+
+def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
+    """
+    Refuse parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must pass over what others have.
+
+    Parameters
+    ----------
+    given
+        Names and values.
+    own
+        Names that are known beside those of this package's nodes.
+
+    Raises
+    ------
+    ParameterError
+        If a name is known nowhere.
+    """
+    known = {declaration.name for node in NODE_PARAMETERS for declaration in node_declarations(node)}.union(own)
+    for name, value in given.items():
+        if name not in known:
+            similar = difflib.get_close_matches(name, known, n=1)
+            hint = f'; did you mean {similar[0]}?' if similar else ''
+            raise ParameterError(name, value, f'no such parameter{hint}')
 
 
 def node_declarations(node: str) -> Iterator[Declaration]:

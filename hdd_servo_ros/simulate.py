@@ -22,7 +22,7 @@ from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping,
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.recording.run_recorder import RunRecorder
-from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS
+from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
@@ -107,8 +107,7 @@ class Simulation:
                 known = {declaration.name for declaration in declarations(kind)}
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
             values.pop('use_sim_time', None)
-            for name, value in values.items():
-                raise ParameterError(name, value, 'no such parameter')
+            refuse_unknown(values)
         except ParameterError as error:
             raise with_node(error, node) from None
         return sets
@@ -189,6 +188,8 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         As of `rig`; the run's folder, None if it was not recorded.
     """
     last_tick, parameters = simulation.timer.last_tick, simulation.recorder
+    # Compiles the loop, if that was never done here, before anything is timed.
+    simulation.experiment.run(0, 0)
     recorder = None
     if simulation.timer.record:
         recorder = RunRecorder(

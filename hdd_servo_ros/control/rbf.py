@@ -16,9 +16,9 @@ def fill_axis(
     z: float,
     out: NDArray[np.float64],
     to: int,
-) -> float:
+) -> None:
     """
-    Write exp(-(z - mu_i)^2 / eta^2) of one axis for ``count`` centres; return their sum of squares.
+    Write exp(-(z - mu_i)^2 / eta^2) of one axis for ``count`` centres.
 
     On a lattice, and with one width an axis, the Gaussian of node (i, j) is the product of one of position and one of
     velocity: 2 n exponentials give all n x n nodes.
@@ -36,12 +36,33 @@ def fill_axis(
     out, to
         Array that takes the result from index ``to`` on.
     """
-    total = 0.0
     for i in range(count):
         distance = z - centres[at + i]
-        s = exp(-(distance * distance * inverse_square))
-        out[to + i] = s
-        total += s * s
+        out[to + i] = exp(-(distance * distance * inverse_square))
+
+
+@compiled
+def lattice_sum(values: NDArray[np.float64], weights: int, activations: int, count: int) -> float:
+    """
+    Return W'S over a lattice, S the product of the two axes' activations.
+
+    Parameters
+    ----------
+    values
+        Array that holds everything.
+    weights
+        Index from which the count x count weights stand, position index first.
+    activations
+        Index from which the activations of the position axis stand, those of the velocity axis behind them.
+    count
+        Nodes an axis.
+    """
+    total = 0.0
+    for i in range(count):
+        row = 0.0
+        for j in range(count):
+            row += values[weights + i * count + j] * values[activations + count + j]
+        total += row * values[activations + i]
     return total
 
 

@@ -19,9 +19,9 @@ class ActuatorParameters(ParameterSet):
     """
     The actuator and its driver.
 
-    ``reduced`` is the rigid model (3.16): its gain is a parameter of the plant and nothing here is read. ``current`` and
-    ``voltage`` add the electrical dynamics, and the gain follows from the data here. The defaults give (5.1); they are
-    illustrative otherwise, for the thesis prints none of them.
+    ``reduced`` is the rigid model (3.16): its gain is a parameter of the plant and nothing here is read. ``current``
+    and ``voltage`` add the electrical dynamics, and the gain follows from the data here. The defaults give (5.1) with a
+    current driver; they are illustrative otherwise, for the thesis prints none of them.
     """
 
     driver: str = parameter(

@@ -1,8 +1,8 @@
 """
 The driver's and coil's dynamics over one substep, exact for a held control and a constant velocity.
 
-With the coil current referred to the control signal (c = I_m/k_a [V], or R_m I_m/k_a on a voltage driver) both drivers of
-section 3.2.2 are
+With the coil current referred to the control signal, c = I_m/k_a [V] or R_m I_m/k_a on a voltage driver, both drivers
+of section 3.2.2 are
 
     tau_a b' = u - b,    tau_e c' = r b - c - kappa v,
 
@@ -90,4 +90,5 @@ def driver_force(
 @compiled
 def back_emf_current(constants: npt.NDArray[np.float64], place: int, mean_velocity: float) -> float:
     """Return what the back-EMF takes from c by the end of a substep [V]."""
-    return (1.0 - constants[place + COIL_DECAY]) * constants[place + BACK_EMF] * mean_velocity
+    share: float = (1.0 - constants[place + COIL_DECAY]) * constants[place + BACK_EMF]
+    return share * mean_velocity

@@ -252,7 +252,8 @@ def _friction(
     if model == NO_FRICTION:
         return 0.0
     if model == DAHL:
-        return constants[place + friction_places.STIFFNESS] * deflection
+        stiffness: float = constants[place + friction_places.STIFFNESS]
+        return stiffness * deflection
     if model in (TANGENTIAL_STIFFNESS, COMPLETE):
         return elastoplastic_friction(constants, place, velocity, deflection)
     if model == NETWORK:

@@ -64,7 +64,7 @@ class Rows:
     @property
     def time(self) -> NDArray[np.float64]:
         """The ticks' times [s]."""
-        return np.arange(self.first_tick, self.first_tick + len(self.head)) * self.sample_time
+        return np.arange(self.first_tick, self.first_tick + len(self.head), dtype=np.float64) * self.sample_time
 
     def estimate(self, name: str) -> NDArray[np.float64]:
         """Return one estimate over the ticks; raises :class:`KeyError` with the names there are."""

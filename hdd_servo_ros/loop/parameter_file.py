@@ -34,7 +34,7 @@ def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, obj
     nodes: dict[str, dict[str, object]] = {}
     for path in paths:
         with Path(path).open(encoding='utf-8') as file:
-            document = yaml.load(file, _Loader)  # noqa: S506 - a safe loader
+            document = yaml.load(file, _Loader)
         if not isinstance(document, Mapping):
             raise ValueError(f'{path}: no ROS 2 parameter file; it needs NODE: ros__parameters: ... at the top')
         for section, content in document.items():

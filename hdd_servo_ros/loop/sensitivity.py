@@ -46,8 +46,8 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
     sample_time
         T [s].
     presliding
-        True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion. False: only the
-        damper sigma_2 is left, as in fast sliding.
+        True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion.
+        False: only the damper sigma_2 is left, as in fast sliding.
     """
     modal = modal_form(plant.resonance)
     size = 2 + 2 * len(modal.modes)
@@ -111,12 +111,12 @@ class LinearController:
         return 1.0 - float(np.exp(-2.0 * np.pi * self.bandwidth * sample_time)) if self.bandwidth > 0.0 else 1.0
 
     def response(self, frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
-        """Return the voltage over position [V/um] and velocity [V s/um], shape (len(frequencies), 2), without the minus."""
+        """Return -u over position [V/um] and over velocity [V s/um], shape (len(frequencies), 2)."""
         z = np.exp(2j * np.pi * np.asarray(frequencies) * sample_time)
         smoothing = self._smoothing(sample_time)
         position = self.proportional + self.integral * sample_time * z / (z - 1.0)
         velocity = self.derivative * smoothing / (1.0 - (1.0 - smoothing) / z)
-        return np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None]
+        return np.asarray(np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None])
 
     def closed_loop_radius(self, drive: SampledDrive) -> float:
         """Return the largest magnitude of the closed loop's poles, below 1 if it is stable."""

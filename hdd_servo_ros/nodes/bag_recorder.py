@@ -8,9 +8,9 @@ from rclpy.qos import qos_profile_parameter_events
 from rclpy.serialization import serialize_message
 
 from hdd_servo_ros.loop_parameters import RecorderParameters
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.run_recorder import PARAMETER_EVENTS, RunRecorder
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.main import run_node
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.ticks import NANOSECONDS
 from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, RECORDED

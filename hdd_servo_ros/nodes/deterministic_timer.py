@@ -5,10 +5,10 @@ import time
 from collections.abc import Sequence
 
 from hdd_servo_ros.loop_parameters import TimerParameters
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import ClockCodec
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.main import run_node
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
 

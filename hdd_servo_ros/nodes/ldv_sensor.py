@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.main import run_node
 from hdd_servo_ros.ros.run import Run
 from hdd_servo_ros.topics import HEAD, LDV
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.nodes.controller_node import ControllerNode
-from hdd_servo_ros.ros.main import run_node
+from hdd_servo_ros.nodes.main import run_node
 
 
 class PidController(ControllerNode):

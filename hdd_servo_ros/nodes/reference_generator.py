@@ -3,9 +3,9 @@
 import sys
 from collections.abc import Sequence
 
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.main import run_node
 from hdd_servo_ros.ros.run import Run
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 from hdd_servo_ros.topics import CLOCK, REFERENCE

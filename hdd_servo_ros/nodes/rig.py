@@ -12,13 +12,13 @@ from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.deterministic_timer import DeterministicTimer
 from hdd_servo_ros.nodes.ldv_sensor import LdvSensor
+from hdd_servo_ros.nodes.main import run_nodes
 from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
-from hdd_servo_ros.ros.main import run_nodes
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 
 CONTROLLER_NODES: dict[str, type[ControllerNode]] = {

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.loop_parameters import DriveNameParameters
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.ros.errors import NotFiniteError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode, publishers_of
-from hdd_servo_ros.ros.main import run_node
 from hdd_servo_ros.ros.run import Run
 from hdd_servo_ros.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
 

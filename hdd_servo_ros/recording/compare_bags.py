@@ -31,7 +31,8 @@ def first_difference(left: Path, right: Path) -> str | None:
         The earliest difference in words, None if every payload is identical.
     """
     differences = list(_differences(left, right))
-    return min(differences)[1] if differences else None
+    # Of several at one tick the first in the order of the topics, along which data flows.
+    return min(differences, key=lambda difference: difference[0])[1] if differences else None
 
 
 def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:

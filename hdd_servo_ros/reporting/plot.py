@@ -13,6 +13,7 @@ from hdd_servo_ros.reporting.summary import NOT_ADAPTED
 
 _CLOSE_UP = 0.03
 _POINTS = 4000
+_BANDS = 1000
 _ESTIMATES = 6
 
 
@@ -43,8 +44,8 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
         time = signals.time[window]
         top, error, control, estimates = axes[:, column]
         top.set_title(title, fontsize=10)
+        _line(top, time, signals.reference[window, 0], color='0.3', linewidth=2.5, alpha=0.5, label='reference')
         _line(top, time, signals.head[window, 0], color='C0', label='head')
-        _line(top, time, signals.reference[window, 0], color='0.2', linewidth=0.9, linestyle='--', label='reference')
         _line(error, time, factor * (signals.head[window, 0] - signals.reference[window, 0]), color='C3')
         _line(control, time, signals.control[window, 0], color='C2', label='total')
         _line(control, time, signals.control[window, 2], color='C1', linewidth=0.8, label='feedback part')
@@ -59,8 +60,11 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
     axes[3, 0].set_ylabel('estimates, each over\nits largest magnitude')
     for row in (0, 2):
         axes[row, 1].legend(loc='upper right', fontsize=8)
-    if axes[3, 0].lines:
-        axes[3, 0].legend(loc='center left', fontsize=8, ncols=2)
+    handles, labels = axes[3, 1].get_legend_handles_labels()
+    if handles:
+        axes[3, 0].legend(
+            handles, labels, loc='upper left', bbox_to_anchor=(0, -0.25), fontsize=8, ncols=6, frameon=False
+        )
     figure.suptitle(f'{run["controller"]} on {run["frame_id"]}, T = {run["sample_time"] * 1e3:g} ms')
     figure.savefig(path, dpi=110)
 
@@ -78,12 +82,12 @@ def _draw_estimates(axis: Axes, signals: Signals, window: slice) -> None:
 
 
 def _line(axis: Axes, time: Any, values: Any, **style: Any) -> None:
-    """Draw a signal; a long one as the envelope of its extremes, which keeps every peak that a person could see."""
-    if len(time) > 2 * _POINTS:
-        block = -(-len(time) // _POINTS)
-        count = len(time) // block * block
-        blocks = np.asarray(values[:count]).reshape(-1, block)
-        # The order of minimum and maximum within a block is lost; at this width it is not visible.
-        values = np.stack((blocks.min(axis=1), blocks.max(axis=1)), axis=1).ravel()
-        time = np.repeat(time[:count:block], 2)
-    axis.plot(time, values, **{'linewidth': 1.1, **style})
+    """Draw a signal; a long one as the band between its extremes, which keeps every peak that a person could see."""
+    if len(time) <= _POINTS:
+        axis.plot(time, values, **{'linewidth': 1.1, **style})
+        return
+    block = -(-len(time) // _BANDS)
+    starts = np.arange(0, len(time), block)
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    style.pop('linestyle', None)
+    axis.fill_between(time[starts], low, high, **{'alpha': 0.55, **style, 'linewidth': 0.8})

@@ -95,6 +95,10 @@ class Lockstep:
         return 'in ' + ', '.join(f'{node.get_name()} at tick {node.tick}' for node in self._nodes[:1])
 
     def _take_signal(self, number: int, frame: FrameType | None) -> None:
+        if self._signal:
+            # Asked twice: a step that never returns keeps the first from being looked at.
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
         self._signal = number
 
     def _check_signal(self) -> None:

@@ -60,7 +60,7 @@ class NodeParameters:
     Raises
     ------
     ParameterError
-        If a value given from outside is not allowed, or names no parameter.
+        If a value given from outside is not allowed.
     """
 
     def __init__(self, node: Node, kinds: Sequence[type[ParameterSet]]) -> None:
@@ -73,10 +73,11 @@ class NodeParameters:
             if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
         }
         for name in given:
-            if not any(name in names for names in self._names.values()):
-                raise ParameterError(name, given[name], f'no such parameter of {node.get_name()}')
             node.undeclare_parameter(name)
-        self._sets = self._checked(given)
+        known = set().union(*self._names.values())
+        self.unknown = {name: value for name, value in given.items() if name not in known}
+        """What was given for this node, perhaps as for all nodes, that it does not have."""
+        self._sets = self._checked({name: value for name, value in given.items() if name in known})
         values = self.as_mapping()
         for kind in self._kinds:
             for declaration in declarations(kind):

@@ -40,6 +40,7 @@ _PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 """How often a process speaks in each state [s]."""
 _FOREIGN_AFTER = 2.0
 """How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s]."""
+_LAST_WORDS = 5
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -98,7 +99,7 @@ class Peers:
             return
         known = self._heard.get(process)
         if known is None:
-            if said['state'] in (FAILED, INTERRUPTED, FINISHED):
+            if said['state'] in (INTERRUPTED, FINISHED):
                 return  # the end of an earlier run
             self._changed_at = time.monotonic()
         elif 'nodes' not in said:
@@ -291,15 +292,15 @@ class Peers:
 
     def _refuse_silent(self, process: str, silent: float) -> None:
         said = self._heard[process]
-        names = ', '.join(f'{name} at tick {tick - 1}' for name, tick in said['ticks'].items())
-        waits = '; '.join(
-            f'{wire.name} is missing for tick {node.tick - wire.delay}'
-            for node in self._nodes
-            if (wire := node.missing()) is not None
-        )
         if said['state'] == DONE:
             return  # it had nothing left to do
-        raise RunError(f'lost a peer: nothing heard for {silent:.1f} s from {names}' + (f'; {waits}' if waits else ''))
+        waits = ', '.join(
+            f'{node.get_name()} is at tick {node.tick}'
+            if (wire := node.missing()) is None
+            else f'{wire.name} is missing for tick {node.tick - wire.delay}'
+            for node in self._nodes
+        )
+        raise RunError(f'lost a peer: nothing heard for {silent:.1f} s from {", ".join(said["ticks"])}; {waits}')
 
     def check_stall(self, stalled: float) -> None:
         """
@@ -368,6 +369,11 @@ class Peers:
         else:
             self.state = outcome.status
         self._speak(outcome.reason)
+        if self.run is None:
+            # Some of those that wait may not have found this process yet.
+            for _ in range(_LAST_WORDS):
+                time.sleep(_PERIODS[WAITING])
+                self._speak(outcome.reason)
         self._publisher.wait_for_all_acked(Duration(seconds=1))
 
 

@@ -1,8 +1,8 @@
 """
 The Dahl model (2.15)-(2.19) with any exponent.
 
-(2.15) is printed as a rate in time and is the derivative with respect to position; (2.17) lacks sigma and |v|. Corrected,
-with y = 1 - (F/f_c) sgn v, dF/dx = sigma |y|^alpha sgn y. Along a displacement s >= 0 of one direction, with
+(2.15) is printed as a rate in time and is the derivative with respect to position; (2.17) lacks sigma and |v|. With
+y = 1 - (F/f_c) sgn v it reads dF/dx = sigma |y|^alpha sgn y. Along a displacement s >= 0 of one direction, with
 l = sigma s/f_c, this is dy/dl = -y^alpha, whose solution is closed:
 
     alpha = 1: y = y0 e^(-l),    else y^(1-alpha) = y0^(1-alpha) + (alpha - 1) l (zero once that is negative).
@@ -45,6 +45,8 @@ def dahl_force(force: float, displacement: float, stiffness: float, coulomb_leve
     stiffness, coulomb_level, exponent
         sigma [V/um], f_c [V], alpha.
     """
+    if displacement == 0.0:
+        return force
     direction = math.copysign(1.0, displacement)
     y = 1.0 - force * direction / coulomb_level
     y = dahl_relaxation(y, stiffness * abs(displacement) / coulomb_level, exponent)
@@ -89,7 +91,7 @@ def dahl_substep(
     tuple
         Mean velocity [um/s], friction at the end [V], mean friction [V].
     """
-    mean = velocity + 0.5 * substep * gain * (applied - previous_force)
+    mean = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
     displacement = mean * substep
     direction = math.copysign(1.0, mean)
     secant = 0.5 * dahl_slope(force, direction, stiffness, coulomb_level, exponent) * substep

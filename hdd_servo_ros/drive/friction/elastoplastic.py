@@ -3,7 +3,7 @@ Presliding as a spring: tangential stiffness (2.2) and the complete model (2.13)
 
 Both are printed with delta(v), which is zero whenever the body moves and so contradicts a spring of presliding. Here
 the contact is a spring f_t z that carries the body until its force reaches the level of sliding, and slides on at that
-level: f_s for (2.2), f_c + f_r sqrt|v| (and f_v v + f_d v|v| beside it) for (2.13). In sliding it is (2.13) to the letter.
+level: f_s for (2.2); f_c + f_r sqrt|v|, with f_v v + f_d v|v| beside it, for (2.13), which it then is to the letter.
 """
 
 import math
@@ -30,7 +30,8 @@ def slip_terms(constants: npt.NDArray[np.float64], place: int, speed: float) -> 
 def elastoplastic_friction(constants: npt.NDArray[np.float64], place: int, velocity: float, deflection: float) -> float:
     """Return the friction [V] at a velocity [um/s] and a deflection z [um] of the contact."""
     _, resistance = slip_terms(constants, place, abs(velocity))
-    return constants[place + STIFFNESS] * deflection + resistance * velocity
+    stiffness: float = constants[place + STIFFNESS]
+    return stiffness * deflection + resistance * velocity
 
 
 @compiled
@@ -57,7 +58,7 @@ def elastoplastic_substep(
         Mean velocity [um/s], deflection at the end [um], mean friction [V].
     """
     stiffness = constants[place + STIFFNESS]
-    predicted = velocity + 0.5 * substep * gain * (applied - previous_force)
+    predicted = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
     level, resistance = slip_terms(constants, place, abs(predicted))
     total = 2.0 + gain * substep * (resistance + drag)
     mean = (2.0 * velocity + gain * substep * (applied - stiffness * deflection)) / (

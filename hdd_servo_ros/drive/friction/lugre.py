@@ -6,8 +6,8 @@ velocity w is held, so that the bristle equation is linear and is solved exactly
 
     z(D) = z e^(-X) + w D p1(X),    integral of z = z D p1(X) + w D^2 p2(X),    X = D sigma_0 |w| / g(w),
 
-with p1(X) = (1 - e^(-X)) / X and p2(X) = (1 - p1) / X. The momentum equation is written in impulses and so is linear in w
-too; only X needs w beforehand, and takes it predicted from the friction of the substep before. The step is of second
+with p1(X) = (1 - e^(-X)) / X and p2(X) = (1 - p1) / X. The momentum equation is written in impulses and so is linear in
+w too; only X needs w beforehand, and takes it predicted from the friction of the substep before. The step is of second
 order and bounded for any stiffness; the deflection is kept within the bound of lemma 4.1, f_s/sigma_0.
 """
 
@@ -120,7 +120,7 @@ def lugre_substep(
     tuple
         Mean velocity w (the velocity at the end is 2 w - v) [um/s], deflection at the end [um], mean friction [V].
     """
-    mean = velocity + 0.5 * substep * gain * (applied - previous_force)
+    mean = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
     level = factor * lugre_level(mean, coulomb_level, static_level, inverse_stribeck)
     rate = stiffness * abs(mean) / level
     decay_1, decay_2 = decay_functions(substep * rate)

@@ -54,7 +54,7 @@ def network_substep(
     tuple
         Mean velocity [um/s], mean friction [V].
     """
-    predicted = velocity + 0.5 * substep * gain * (applied - previous_force)
+    predicted = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
     force = network_friction(constants, place, position + 0.25 * substep * (velocity + predicted), predicted)
     mean = (2.0 * velocity + gain * substep * (applied - force)) / (2.0 + gain * substep * drag)
     return mean, force

@@ -73,11 +73,12 @@ def falling_level(constants: npt.NDArray[np.float64], place: int, speed: float) 
     """
     Return the level of the models that fall from f_s to f_c, (2.6)-(2.10) and (2.12), at a speed |v| [um/s].
 
-    The amplitude of the first break is f_s1 = f_s - f_c.
+    The height of the first break is f_s1 = f_s - f_c.
     """
     model = int(constants[place + MODEL])
-    coulomb = constants[place + COULOMB]
-    amplitude = constants[place + STATIC] - coulomb
+    coulomb: float = constants[place + COULOMB]
+    first_break: float = constants[place + STATIC] - coulomb
+    second_break: float = constants[place + SECOND_BREAK]
     first = speed
     second = speed
     if model in (GAUSSIAN_OFFSETS, LORENTZIAN_OFFSETS):
@@ -86,16 +87,16 @@ def falling_level(constants: npt.NDArray[np.float64], place: int, speed: float) 
     first *= constants[place + INVERSE_STRIBECK]
     second *= constants[place + SECOND_INVERSE_STRIBECK]
     if model == GAUSSIAN:
-        return coulomb + amplitude * gaussian(first)
+        return coulomb + first_break * gaussian(first)
     if model in (GAUSSIAN_TWO_BREAKS, GAUSSIAN_OFFSETS):
-        return coulomb + amplitude * gaussian(first) + constants[place + SECOND_BREAK] * gaussian(second)
+        return coulomb + first_break * gaussian(first) + second_break * gaussian(second)
     if model == LORENTZIAN:
-        return coulomb + amplitude * lorentzian(first)
+        return coulomb + first_break * lorentzian(first)
     if model in (LORENTZIAN_TWO_BREAKS, LORENTZIAN_OFFSETS):
-        return coulomb + amplitude * lorentzian(first) + constants[place + SECOND_BREAK] * lorentzian(second)
+        return coulomb + first_break * lorentzian(first) + second_break * lorentzian(second)
     if model == TUSTIN:
-        return coulomb + amplitude * exp(-first)
-    return coulomb + amplitude * exp(-power(first, constants[place + STRIBECK_EXPONENT]))
+        return coulomb + first_break * exp(-first)
+    return coulomb + first_break * exp(-power(first, constants[place + STRIBECK_EXPONENT]))
 
 
 @compiled
@@ -122,11 +123,15 @@ def sliding_terms(constants: npt.NDArray[np.float64], place: int, speed: float) 
         return constants[place + COULOMB], viscous
     if model == DRAG_ONLY:
         return 0.0, constants[place + DRAG] * speed
-    if model == SQUARE_ROOT_LAW:
-        return constants[place + COULOMB] + constants[place + SQUARE_ROOT] * math.sqrt(speed), viscous
-    if model == COMPLETE:
-        level = constants[place + COULOMB] + constants[place + SQUARE_ROOT] * math.sqrt(speed)
-        return level, viscous + constants[place + DRAG] * speed
+    if model in (SQUARE_ROOT_LAW, COMPLETE):
+        level: float = constants[place + COULOMB] + constants[place + SQUARE_ROOT] * math.sqrt(speed)
+        resistance: float = viscous
+        if model == COMPLETE:
+            resistance += constants[place + DRAG] * speed
+        if level < 0.0:
+            # f_r < 0: the sum is not negative, but a negative level would drive the body when its speed changes.
+            return 0.0, level / speed + resistance
+        return level, resistance
     return falling_level(constants, place, speed), viscous
 
 
@@ -134,7 +139,8 @@ def sliding_terms(constants: npt.NDArray[np.float64], place: int, speed: float) 
 def breakaway_level(constants: npt.NDArray[np.float64], place: int) -> float:
     """Return the friction [V] that holds the body at rest: f_s of (2.1), or the level of sliding at v -> 0+."""
     if int(constants[place + MODEL]) == STICTION:
-        return constants[place + STATIC]
+        level: float = constants[place + STATIC]
+        return level
     return sliding_terms(constants, place, 0.0)[0]
 
 
@@ -160,10 +166,12 @@ def _slide(
     direction: float,
 ) -> float:
     """Return the velocity after sliding for ``time`` [s] in one direction (+1 or -1), by the implicit midpoint rule."""
-    level, _ = sliding_terms(constants, place, abs(velocity))
-    mean = velocity + 0.5 * time * gain * (applied - level * direction)
-    level, resistance = sliding_terms(constants, place, max(mean * direction, 0.0))
-    mean = (2.0 * velocity + gain * time * (applied - level * direction)) / (2.0 + gain * time * (resistance + drag))
+    mean = velocity
+    # The first pass predicts the mean velocity, the second takes the friction there.
+    for _ in range(2):
+        level, resistance = sliding_terms(constants, place, max(mean * direction, 0.0))
+        impulse = gain * time * (applied - level * direction)
+        mean = (2.0 * velocity + impulse) / (2.0 + gain * time * (resistance + drag))
     return 2.0 * mean - velocity
 
 

@@ -9,6 +9,7 @@ from rclpy.utilities import remove_ros_args
 
 from hdd_servo_ros.help import parse_help
 from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.registry import refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
 
@@ -46,6 +47,9 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
         return 2
     try:
         nodes = make()
+        own = {name for node in nodes for name in node.parameters.as_mapping()}
+        for node in nodes:
+            refuse_unknown(node.parameters.unknown, own)
         return Lockstep(nodes).run().exit_code
     except ParameterError as error:
         print(f'{name}: {error}', file=sys.stderr)

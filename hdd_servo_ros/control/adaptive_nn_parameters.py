@@ -1,0 +1,204 @@
+"""Parameters of the adaptive neural network controller; docs/controllers.md relates them to the thesis's symbols."""
+
+import dataclasses
+
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+VELOCITY_SOURCES = ('sensor', 'difference')
+NETWORK_INPUTS = ('measured', 'reference')
+
+
+@dataclasses.dataclass(frozen=True)
+class SigmaParameters(ParameterSet):
+    """The viscous estimate sigma_hat, (4.18)."""
+
+    enabled: bool = parameter(True, 'whether sigma_hat takes part')
+    gain: float = parameter(1.26e-9, 'k_sigma of (4.18)', unit='V s^2/um^3', minimum=0.0)
+    leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
+    initial: float = parameter(0.0, 'sigma_hat(0)', unit='V s/um')
+    minimum: float = parameter(-1.0, 'smallest sigma_hat, where projection is on', unit='V s/um')
+    maximum: float = parameter(1.0, 'largest sigma_hat, where projection is on', unit='V s/um')
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class MassParameters(ParameterSet):
+    """The inertia estimate m_hat, (4.19). Below the presliding resonance it learns a negative, effective mass."""
+
+    enabled: bool = parameter(True, 'whether m_hat takes part')
+    gain: float = parameter(3.19e-15, 'k_m of (4.19)', unit='V s^4/um^3', minimum=0.0)
+    leakage: float = parameter(1.56e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
+    initial: float = parameter(0.0, 'm_hat(0)', unit='V s^2/um')
+    minimum: float = parameter(-1.0, 'smallest m_hat, where projection is on', unit='V s^2/um')
+    maximum: float = parameter(1.0, 'largest m_hat, where projection is on', unit='V s^2/um')
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class PhiParameters(ParameterSet):
+    """The bound estimate phi_hat of network error and disturbance, (4.20)."""
+
+    enabled: bool = parameter(True, 'whether phi_hat takes part')
+    gain: float = parameter(4.98e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
+    leakage: float = parameter(1.01e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
+    initial: float = parameter(0.0, 'phi_hat(0)', unit='V', minimum=0.0)
+    minimum: float = parameter(0.0, 'smallest phi_hat, where projection is on', unit='V')
+    maximum: float = parameter(1.0, 'largest phi_hat, where projection is on', unit='V')
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class NetworkParameters(ParameterSet):
+    """The network W_hat'S(x, v) that bounds the friction, (4.7), (4.14) and (4.21)."""
+
+    enabled: bool = parameter(True, 'whether the network takes part')
+    nodes: int = parameter(5, 'nodes an axis: n of the n x n lattice', minimum=1, maximum=32, read_only=True)
+    gain: tuple[float, ...] = parameter(
+        (3.08e-5,),
+        'Gamma of (4.21): one number, or the n x n diagonal (position index first)',
+        unit='V/um',
+        minimum=0.0,
+    )
+    leakage: float = parameter(1.63e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
+    initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
+    position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
+    position_maximum: float = parameter(6.0, 'last position centre', unit='um')
+    velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
+    velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
+    normalize_inputs: bool = parameter(
+        True, 'whether the inputs are scaled so that the lattice spans -1 to 1 on both axes; widths count in that scale'
+    )
+    width: tuple[float, ...] = parameter(
+        (0.5,),
+        'eta of (4.7): one number, or one for position and one for velocity; in half ranges with normalize_inputs, '
+        'else in the units of position and velocity',
+        above=0.0,
+    )
+    input: str = parameter(
+        'measured', 'Z of (4.7): the measured position and velocity, or those of the reference', choices=NETWORK_INPUTS
+    )
+    maximum: float = parameter(1.0, 'largest magnitude of a weight, where projection is on', unit='V', minimum=0.0)
+
+    def check_together(self) -> None:
+        """Check ranges and lengths; raises :class:`ParameterError`."""
+        _check_range('position_maximum', self.position_minimum, self.position_maximum)
+        _check_range('velocity_maximum', self.velocity_minimum, self.velocity_maximum)
+        count = self.nodes * self.nodes
+        for name in ('gain', 'initial'):
+            if len(getattr(self, name)) not in (1, count):
+                raise ParameterError(name, getattr(self, name), f'1 or nodes x nodes = {count} elements')
+        if len(self.width) not in (1, 2):
+            raise ParameterError('width', self.width, '1 or 2 elements')
+
+    @property
+    def axis_widths(self) -> tuple[float, float]:
+        """The widths of the position and velocity axis in their own units [um], [um/s]."""
+        position, velocity = self.width[0], self.width[-1]
+        if self.normalize_inputs:
+            position *= 0.5 * (self.position_maximum - self.position_minimum)
+            velocity *= 0.5 * (self.velocity_maximum - self.velocity_minimum)
+        return position, velocity
+
+
+@dataclasses.dataclass(frozen=True)
+class WidthParameters(ParameterSet):
+    """Option beyond the thesis: the two widths of the lattice adapt (docs/controllers.md derives the law)."""
+
+    enabled: bool = parameter(False, 'whether the widths adapt')
+    gain: float = parameter(1.0e3, 'gamma_eta', unit='1/(V um)', minimum=0.0)
+    leakage: float = parameter(1.0e-4, 'sigma_eta, towards the initial widths', unit='V um/s', minimum=0.0)
+    factor: float = parameter(3.0, 'the widths stay between the initial ones over and times this', above=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class CompensatorParameters(ParameterSet):
+    """Option beyond the thesis: a signed network over the reference learns the friction (docs/controllers.md)."""
+
+    enabled: bool = parameter(False, 'whether the compensator takes part')
+    nodes: int = parameter(7, 'nodes an axis', minimum=1, maximum=32, read_only=True)
+    gain: float = parameter(1.0e-3, 'Gamma_c', unit='V/um', minimum=0.0)
+    leakage: float = parameter(500.0, 'sigma_c', unit='um/(V s)', minimum=0.0)
+    position_minimum: float = parameter(-3.0, 'first position centre', unit='um')
+    position_maximum: float = parameter(3.0, 'last position centre', unit='um')
+    velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
+    velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
+    width: float = parameter(0.35, 'width in half ranges', above=0.0)
+
+    def check_together(self) -> None:
+        """Check the ranges; raises :class:`ParameterError`."""
+        _check_range('position_maximum', self.position_minimum, self.position_maximum)
+        _check_range('velocity_maximum', self.velocity_minimum, self.velocity_maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class AdaptiveNnParameters(ParameterSet):
+    """Parameters of :class:`AdaptiveNn`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
+
+    error_filter_lambda: float = parameter(595.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
+    feedback_gain: float = parameter(7.96e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
+    boundary_layer: float = parameter(
+        0.0, 'sgn(r) of (4.16) grows linearly over +- this; 0 is the true sgn with sgn 0 = 0', unit='um/s', minimum=0.0
+    )
+    control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
+    freeze_when_saturated: bool = parameter(
+        True, 'whether the estimates and the integral rest while the drive voltage is limited'
+    )
+    sigma: SigmaParameters = group(SigmaParameters)
+    mass: MassParameters = group(MassParameters)
+    phi: PhiParameters = group(PhiParameters)
+    network: NetworkParameters = group(NetworkParameters)
+    velocity_source: str = parameter(
+        'sensor',
+        'where the velocity comes from: the velocity output of the sensor, or the filtered difference of displacement; '
+        'the reference then goes through the same filter',
+        choices=VELOCITY_SOURCES,
+    )
+    velocity_bandwidth: float = parameter(
+        2000.0, 'corner frequency of the first-order low pass on the difference, 0 for none', unit='Hz', minimum=0.0
+    )
+    displacement_scale: float = parameter(
+        8.0, 'displacement per volt of the sensor, as in the sensor', unit='um/V', above=0.0
+    )
+    velocity_scale: float = parameter(
+        5000.0, 'velocity per volt of the sensor, as in the sensor', unit='um/s/V', above=0.0
+    )
+    integral_gain: float = parameter(
+        0.0, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
+    )
+    projection: bool = parameter(
+        False, 'option beyond the thesis: whether the estimates are kept inside their minimum and maximum'
+    )
+    r_limit: float = parameter(
+        0.0,
+        'option beyond the thesis: r counts in the adaptation laws up to this magnitude, 0 for no limit',
+        unit='um/s',
+        minimum=0.0,
+    )
+    width: WidthParameters = group(WidthParameters)
+    compensator: CompensatorParameters = group(CompensatorParameters)
+    safe_gain: float = parameter(
+        9.96e-5,
+        'largest linear gain on r that the loop is known to bear, 0 if not known; a warning says when '
+        "k + 1/sigma_phi + max(S'S)/sigma_w exceeds it",
+        unit='V s/um',
+        minimum=0.0,
+    )
+
+
+def _check_bounds(minimum: float, maximum: float) -> None:
+    if minimum > maximum:
+        raise ParameterError('minimum', minimum, f'at most maximum = {maximum:g}')
+
+
+def _check_range(name: str, minimum: float, maximum: float) -> None:
+    if not maximum > minimum:
+        raise ParameterError(name, maximum, f'above the minimum of its axis, {minimum:g}')

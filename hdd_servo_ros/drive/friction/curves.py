@@ -1,0 +1,155 @@
+"""Friction of every model over arrays: in steady sliding, and along a given motion."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from hdd_servo_ros.drive.friction.dahl import dahl_force
+from hdd_servo_ros.drive.friction.elastoplastic import slip_terms
+from hdd_servo_ros.drive.friction.lugre import lugre_bristle, lugre_friction, lugre_level, position_factor
+from hdd_servo_ros.drive.friction.network import network_friction
+from hdd_servo_ros.drive.friction.parameters import (
+    BRISTLE_DAMPING,
+    COULOMB,
+    DAHL_EXPONENT,
+    INVERSE_PERIOD,
+    INVERSE_STRIBECK,
+    MODEL,
+    MODELS,
+    RIPPLE,
+    STATIC,
+    STIFFNESS,
+    VISCOUS,
+    FrictionParameters,
+    friction_constants,
+)
+from hdd_servo_ros.drive.friction.static import sliding_terms
+from hdd_servo_ros.numerics.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+
+NO_FRICTION = MODELS.index('none')
+TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
+COMPLETE = MODELS.index('complete')
+DAHL = MODELS.index('dahl')
+LUGRE = MODELS.index('lugre')
+LUGRE_POSITION = MODELS.index('lugre_position')
+NETWORK = MODELS.index('rbf_network')
+
+
+def friction_curve(
+    parameters: FrictionParameters, velocity: npt.ArrayLike, position: npt.ArrayLike = 0.0
+) -> npt.NDArray[np.float64]:
+    """
+    Return the friction of steady sliding.
+
+    A dynamic model gives what it settles to: the LuGre model g(v) sgn v + sigma_2 v, Dahl's f_c sgn v, a tangential
+    stiffness its breakaway level. At rest the result is 0, the middle of the possible values.
+
+    Parameters
+    ----------
+    parameters
+        The model.
+    velocity
+        v [um/s], of any shape.
+    position
+        x [um], for the models that depend on it; broadcast against the velocity.
+
+    Returns
+    -------
+    ndarray
+        Friction [V], of the broadcast shape.
+    """
+    velocities, positions = np.broadcast_arrays(
+        np.asarray(velocity, dtype=np.float64), np.asarray(position, dtype=np.float64)
+    )
+    result = np.zeros(velocities.shape)
+    constants = np.array(friction_constants(parameters))
+    _fill_curve(constants, np.ravel(positions), np.ravel(velocities), result.reshape(-1))
+    return result
+
+
+def friction_along(
+    parameters: FrictionParameters, position: npt.ArrayLike, sample_time: float
+) -> npt.NDArray[np.float64]:
+    """
+    Return the friction along a given motion, from an undeflected contact at its first sample.
+
+    Between two samples the velocity is constant, and the contact follows it exactly (Dahl, LuGre, elastoplastic). The
+    velocity at a sample is the one of the interval that ends there.
+
+    Parameters
+    ----------
+    parameters
+        The model.
+    position
+        x at equidistant times [um], at least one sample.
+    sample_time
+        Time between the samples [s].
+
+    Returns
+    -------
+    ndarray
+        Friction [V] at each sample; 0 at the first.
+    """
+    positions = np.ascontiguousarray(position, dtype=np.float64)
+    result = np.zeros(positions.size)
+    _fill_along(np.array(friction_constants(parameters)), positions, sample_time, result)
+    return result
+
+
+@compiled
+def _sliding_friction(constants: Array, position: float, velocity: float) -> float:
+    model = int(constants[MODEL])
+    if model == NETWORK:
+        return network_friction(constants, 0, position, velocity)
+    if velocity == 0.0 or model == NO_FRICTION:
+        return 0.0
+    level: float = constants[COULOMB]
+    resistance: float = 0.0
+    if model in (LUGRE, LUGRE_POSITION):
+        level = lugre_level(velocity, level, constants[STATIC], constants[INVERSE_STRIBECK])
+        resistance = constants[VISCOUS]
+        if model == LUGRE_POSITION:
+            level *= position_factor(position, constants[RIPPLE], constants[INVERSE_PERIOD])
+    elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
+        level, resistance = slip_terms(constants, 0, abs(velocity))
+    elif model != DAHL:
+        level, resistance = sliding_terms(constants, 0, abs(velocity))
+    return math.copysign(level, velocity) + resistance * velocity
+
+
+@compiled
+def _fill_curve(constants: Array, positions: Array, velocities: Array, result: Array) -> None:
+    for i in range(result.size):
+        result[i] = _sliding_friction(constants, positions[i], velocities[i])
+
+
+@compiled
+def _fill_along(constants: Array, positions: Array, sample_time: float, result: Array) -> None:
+    model = int(constants[MODEL])
+    stiffness: float = constants[STIFFNESS]
+    deflection = 0.0
+    force = 0.0
+    for i in range(1, result.size):
+        change = positions[i] - positions[i - 1]
+        velocity = change / sample_time
+        if model in (LUGRE, LUGRE_POSITION):
+            level = lugre_level(velocity, constants[COULOMB], constants[STATIC], constants[INVERSE_STRIBECK])
+            if model == LUGRE_POSITION:
+                middle = 0.5 * (positions[i] + positions[i - 1])
+                level *= position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
+            deflection, _ = lugre_bristle(sample_time, velocity, deflection, stiffness, level)
+            force = lugre_friction(
+                velocity, deflection, stiffness, constants[BRISTLE_DAMPING], constants[VISCOUS], level
+            )
+        elif model == DAHL:
+            force = dahl_force(force, change, stiffness, constants[COULOMB], constants[DAHL_EXPONENT])
+        elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
+            level, resistance = slip_terms(constants, 0, abs(velocity))
+            deflection = min(max(deflection + change, -level / stiffness), level / stiffness)
+            force = stiffness * deflection + resistance * velocity
+        else:
+            force = _sliding_friction(constants, positions[i], velocity)
+        result[i] = force

@@ -1,0 +1,154 @@
+"""Least-squares fits of the models linear in their parameters: (2.11), (2.13)-(2.14), (2.25)-(2.27)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+
+Array = npt.NDArray[np.float64]
+
+TERMS = (
+    'stiffness',
+    'coulomb_level',
+    'viscous_coefficient',
+    'drag_coefficient',
+    'square_root_coefficient',
+)
+"""The parameters P = [f_t, f_c, f_v, f_d, f_r] of (2.14), by the names they have in :class:`FrictionParameters`."""
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """A least-squares fit: the coefficients by name, and what is left over."""
+
+    coefficients: dict[str, float]
+    residual_rms: float
+    """Root mean square of the residual [V]."""
+
+    def parameters(self, model: str) -> FrictionParameters:
+        """
+        Return the fit as parameters of ``model``.
+
+        Raises
+        ------
+        ParameterError
+            If a fitted coefficient is out of its range (a negative Coulomb level, say).
+        """
+        return replace(FrictionParameters(), model=model, **self.coefficients)  # type: ignore[arg-type]
+
+
+def regressor(
+    velocity: npt.ArrayLike, position: npt.ArrayLike = 0.0, dead_band_velocity: float = 0.0
+) -> npt.NDArray[np.float64]:
+    """
+    Return S(x, v) of (2.14), corrected: [x delta(v), sgn v, v, v|v|, sqrt|v| sgn v].
+
+    The first element is printed without x and the root without its absolute value.
+
+    Parameters
+    ----------
+    velocity
+        v [um/s], one-dimensional.
+    position
+        x [um], away from equilibrium; broadcast against the velocity.
+    dead_band_velocity
+        delta(v) is 1 where |v| is at most this [um/s].
+
+    Returns
+    -------
+    ndarray
+        One row a sample, one column a term of :data:`TERMS`.
+    """
+    v, x = np.broadcast_arrays(np.asarray(velocity, dtype=np.float64), np.asarray(position, dtype=np.float64))
+    at_rest = np.abs(v) <= dead_band_velocity
+    return np.stack([np.where(at_rest, x, 0.0), np.sign(v), v, v * np.abs(v), np.sqrt(np.abs(v)) * np.sign(v)], axis=-1)
+
+
+def fit_linear(
+    velocity: npt.ArrayLike,
+    friction: npt.ArrayLike,
+    terms: Sequence[str] = ('coulomb_level', 'square_root_coefficient', 'viscous_coefficient'),
+    position: npt.ArrayLike = 0.0,
+    dead_band_velocity: float = 0.0,
+) -> LinearFit:
+    """
+    Fit F = S(x, v)'P of (2.14), or some of its terms, by least squares; the default terms are (2.11).
+
+    Parameters
+    ----------
+    velocity, friction
+        Measured v [um/s] and F [V], one-dimensional, of equal length.
+    terms
+        Which of :data:`TERMS` to fit.
+    position, dead_band_velocity
+        As of :func:`regressor`.
+
+    Raises
+    ------
+    ValueError
+        If the data do not determine the terms.
+    """
+    columns = [TERMS.index(term) for term in terms]
+    matrix = regressor(velocity, position, dead_band_velocity)[:, columns]
+    coefficients, rms = _least_squares(matrix, np.asarray(friction, dtype=np.float64), ', '.join(terms))
+    return LinearFit({term: float(value) for term, value in zip(terms, coefficients, strict=True)}, rms)
+
+
+def fit_network(
+    position: npt.ArrayLike, velocity: npt.ArrayLike, friction: npt.ArrayLike, parameters: FrictionParameters
+) -> tuple[FrictionParameters, float]:
+    """
+    Fit the weights W of the network (2.26) to data by least squares, its centres and widths given.
+
+    Parameters
+    ----------
+    position, velocity, friction
+        Measured x [um], v [um/s] and F [V], one-dimensional, of equal length.
+    parameters
+        The network's centres (``node_positions``, ``node_velocities``) and widths.
+
+    Returns
+    -------
+    tuple
+        The parameters with the fitted weights and the model ``rbf_network``; root mean square of the residual [V],
+        the epsilon of (2.27).
+
+    Raises
+    ------
+    ValueError
+        If the data do not determine the weights.
+    """
+    matrix = network_basis(position, velocity, parameters)
+    weights, rms = _least_squares(matrix, np.asarray(friction, dtype=np.float64), 'the weights')
+    return replace(parameters, model='rbf_network', node_weights=tuple(weights.tolist())), rms
+
+
+def network_basis(
+    position: npt.ArrayLike, velocity: npt.ArrayLike, parameters: FrictionParameters
+) -> npt.NDArray[np.float64]:
+    """Return S(x, v) of (2.25), one row a sample and one column a node."""
+    x = np.asarray(position, dtype=np.float64)[..., np.newaxis] - np.asarray(parameters.node_positions)
+    v = np.asarray(velocity, dtype=np.float64)[..., np.newaxis] - np.asarray(parameters.node_velocities)
+    basis: Array = np.exp(-((x / parameters.position_width) ** 2) - (v / parameters.velocity_width) ** 2)
+    return basis
+
+
+def lattice(positions: Sequence[float], velocities: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the centres of a regular lattice as (node_positions, node_velocities), velocity changing fastest."""
+    grid = [(x, v) for x in positions for v in velocities]
+    return tuple(x for x, _ in grid), tuple(v for _, v in grid)
+
+
+def _least_squares(matrix: Array, target: Array, what: str) -> tuple[Array, float]:
+    # Columns differ by the size of the velocity's powers: scaled, the rank test means something.
+    scale = np.sqrt(np.mean(matrix * matrix, axis=0))
+    if np.any(scale == 0.0):
+        raise ValueError(f'the data do not determine {what}: a regressor is zero throughout')
+    solution, _, rank, _ = np.linalg.lstsq(matrix / scale, target, rcond=1.0e-12)
+    if rank < matrix.shape[1]:
+        raise ValueError(f'the data do not determine {what}: the regressors have rank {rank} of {matrix.shape[1]}')
+    residual = matrix @ (solution / scale) - target
+    return solution / scale, float(np.sqrt(np.mean(residual * residual)))

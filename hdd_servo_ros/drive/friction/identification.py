@@ -1,0 +1,140 @@
+"""
+Identification of the LuGre model from data: first its static map, then its presliding.
+
+The static map F(v) = [f_c + (f_s - f_c) exp(-(v/v_s)^2)] sgn v + sigma_2 v is linear in f_c, f_s - f_c and sigma_2
+once v_s is given, so that only v_s is searched for. With the map known, sigma_0 and sigma_1 are fitted to the friction
+along a motion that reverses, of which the presliding parts tell them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares, minimize_scalar
+
+from hdd_servo_ros.drive.friction.curves import friction_along
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StaticMap:
+    """The static map of the LuGre model as fitted."""
+
+    coulomb_level: float
+    static_level: float
+    stribeck_velocity: float
+    viscous_coefficient: float
+    residual_rms: float
+    """Root mean square of the residual [V]."""
+
+
+def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMap:
+    """
+    Fit the LuGre model's curve of steady sliding.
+
+    Parameters
+    ----------
+    velocity, friction
+        v [um/s] and F [V] of steady sliding, one-dimensional, of equal length; v of both signs or one, never 0.
+
+    Raises
+    ------
+    ValueError
+        If a velocity is 0, or fewer than four samples are given.
+    """
+    v = np.asarray(velocity, dtype=np.float64)
+    f = np.asarray(friction, dtype=np.float64)
+    if v.size < 4 or np.any(v == 0.0):
+        raise ValueError('the static map needs at least four samples of steady sliding, none of them at rest')
+    speeds = np.abs(v)
+
+    def solve(log_stribeck: float) -> tuple[Array, float]:
+        falling = np.exp(-((v / np.exp(log_stribeck)) ** 2))
+        matrix = np.stack([np.sign(v), falling * np.sign(v), v / speeds.max()], axis=-1)
+        solution, *_ = np.linalg.lstsq(matrix, f, rcond=None)
+        residual = matrix @ solution - f
+        return solution, float(np.mean(residual * residual))
+
+    # The cost has local minima where v_s falls between samples: a coarse search first, then a bounded one.
+    grid = np.linspace(np.log(speeds.min()), np.log(speeds.max()), 101)
+    costs = [solve(point)[1] for point in grid]
+    best = int(np.argmin(costs))
+    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
+    log_stribeck = float(
+        minimize_scalar(lambda point: solve(point)[1], bounds=bounds, method='bounded', options={'xatol': 1.0e-10}).x
+    )
+    (coulomb, drop, viscous), cost = solve(log_stribeck)
+    return StaticMap(
+        coulomb_level=float(coulomb),
+        static_level=float(coulomb + drop),
+        stribeck_velocity=float(np.exp(log_stribeck)),
+        viscous_coefficient=float(viscous / speeds.max()),
+        residual_rms=float(np.sqrt(cost)),
+    )
+
+
+def identify_lugre(
+    velocity: npt.ArrayLike,
+    sliding_friction: npt.ArrayLike,
+    position: npt.ArrayLike,
+    friction: npt.ArrayLike,
+    sample_time: float,
+) -> tuple[FrictionParameters, float]:
+    """
+    Identify the six parameters of the LuGre model.
+
+    Parameters
+    ----------
+    velocity, sliding_friction
+        Steady sliding, as of :func:`fit_static_map`.
+    position, friction
+        x [um] and F [V] along a motion that reverses, from an undeflected contact, one-dimensional, of equal length.
+    sample_time
+        Time between the samples of the motion [s].
+
+    Returns
+    -------
+    tuple
+        The parameters, and the root mean square of the residual along the motion [V].
+
+    Raises
+    ------
+    ValueError
+        As of :func:`fit_static_map`, or if the motion never moves.
+    ParameterError
+        If the fitted static map is not that of a friction (f_s < f_c, say).
+    """
+    static = fit_static_map(velocity, sliding_friction)
+    x = np.asarray(position, dtype=np.float64)
+    f = np.asarray(friction, dtype=np.float64)
+    # The steepest part of the friction over the position is the bristles' stiffness.
+    dx = np.diff(x)
+    moving = np.abs(dx) > 1.0e-3 * np.abs(dx).max()
+    if not np.any(moving):
+        raise ValueError('the motion does not move: no presliding to identify')
+    stiffness = float(np.percentile(np.abs(np.diff(f)[moving] / dx[moving]), 90.0))
+    damping = 0.1 * stiffness * sample_time
+    base = FrictionParameters(
+        model='lugre',
+        stiffness=stiffness,
+        bristle_damping=damping,
+        viscous_coefficient=max(static.viscous_coefficient, 0.0),
+        coulomb_level=static.coulomb_level,
+        static_level=static.static_level,
+        stribeck_velocity=static.stribeck_velocity,
+    )
+
+    def at(scaled: Array) -> FrictionParameters:
+        return replace(base, stiffness=stiffness * float(np.exp(scaled[0])), bristle_damping=damping * float(scaled[1]))
+
+    result = least_squares(
+        lambda scaled: friction_along(at(scaled), x, sample_time)[1:] - f[1:],
+        x0=np.array([0.0, 1.0]),
+        bounds=([-7.0, 0.0], [7.0, np.inf]),
+        x_scale=np.array([1.0, 1.0]),
+        xtol=1.0e-12,
+        ftol=1.0e-12,
+    )
+    return at(result.x), float(np.sqrt(np.mean(result.fun * result.fun)))

@@ -1,0 +1,120 @@
+"""Real processes for the system tests: each test has its own ROS domain, and every process is ended by its pid."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'
+NODES = (
+    'bag_recorder',
+    'adaptive_nn_controller',
+    'ldv_sensor',
+    'vcm_plant',
+    'reference_generator',
+    'deterministic_timer',
+)
+_domains = itertools.count(os.getpid())
+
+
+class Process:
+    """One executable of the package, running."""
+
+    def __init__(self, name: str, popen: subprocess.Popen, log: Path) -> None:
+        self.name = name
+        self.popen = popen
+        self._log = log
+
+    @property
+    def output(self) -> str:
+        """What it has printed so far."""
+        return self._log.read_text(errors='replace')
+
+    def wait(self, timeout: float = 40.0) -> int:
+        """Return its exit code; fails the test, with its output, if it does not end in time."""
+        try:
+            return self.popen.wait(timeout)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f'{self.name} did not end within {timeout} s; it said:\n{self.output}')
+
+    def wait_for(self, text: str, timeout: float = 40.0) -> None:
+        """Wait until it has printed ``text``."""
+        deadline = time.monotonic() + timeout
+        while text not in self.output:
+            if time.monotonic() > deadline or self.popen.poll() is not None and text not in self.output:
+                pytest.fail(f'{self.name} did not say {text!r}; it said:\n{self.output}')
+            time.sleep(0.02)
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self.popen.send_signal(number)
+
+
+class Bench:
+    """Starts processes in a ROS domain of their own."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.domain = next(_domains) % 100 + 1
+        self.processes: list[Process] = []
+        self.environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'AMENT_PREFIX_PATH': os.environ.get('AMENT_PREFIX_PATH', sys.prefix),
+            'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
+        }
+
+    def start(self, name: str, *ros_arguments: str, module: str = '', script: Path | None = None) -> Process:
+        """Start an executable of the package (or a script of the tests) with the default parameter file."""
+        module = module or ('hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}')
+        command = [sys.executable, *([str(script)] if script else ['-m', module])]
+        command += ['--ros-args', '--params-file', str(DEFAULT), *ros_arguments]
+        log = self.directory / f'{len(self.processes)}-{name}.log'
+        with log.open('w') as stream:
+            popen = subprocess.Popen(
+                command, cwd=self.directory, env=self.environment, stdout=stream, stderr=subprocess.STDOUT
+            )
+        self.processes.append(Process(name, popen, log))
+        return self.processes[-1]
+
+    def run(self, name: str, *ros_arguments: str) -> Process:
+        """Start an executable, and wait until it has ended well."""
+        process = self.start(name, *ros_arguments)
+        assert process.wait() == 0, process.output
+        return process
+
+    def start_nodes(self, run: str, *ros_arguments: str, nodes: Sequence[str] = NODES) -> dict[str, Process]:
+        """Start each node in a process of its own; the run goes into the folder ``run``."""
+        recorded = ('-p', f'bag_recorder:run_dir:={run}')
+        return {node: self.start(node, *recorded, *ros_arguments) for node in nodes}
+
+    def run_yaml(self, run: str) -> dict:
+        """Return the content of a run's ``run.yaml``."""
+        return yaml.safe_load((self.directory / run / 'run.yaml').read_text())
+
+    def end(self) -> None:
+        """End every process that still runs."""
+        for process in self.processes:
+            if process.popen.poll() is None:
+                process.popen.send_signal(signal.SIGCONT)
+                process.popen.kill()
+            process.popen.wait()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    """Give a test its own domain and folder, and end what it started."""
+    made = Bench(tmp_path)
+    try:
+        yield made
+    finally:
+        made.end()

@@ -1,0 +1,301 @@
+"""The adaptive NN controller against (4.10)-(4.21) written out, and by hand."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters, adaptive_nn_step
+from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
+
+T = 1e-4
+UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0}
+OFF = {'sigma.enabled': False, 'mass.enabled': False, 'phi.enabled': False, 'network.enabled': False}
+STUDY = {
+    **UNIT,
+    'error_filter_lambda': 1.0,
+    'feedback_gain': 10.0,
+    'control_limit': 1e6,
+    'sigma.gain': 1.0,
+    'sigma.leakage': 0.1,
+    'mass.gain': 1.0,
+    'mass.leakage': 0.1,
+    'phi.gain': 1.0,
+    'phi.leakage': 0.1,
+    'network.gain': [1.0],
+    'network.leakage': 1.0,
+    'network.position_minimum': -1.0,
+    'network.position_maximum': 1.0,
+    'network.velocity_minimum': -5.0,
+    'network.velocity_maximum': 5.0,
+    'network.normalize_inputs': False,
+    'network.width': [1.0],
+    'width.gain': 2.0,
+    'width.leakage': 0.1,
+}
+
+
+def twin_of(parameters, sample_time):
+    path = Path(__file__).with_name('adaptive_nn_twin.py')
+    spec = importlib.util.spec_from_file_location('adaptive_nn_twin', path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Twin(parameters, sample_time)
+
+
+def parameters_of(**values):
+    return from_mapping(AdaptiveNnParameters, {**STUDY, **values})
+
+
+def controller_of(**values):
+    return AdaptiveNn(parameters_of(**values), T)
+
+
+def named(controller):
+    return dict(zip(controller.estimate_names, controller.estimates.tolist(), strict=True))
+
+
+def signals(count, seed=0):
+    """Smooth motion about a reference, of the size of section 4.4."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(count) * 1e-2
+    x_d, dx_d, ddx_d = np.sin(5.0 * t), 5.0 * np.cos(5.0 * t), -25.0 * np.sin(5.0 * t)
+    return np.stack([x_d + 0.3 * rng.normal(size=count), dx_d + rng.normal(size=count), x_d, dx_d, ddx_d], axis=1)
+
+
+OPTIONS = {
+    'thesis': {},
+    'other lattice': {'network.nodes': 3, 'network.normalize_inputs': True, 'network.width': [0.4, 0.9]},
+    'diagonal gamma': {'network.nodes': 2, 'network.gain': [0.5, 1.0, 2.0, 4.0], 'network.initial': [0.1, 0.2, 0.3, 0.4]},
+    'initial values': {'sigma.initial': 1.0, 'mass.initial': -2.0, 'phi.initial': 0.5, 'network.initial': [0.1]},
+    'no leakage': {'sigma.leakage': 0.0, 'mass.leakage': 0.0, 'phi.leakage': 0.0, 'network.leakage': 0.0},
+    'boundary layer': {'boundary_layer': 0.5},
+    'integral': {'integral_gain': 2.0},
+    'projection': {
+        'projection': True,
+        'sigma.minimum': -0.01,
+        'sigma.maximum': 0.01,
+        'mass.minimum': -0.02,
+        'mass.maximum': 0.02,
+        'phi.maximum': 0.01,
+        'network.maximum': 0.005,
+    },
+    'r limit': {'r_limit': 0.2},
+    'reference input': {'network.input': 'reference'},
+    'widths': {'width.enabled': True, 'network.initial': [0.5]},
+    'saturation': {'control_limit': 12.0},
+    'saturation without freezing': {'control_limit': 12.0, 'freeze_when_saturated': False},
+}
+
+
+@pytest.mark.parametrize('name', OPTIONS)
+def test_follows_the_law_written_out(name):
+    parameters = parameters_of(**OPTIONS[name])
+    sample_time = 1e-2
+    controller, twin = AdaptiveNn(parameters, sample_time), twin_of(parameters, sample_time)
+    for k, row in enumerate(signals(400).tolist()):
+        before = twin.sigma, twin.mass, twin.phi, float(np.linalg.norm(twin.W))
+        result = controller.step(k, *row)
+        np.testing.assert_allclose(result, twin.step(*row), rtol=1e-7, atol=1e-9)
+        estimates = named(controller)
+        found = [estimates[key] for key in ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm')]
+        np.testing.assert_allclose(found, before, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(controller.weights, twin.W, rtol=1e-7, atol=1e-9)
+    expected = np.array(parameters.network.axis_widths) * np.exp(twin.widths)
+    controller.step(400, *row)
+    np.testing.assert_allclose(
+        [named(controller)['position_width'], named(controller)['velocity_width']], expected, rtol=1e-5
+    )
+    if name.startswith('saturation'):
+        assert 10 < twin.saturated < 390
+    if name == 'widths':
+        assert np.abs(twin.widths).min() > 0.05
+
+
+def test_by_hand():
+    """(4.10), (4.11), (4.16) with round numbers."""
+    controller = controller_of(
+        **{'sigma.initial': 0.5, 'mass.initial': 2.0, 'phi.initial': 0.25, 'network.enabled': False}
+    )
+    # e = 0.25, e' = 1, r = 1.25, a_r = 3 - 1 = 2: u = -12.5 + 0.5 v + 2 a_r - 0.25 with v = 4
+    assert controller.step(0, 1.25, 4.0, 1.0, 3.0, 3.0) == (-12.5 + 2.0 + 4.0 - 0.25,) * 2 + (-12.5,)
+
+
+def test_only_feedback():
+    assert controller_of(**OFF).step(0, 0.5, 2.0, 0.0, 0.0, 9.0) == (-25.0, -25.0, -25.0)
+
+
+@pytest.mark.parametrize(
+    ('part', 'estimate'), [('sigma', 'sigma_hat'), ('mass', 'm_hat'), ('phi', 'phi_hat'), ('network', 'W_norm')]
+)
+def test_each_part_alone_moves_its_estimate_alone(part, estimate):
+    controller = controller_of(**{**OFF, f'{part}.enabled': True})
+    for k, row in enumerate(signals(50).tolist()):
+        controller.step(k, *row)
+    moved = {key for key in ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm') if named(controller)[key] != 0.0}
+    assert moved == {estimate}
+
+
+def test_sign_of_zero_is_zero():
+    controller = controller_of(**{'phi.initial': 1.0, 'network.initial': [1.0]})
+    assert controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+    assert controller.step(1, 1e-12, 0.0, 0.0, 0.0, 0.0)[0] < -1.0
+
+
+def test_estimates_start_as_given_and_are_those_used():
+    controller = controller_of(**{'mass.initial': 3.0})
+    controller.step(0, 0.1, 0.0, 0.0, 0.0, 1.0)
+    assert named(controller)['m_hat'] == 3.0
+    controller.step(1, 0.1, 0.0, 0.0, 0.0, 1.0)
+    assert named(controller)['m_hat'] != 3.0
+    assert named(controller)['t'] == T
+
+
+def test_scales_are_the_sensors():
+    scaled = controller_of(displacement_scale=8.0, velocity_scale=5000.0)
+    plain = controller_of()
+    assert scaled.step(0, 0.125, 0.001, 0.5, 1.0, 2.0) == plain.step(0, 1.0, 5.0, 0.5, 1.0, 2.0)
+
+
+def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
+    values = {**OFF, 'velocity_source': 'difference', 'velocity_bandwidth': 500.0}
+    controller = controller_of(**values)
+    rng = np.random.default_rng(4)
+    x, x_d = np.cumsum(rng.normal(size=(2, 200)), axis=1) * 1e-3
+    u = np.array([controller.step(k, x[k], 1e9, x_d[k], 7.0, 0.0)[0] for k in range(200)])
+    # r = F (e_k - e_{k-1})/T + lambda e: the reference goes through the same filter as the head.
+    a = math.exp(-2.0 * math.pi * 500.0 * T)
+    e, rate, expected = x - x_d, 0.0, []
+    for k in range(200):
+        if k > 0:
+            rate = a * rate + (1.0 - a) * (e[k] - e[k - 1]) / T
+        expected.append(-10.0 * (rate + e[k]))
+    np.testing.assert_allclose(u, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_compensator_learns_a_friction_on_the_reference():
+    """Its law moves W_c against r, so that a constant lack of force is taken over from the feedback."""
+    values = {**OFF, **{'compensator.enabled': True, 'compensator.gain': 50.0, 'compensator.leakage': 1e-3}}
+    controller = controller_of(**values)
+    position = velocity = 0.0
+    for k in range(20000):
+        u = controller.step(k, position, velocity, 0.0, 0.0, 0.0)[0]
+        # A body pulled by -3, under the loop's own feedback.
+        velocity += T * (u - 3.0)
+        position += T * velocity
+    assert named(controller)['compensator'] == pytest.approx(3.0, rel=0.01)
+    assert abs(position) < 0.02
+    assert np.linalg.norm(controller.compensator_weights) > 0.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(0.0, 1e20), min_size=8, max_size=8),
+    st.floats(1e-6, 1.0),
+    st.integers(0, 10**6),
+)
+def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
+    """Under bounded signals the estimates stay below the rest of their law, |drive|/leakage, whatever the constants."""
+    keys = ('sigma', 'mass', 'phi', 'network')
+    values = {}
+    for i, key in enumerate(keys):
+        gain = constants[2 * i]
+        values[f'{key}.gain'] = [gain] if key == 'network' else gain
+        values[f'{key}.leakage'] = 1e-3 + constants[2 * i + 1]
+    parameters = parameters_of(**values)
+    controller = AdaptiveNn(parameters, sample_time)
+    largest = dict.fromkeys(keys, 0.0)
+    for k, row in enumerate(signals(40, seed).tolist()):
+        controller.step(k, *row)
+        r, v = named(controller)['r'], row[1]
+        a_r = row[4] - (v - row[3])
+        for key, drive in zip(keys, (v * r, a_r * r, r, r), strict=True):
+            largest[key] = max(largest[key], abs(drive))
+    controller.step(40, *row)
+    for key, estimate in zip(keys, ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm'), strict=True):
+        bound = largest[key] / values[f'{key}.leakage'] * (5.0 if key == 'network' else 1.0)
+        assert abs(named(controller)[estimate]) <= bound * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize('place', range(5))
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_not_hidden(place, value):
+    inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
+    inputs[place] = value
+    assert not math.isfinite(controller_of(**OFF, control_limit=1.0).step(0, *inputs)[0])
+    assert not math.isfinite(controller_of().step(0, *inputs)[0])
+
+
+def test_gain_on_r_is_what_the_law_comes_to():
+    """Held at one point of the lattice under a steady r, u/r settles at gain_on_r, where S'S is largest."""
+    controller = controller_of(**{'sigma.enabled': False, 'mass.enabled': False, 'phi.gain': 1e6, 'network.gain': [1e6]})
+    for k in range(50):
+        u, _, _ = controller.step(k, 0.0, 0.0, -0.01, 0.0, 0.0)
+    assert -u / 0.01 == pytest.approx(controller.gain_on_r, rel=1e-6)
+
+
+def test_warns_of_fragile_constants_only():
+    # k + 1/sigma_phi + max(S'S)/sigma_w = 10 + 10 + something above 1
+    assert controller_of(safe_gain=25.0).warnings() == ()
+    (warning,) = controller_of(safe_gain=20.0).warnings()
+    assert 'fragile' in warning
+    assert controller_of(**{'safe_gain': 20.0, 'phi.enabled': False}).warnings() == ()
+    assert controller_of(safe_gain=0.0).warnings() == ()
+
+
+def test_the_default_is_safe():
+    assert AdaptiveNn(AdaptiveNnParameters(), T).warnings() == ()
+
+
+def test_update_keeps_what_was_learnt():
+    controller = controller_of()
+    for k, row in enumerate(signals(50).tolist()):
+        controller.step(k, *row)
+    learnt = controller.state.copy()
+    controller.update(parameters_of(feedback_gain=20.0))
+    np.testing.assert_array_equal(controller.state, learnt)
+    result = controller.step(50, *row)
+    assert result[2] == -20.0 * named(controller)['r']
+    with pytest.raises(ParameterError, match=r'network\.nodes'):
+        controller.update(parameters_of(**{'network.nodes': 4}))
+
+
+@pytest.mark.parametrize(
+    ('name', 'values'),
+    [
+        ('network.gain', {'network.gain': [1.0, 2.0]}),
+        ('network.initial', {'network.initial': []}),
+        ('network.width', {'network.width': [1.0, 1.0, 1.0]}),
+        ('network.width', {'network.width': [0.0]}),
+        ('network.position_maximum', {'network.position_maximum': -1.0}),
+        ('network.velocity_maximum', {'network.velocity_maximum': -6.0}),
+        ('compensator.position_maximum', {'compensator.position_maximum': -6.0}),
+        ('sigma.minimum', {'sigma.minimum': 2.0}),
+        ('mass.minimum', {'mass.minimum': 2.0}),
+        ('phi.minimum', {'phi.minimum': 2.0}),
+        ('feedback_gain', {'feedback_gain': -1.0}),
+        ('phi.leakage', {'phi.leakage': -0.1}),
+    ],
+)
+def test_what_is_refused(name, values):
+    with pytest.raises(ParameterError, match=name.replace('.', r'\.')):
+        parameters_of(**values)
+
+
+def test_every_parameter_says_what_it_is():
+    for declaration in declarations(AdaptiveNnParameters):
+        assert declaration.description
+
+
+def test_compiling_changes_no_bit():
+    parameters = parameters_of(**{'width.enabled': True, 'compensator.enabled': True, 'integral_gain': 1.0})
+    compiled, plain = AdaptiveNn(parameters, 1e-2), AdaptiveNn(parameters, 1e-2)
+    for k, row in enumerate(signals(100).tolist()):
+        expected = adaptive_nn_step.py_func(plain.constants, plain.state, plain.estimates, k, *row)
+        assert compiled.step(k, *row) == tuple(float(value) for value in expected)
+    assert compiled.state.tolist() == plain.state.tolist()
+    assert compiled.estimates.tolist() == plain.estimates.tolist()

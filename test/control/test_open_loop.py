@@ -1,0 +1,22 @@
+import math
+
+from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
+
+
+def test_the_reference_is_the_voltage_within_the_limit():
+    controller = OpenLoop(OpenLoopParameters(control_limit=2.0), 1e-4)
+    assert controller.step(3, 0.5, 0.5, 1.5, 9.0, 9.0) == (1.5, 1.5, 0.0)
+    assert controller.estimates.tolist() == [3 * 1e-4]
+    assert controller.step(4, 0.0, 0.0, -3.0, 0.0, 0.0) == (-2.0, -3.0, 0.0)
+
+
+def test_what_is_not_finite_is_not_hidden():
+    controller = OpenLoop(OpenLoopParameters(), 1e-4)
+    for inputs in ((math.nan, 0.0, 1.0, 0.0, 0.0), (0.0, math.inf, 1.0, 0.0, 0.0), (0.0, 0.0, math.inf, 0.0, 0.0)):
+        assert math.isnan(controller.step(0, *inputs)[0])
+
+
+def test_update():
+    controller = OpenLoop(OpenLoopParameters(), 1e-4)
+    controller.update(OpenLoopParameters(control_limit=0.5))
+    assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == 0.5

@@ -1,0 +1,140 @@
+"""The PID controller against its textbook form, by hand and by a plain twin."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.control.pid import Pid, PidParameters
+
+T = 1e-4
+UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0, 'control_limit': 1e9}
+
+
+def pid(**parameters):
+    return Pid(PidParameters(**{**UNIT, **parameters}), T)
+
+
+def run(controller, errors, rates=None, dx_d=0.0, ddx_d=0.0):
+    rates = np.zeros(len(errors)) if rates is None else rates
+    return np.array(
+        [controller.step(k, float(errors[k]), float(rates[k]) + dx_d, 0.0, dx_d, ddx_d) for k in range(len(errors))]
+    )
+
+
+def test_each_part_alone():
+    u = run(pid(proportional_gain=2.0, integral_gain=0.0, derivative_gain=0.0), [0.5])
+    assert u.tolist() == [[-1.0] * 3]
+    u = run(pid(proportional_gain=0.0, integral_gain=3.0, derivative_gain=0.0), [1.0] * 100)
+    np.testing.assert_allclose(u[:, 0], -3.0 * T * np.arange(1, 101), rtol=1e-12)
+    u = run(pid(proportional_gain=0.0, integral_gain=0.0, derivative_gain=4.0), [0.0], [0.25])
+    assert u[0, 0] == -1.0
+
+
+def test_signs_pull_the_head_towards_the_reference():
+    controller = pid(proportional_gain=1.0, integral_gain=0.0, derivative_gain=0.0)
+    assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == 1.0
+
+
+def test_scales_are_the_sensors():
+    controller = Pid(PidParameters(proportional_gain=1.0, integral_gain=0.0, derivative_gain=1.0, control_limit=1e9), T)
+    assert controller.step(0, 0.5, 0.01, 0.0, 0.0, 0.0)[0] == -(0.5 * 8.0 + 0.01 * 5000.0)
+
+
+def test_estimates():
+    controller = pid(proportional_gain=1.0, integral_gain=10.0, derivative_gain=2.0)
+    run(controller, [0.5, 0.5], [0.1, 0.1])
+    assert dict(zip(controller.estimate_names, controller.estimates, strict=True)) == pytest.approx(
+        {'t': T, 'e': 0.5, 'integral': -2 * 10.0 * T * 0.5, 'derivative': -0.2}
+    )
+
+
+def test_derivative_filter_is_the_sampled_first_order_lag():
+    f = 300.0
+    controller = pid(proportional_gain=0.0, integral_gain=0.0, derivative_gain=1.0, derivative_bandwidth=f)
+    rates = np.ones(50)
+    rates[0] = 0.0
+    u = run(controller, np.zeros(50), rates)
+    # The lag's answer to a step that is held: 1 - exp(-2 pi f t), reached one sample early as the input is fed through.
+    np.testing.assert_allclose(-u[:, 0], 1.0 - np.exp(-2.0 * math.pi * f * T * np.arange(50)), atol=1e-12)
+
+
+def test_derivative_from_differences():
+    controller = pid(proportional_gain=0.0, integral_gain=0.0, derivative_gain=1.0, velocity_source='difference')
+    errors = np.cumsum(np.linspace(0.0, 1.0, 20))
+    u = run(controller, errors, rates=np.full(20, 1e6))
+    assert u[0, 0] == 0.0
+    np.testing.assert_allclose(-u[1:, 0], np.diff(errors) / T)
+
+
+def test_feedforward_is_no_feedback():
+    controller = pid(proportional_gain=1.0, integral_gain=0.0, velocity_feedforward=2.0, acceleration_feedforward=0.5)
+    u, unsaturated, feedback = controller.step(0, 0.25, 3.0, 0.0, 3.0, 8.0)
+    assert (u, unsaturated, feedback) == (-0.25 + 6.0 + 4.0, -0.25 + 6.0 + 4.0, -0.25)
+
+
+@pytest.mark.parametrize('anti_windup', ['clamping', 'back_calculation'])
+def test_anti_windup_recovers_at_once(anti_windup):
+    """After a long saturation the command leaves its limit within a few tracking times; without, it does not."""
+
+    def samples_to_recover(mode):
+        controller = pid(
+            proportional_gain=1.0, integral_gain=1000.0, derivative_gain=0.0, control_limit=1.0, anti_windup=mode
+        )
+        run(controller, np.full(2000, -5.0))
+        u = run(controller, np.full(2000, 0.5))
+        return int(np.argmax(u[:, 0] < 0.9))
+
+    assert samples_to_recover(anti_windup) < 15
+    assert samples_to_recover('off') > 1000
+
+
+def test_clamping_lets_the_integral_come_back():
+    controller = pid(proportional_gain=0.0, integral_gain=100.0, derivative_gain=0.0, control_limit=1.0)
+    u = run(controller, np.full(300, -1.0))
+    assert u[-1, 0] == pytest.approx(1.0)
+    assert u[-1, 1] <= 1.0 + 0.01
+    u = run(controller, np.full(10, 1.0))
+    assert u[-1, 0] == pytest.approx(1.0 - 0.1, abs=0.011)
+
+
+def test_limits_both_ways():
+    controller = pid(proportional_gain=1.0, integral_gain=0.0, derivative_gain=0.0, control_limit=0.3)
+    assert controller.step(0, 5.0, 0.0, 0.0, 0.0, 0.0) == (-0.3, -5.0, -5.0)
+    assert controller.step(1, -5.0, 0.0, 0.0, 0.0, 0.0) == (0.3, 5.0, 5.0)
+
+
+def test_update_makes_no_bump():
+    controller = pid(proportional_gain=1.0, integral_gain=10.0, derivative_gain=0.5)
+    before = run(controller, np.full(200, 0.3), np.full(200, 0.1))[-1, 0]
+    controller.update(PidParameters(**UNIT, proportional_gain=7.0, integral_gain=4.0, derivative_gain=0.1))
+    after = controller.step(200, 0.3, 0.1, 0.0, 0.0, 0.0)[0]
+    assert after == pytest.approx(before - 4.0 * T * 0.3, rel=1e-12)
+
+
+def test_update_to_no_integral_empties_it():
+    controller = pid(proportional_gain=1.0, integral_gain=10.0, derivative_gain=0.0)
+    run(controller, np.full(200, 0.3))
+    controller.update(PidParameters(**UNIT, proportional_gain=1.0, integral_gain=0.0, derivative_gain=0.0))
+    assert controller.step(200, 0.3, 0.0, 0.0, 0.0, 0.0)[0] == -0.3
+
+
+@pytest.mark.parametrize('place', range(5))
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_not_hidden(place, value):
+    inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
+    inputs[place] = value
+    assert not math.isfinite(pid().step(0, *inputs)[0])
+
+
+def test_compiling_changes_no_bit():
+    from hdd_servo_ros.control.pid import pid_step
+
+    parameters = PidParameters(derivative_bandwidth=900.0, anti_windup='back_calculation', control_limit=0.2)
+    compiled, plain = Pid(parameters, T), Pid(parameters, T)
+    rng = np.random.default_rng(2)
+    for k in range(500):
+        inputs = rng.normal(size=5).tolist()
+        expected = pid_step.py_func(plain.constants, plain.state, plain.estimates, k, *inputs)
+        assert compiled.step(k, *inputs) == tuple(float(value) for value in expected)
+    assert compiled.state.tolist() == plain.state.tolist()

@@ -1,0 +1,37 @@
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import settings
+
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
+
+# The first example compiles the kernels; no test here asserts a time.
+settings.register_profile('drive', deadline=None, derandomize=True)
+settings.load_profile('drive')
+
+Array = npt.NDArray[np.float64]
+Run = Callable[..., Array]
+
+
+def _run(parameters: PlantParameters, sample_time: float, control: Any, state: dict[int, float] | None = None) -> Array:
+    plant = Plant(parameters, sample_time)
+    for place, value in (state or {}).items():
+        plant.state[place] = value
+    rows = [(*plant.output(), *plant.state[:7])]
+    for tick, u in enumerate(np.asarray(control, dtype=np.float64).tolist(), start=1):
+        rows.append((*plant.step(tick, u), *plant.state[:7]))
+    return np.array(rows)
+
+
+@pytest.fixture(scope='session')
+def run() -> Run:
+    """
+    Run a plant through held controls; one row a tick.
+
+    Columns: head position, head velocity, friction, then the first seven states (rigid position, rigid velocity,
+    amplifier, coil, deflection, mean friction, friction).
+    """
+    return _run

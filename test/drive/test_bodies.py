@@ -1,0 +1,256 @@
+"""Every friction model on a moving body: closed forms, an independent solver, energy."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from hdd_servo_ros.drive.friction.curves import friction_curve
+from hdd_servo_ros.drive.friction.dahl import dahl_slope
+from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
+from hdd_servo_ros.drive.plant import DEFLECTION, POSITION, VELOCITY, Plant, PlantParameters
+from hdd_servo_ros.drive.resonance import ResonanceParameters
+
+Array = npt.NDArray[np.float64]
+Run = Callable[..., Array]
+
+T = 1.0e-4
+GAIN = 4.0968e7
+RIGID = ResonanceParameters(form='none')
+NETWORK = FrictionParameters(
+    model='rbf_network',
+    node_positions=(0.0, 0.0, 10.0),
+    node_velocities=(3000.0, -3000.0, 0.0),
+    node_weights=(0.1, -0.1, 0.05),
+    position_width=10.0,
+    velocity_width=4000.0,
+)
+
+
+def plant(friction: FrictionParameters, **changes: object) -> PlantParameters:
+    return replace(PlantParameters(friction=friction, resonance=RIGID), **changes)
+
+
+def test_coulomb_stops_and_holds(run: Run) -> None:
+    """Closed form: v = v0 - k f_c t until it stops at v0^2/(2 k f_c), and there it stays."""
+    p = plant(FrictionParameters(model='coulomb', coulomb_level=0.1), initial_velocity=5000.0)
+    rows = run(p, T, np.zeros(40))
+    stop = 5000.0**2 / (2.0 * GAIN * 0.1)
+    time = T * np.arange(41)
+    velocity = np.maximum(5000.0 - GAIN * 0.1 * time, 0.0)
+    np.testing.assert_allclose(rows[:, 1], velocity, rtol=1e-12, atol=1e-9)
+    assert rows[-1, 0] == pytest.approx(stop, rel=1e-12)
+    assert rows[-1, 1] == 0.0
+    assert rows[-1, 2] == 0.0  # nothing is applied: nothing is held
+
+
+def test_coulomb_passes_through_a_reversal(run: Run) -> None:
+    """Thrown against a force above f_c, the body stops and comes back, decelerated by u + f_c, then by u - f_c."""
+    p = plant(FrictionParameters(model='coulomb', coulomb_level=0.1), initial_velocity=5000.0)
+    rows = run(p, T, np.full(30, -0.3))
+    turn = 5000.0 / (GAIN * 0.4)
+    time = T * np.arange(31)
+    back = np.maximum(time - turn, 0.0)
+    velocity = np.where(time < turn, 5000.0 - GAIN * 0.4 * time, -GAIN * 0.2 * back)
+    np.testing.assert_allclose(rows[:, 1], velocity, rtol=1e-12, atol=1e-8)
+
+
+@pytest.mark.parametrize('model', ['stiction', 'gaussian', 'tustin', 'lorentzian', 'exponential'])
+def test_stiction_holds_until_breakaway(model: str, run: Run) -> None:
+    """(2.1): at rest F = u while |u| < f_s; a ramp breaks away within a tick of f_s."""
+    p = FrictionParameters(model=model, coulomb_level=0.1, static_level=0.3)
+    ramp = np.linspace(0.0, 0.6, 201)
+    rows = run(plant(p), T, ramp)
+    breakaway = int(np.argmax(ramp > 0.3))
+    assert not rows[: breakaway + 1, 1].any()
+    np.testing.assert_allclose(rows[1 : breakaway + 1, 2], ramp[:breakaway], rtol=0, atol=1e-15)
+    assert np.all(rows[breakaway + 1 :, 1] > 0.0)
+
+
+def test_dead_band_brings_the_body_to_rest(run: Run) -> None:
+    """Karnopp: below the dead band the body is at rest, above it slides on."""
+    friction = FrictionParameters(model='stiction', dead_band_velocity=10.0)
+    slow = run(plant(friction, initial_velocity=9.0), T, np.zeros(2))
+    fast = run(plant(friction, initial_velocity=11.0), T, np.zeros(2))
+    assert slow[1, 1] == 0.0
+    assert fast[2, 1] == 11.0  # stiction alone does not resist sliding
+
+
+def test_spring_of_presliding(run: Run) -> None:
+    """(2.2): below f_s an undamped spring: x = (u/f_t)(1 - cos w t), w^2 = k f_t."""
+    p = FrictionParameters(model='tangential_stiffness', stiffness=0.02, static_level=1.0)
+    rows = run(plant(p, substeps=16), T, np.full(100, 0.3))
+    w = math.sqrt(GAIN * 0.02)
+    reference = 0.3 / 0.02 * (1.0 - np.cos(w * T * np.arange(101)))
+    np.testing.assert_allclose(rows[:, 0], reference, atol=1e-4 * 15.0)
+
+
+def test_spring_slides_at_its_breakaway_level(run: Run) -> None:
+    p = FrictionParameters(model='tangential_stiffness', stiffness=0.02, static_level=0.2)
+    rows = run(plant(p), T, np.full(100, 0.5))
+    np.testing.assert_allclose(rows[-10:, 2], 0.2, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(rows[-10:, 1]), GAIN * 0.3 * T, rtol=1e-9)
+
+
+def reference_motion(parameters: PlantParameters, control: Array) -> Array:
+    """Solve the body by scipy, restarted at each tick, with the friction's equations written here."""
+    p = parameters.friction
+
+    def rhs(_: float, y: Array, u: float) -> list[float]:
+        x, v, f = y
+        f_rate = 0.0
+        if p.model == 'dahl':
+            y_ = 1.0 - f / p.coulomb_level * math.copysign(1.0, v)
+            f_rate = p.stiffness * abs(y_) ** p.dahl_exponent * math.copysign(1.0, y_) * v
+            friction = f
+        else:
+            friction = float(friction_curve(p, v, x))
+        return [v, parameters.gain * (u - friction), f_rate]
+
+    y = np.array([parameters.initial_position, parameters.initial_velocity, 0.0])
+    rows = [y]
+    for u in control:
+        y = solve_ivp(rhs, (0.0, T), y, method='DOP853', args=(u,), rtol=1e-9, atol=1e-9).y[:, -1]
+        rows.append(y)
+    return np.array(rows)
+
+
+SLIDING = ['viscous', 'coulomb_viscous', 'drag', 'gaussian_two_breaks_offsets', 'tustin', 'square_root', 'lorentzian']
+
+
+@pytest.mark.parametrize('model', SLIDING)
+def test_sliding_in_one_direction_against_an_integrator(model: str, run: Run) -> None:
+    control = 0.15 + 0.1 * np.sin(2.0 * np.pi * 300.0 * T * np.arange(60))
+    errors = []
+    for substeps in (4, 16):
+        parameters = plant(FrictionParameters(model=model), initial_velocity=500.0, substeps=substeps)
+        rows = run(parameters, T, control)
+        reference = reference_motion(parameters, control)
+        assert rows[:, 1].min() > 100.0
+        errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
+    assert np.all(errors[0] < 2e-4)
+    assert np.all((errors[0] > 8.0 * errors[1]) | (errors[0] < 1e-9))  # second order
+
+
+@pytest.mark.parametrize('exponent', [0.5, 1.0, 2.0, 3.0])
+def test_dahl_body_against_an_integrator(exponent: float, run: Run) -> None:
+    control = 0.12 * np.sin(2.0 * np.pi * 80.0 * T * np.arange(150))
+    friction = FrictionParameters(model='dahl', dahl_exponent=exponent)
+    reference = reference_motion(plant(friction), control)
+    errors = []
+    for substeps in (4, 16):
+        rows = run(plant(friction, substeps=substeps), T, control)
+        errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
+        assert np.abs(rows[:, 2]).max() <= friction.coulomb_level
+    assert np.all(errors[0] < 2e-3)
+    assert np.all(errors[0] > 6.0 * errors[1])
+
+
+def test_dahl_of_exponent_one_is_lugre_without_its_damping(run: Run) -> None:
+    """(2.18), (2.19) are (2.20)-(2.22) with f_s = f_c and sigma_1 = sigma_2 = 0."""
+    control = 0.12 * np.sin(2.0 * np.pi * 80.0 * T * np.arange(300))
+    p = FrictionParameters(model='dahl', coulomb_level=0.13, static_level=0.13)
+    lugre = replace(p, model='lugre', bristle_damping=0.0, viscous_coefficient=0.0)
+    a = run(plant(p, substeps=64), T, control)
+    b = run(plant(lugre, substeps=64), T, control)
+    np.testing.assert_allclose(a[:, 0], b[:, 0], atol=1e-5 * np.abs(b[:, 0]).max())
+
+
+def test_network_body_against_an_integrator(run: Run) -> None:
+    control = 0.12 * np.sin(2.0 * np.pi * 80.0 * T * np.arange(200))
+    reference = reference_motion(plant(NETWORK), control)
+    errors = []
+    for substeps in (4, 16):
+        rows = run(plant(NETWORK, substeps=substeps), T, control)
+        errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
+    assert np.all(errors[0] < 3e-3)
+    assert np.all(errors[0] > 8.0 * errors[1])
+
+
+@pytest.mark.parametrize('model', [model for model in MODELS if model not in ('rbf_network', 'lugre_position')])
+@given(control=st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30))
+def test_mirrored_control_gives_the_mirrored_motion(model: str, control: list[float]) -> None:
+    parameters = PlantParameters(friction=FrictionParameters(model=model))
+    one, other = Plant(parameters, T), Plant(parameters, T)
+    for tick, u in enumerate(control, start=1):
+        assert other.step(tick, -u) == tuple(-value for value in one.step(tick, u))
+
+
+def energy(parameters: PlantParameters, state: Array) -> float:
+    """Return kinetic energy and what the contact stores [V um]."""
+    stored = 0.0
+    if parameters.friction.model in ('lugre', 'lugre_position', 'tangential_stiffness', 'complete'):
+        stored = 0.5 * parameters.friction.stiffness * state[DEFLECTION] ** 2
+    return float(0.5 * state[VELOCITY] ** 2 / parameters.gain + stored)
+
+
+@pytest.mark.parametrize('model', [model for model in MODELS if model not in ('none', 'rbf_network', 'dahl')])
+@given(
+    velocity=st.floats(-5.0e4, 5.0e4),
+    deflection=st.floats(-1.0, 1.0),
+    coulomb=st.floats(0.02, 1.0),
+    ratio=st.floats(1.0, 2.0),
+    viscous=st.floats(0.0, 1.0e-4),
+    damping=st.floats(0.0, 1.0e-5),
+    frequency=st.floats(30.0, 600.0),
+)
+def test_energy_never_increases_without_input(
+    model: str,
+    velocity: float,
+    deflection: float,
+    coulomb: float,
+    ratio: float,
+    viscous: float,
+    damping: float,
+    frequency: float,
+) -> None:
+    stiffness = (2.0 * math.pi * frequency) ** 2 / GAIN
+    friction = FrictionParameters(
+        model=model,
+        stiffness=stiffness,
+        coulomb_level=coulomb,
+        static_level=coulomb * ratio,
+        viscous_coefficient=viscous,
+        bristle_damping=damping,
+        square_root_coefficient=-2.0 * math.sqrt(coulomb * viscous),
+    )
+    parameters = plant(friction)
+    body = Plant(parameters, T)
+    body.state[VELOCITY] = velocity
+    # Beyond f_c/sigma_0 a bristle with constant sigma_1 is not passive (Barabanov and Ortega, IEEE TAC 45, 2000).
+    body.state[DEFLECTION] = deflection * coulomb / stiffness * (1.0 - friction.position_ripple)
+    before = first = energy(parameters, body.state)
+    for tick in range(1, 120):
+        body.step(tick, 0.0)
+        after = energy(parameters, body.state)
+        assert after <= before + 1.0e-9 * first + 1.0e-300
+        before = after
+
+
+@pytest.mark.parametrize('exponent', [0.5, 1.0, 2.0])
+@given(velocity=st.floats(-5.0e4, 5.0e4))
+def test_dahl_energy_is_never_above_the_start(exponent: float, velocity: float) -> None:
+    """From an undeflected contact, kinetic energy never exceeds its start (the contact's store is not negative)."""
+    body = Plant(plant(FrictionParameters(model='dahl', dahl_exponent=exponent), initial_velocity=velocity), T)
+    for tick in range(1, 200):
+        body.step(tick, 0.0)
+        assert abs(body.state[VELOCITY]) <= abs(velocity) * (1.0 + 1e-9)
+
+
+def test_dahl_slope_at_the_limit_is_zero() -> None:
+    assert dahl_slope(0.13, 1.0, 0.02, 0.13, 1.0) == 0.0
+
+
+@pytest.mark.parametrize('model', MODELS)
+def test_initial_state(model: str) -> None:
+    friction = NETWORK if model == 'rbf_network' else FrictionParameters(model=model)
+    body = Plant(PlantParameters(friction=friction, initial_position=4.0, initial_velocity=100.0), T)
+    assert body.state[POSITION] == 4.0
+    assert body.state[VELOCITY] == 100.0
+    assert math.isfinite(body.output()[2])

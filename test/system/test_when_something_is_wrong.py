@@ -1,0 +1,203 @@
+"""Each way to go wrong ends the run soon, with one error that names what and when, and a readable bag."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from hdd_servo_ros.recording.bag_reader import read_signals
+
+HERE = Path(__file__).parent
+SLOW = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=10.0')
+"""A run that goes on long enough to be disturbed, and leaves the machine idle."""
+OTHERS = ('bag_recorder', 'ldv_sensor', 'vcm_plant', 'reference_generator', 'deterministic_timer')
+
+
+def expect_failure(bench, processes, *words, within=7.0):
+    """Wait for the end of all; exit codes 1, the words in one line of each, the bag readable up to the last tick."""
+    started = time.monotonic()
+    for process in processes.values():
+        assert process.wait(within + 5.0) == 1, f'{process.name}:\n{process.output}'
+    # The limit is 5 s after the fault; reaping several processes on a busy machine takes its own time.
+    assert time.monotonic() - started < within
+    for process in processes.values():
+        lines = [line for line in process.output.splitlines() if 'run failed' in line and 'ERROR' in line]
+        assert len(lines) == 1, process.output
+    assert any(all(word in process.output for word in words) for process in processes.values()), [
+        process.output for process in processes.values()
+    ]
+
+
+def expect_bag(bench, run='run'):
+    content = bench.run_yaml(run)
+    assert content['status'] == 'failed'
+    assert content['reason']
+    signals = read_signals(bench.directory / run)
+    assert len(signals.time) == content['last_tick'] + 1
+    return content
+
+
+def wait_for_ticks(bench, run='run'):
+    """Wait until the run is under way."""
+    deadline = time.monotonic() + 40.0
+    while not (bench.directory / run / 'run.yaml').exists():
+        assert time.monotonic() < deadline, [(p.name, p.output) for p in bench.processes]
+        time.sleep(0.02)
+    time.sleep(0.5)
+
+
+def test_missing_peer(bench):
+    nodes = [node for node in (*OTHERS, 'adaptive_nn_controller') if node != 'ldv_sensor']
+    processes = bench.start_nodes('run', '-p', 'start_timeout:=3.0', nodes=nodes)
+    for process in processes.values():
+        assert process.wait(20.0) == 1, process.output
+    assert 'ldv_sensor (nobody publishes /ldv)' in processes['adaptive_nn_controller'].output
+    assert 'start_timeout' in processes['adaptive_nn_controller'].output
+    assert not (bench.directory / 'run').exists()
+
+
+def test_waiting_names_the_missing(bench):
+    process = bench.start('vcm_plant')
+    process.wait_for('waiting for deterministic_timer')
+    assert 'nobody publishes /control' in process.output
+    process.signal(signal.SIGINT)
+    assert process.wait() == 130
+
+
+@pytest.mark.parametrize(
+    'victim', ['ldv_sensor', 'reference_generator', 'adaptive_nn_controller', 'deterministic_timer']
+)
+def test_peer_dies(bench, victim):
+    processes = bench.start_nodes('run', *SLOW)
+    wait_for_ticks(bench)
+    processes.pop(victim).signal(signal.SIGKILL)
+    expect_failure(bench, processes, victim, 'tick')
+    assert victim in expect_bag(bench)['reason']
+
+
+def test_recorder_dies(bench):
+    processes = bench.start_nodes('run', *SLOW)
+    wait_for_ticks(bench)
+    processes.pop('bag_recorder').signal(signal.SIGKILL)
+    expect_failure(bench, processes, 'bag_recorder', 'tick')
+    assert bench.run_yaml('run')['status'] == 'running'  # never looks complete
+
+
+def test_two_publishers_from_the_start(bench):
+    # A node that is only coming up when the others end is left waiting for peers.
+    patience = ('-p', 'start_timeout:=5.0')
+    processes = bench.start_nodes('run', *patience)
+    second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *patience)
+    expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=20.0)
+
+
+def test_second_publisher_during_the_run(bench):
+    processes = bench.start_nodes('run', *SLOW)
+    wait_for_ticks(bench)
+    late = bench.start('ldv_sensor', '-r', '__node:=second_sensor')
+    assert late.wait() == 1
+    assert 'a run is in progress' in late.output or '2 publishers' in late.output
+    expect_failure(bench, processes, '/ldv: 2 publishers', 'second_sensor', 'tick')
+    expect_bag(bench)
+
+
+@pytest.mark.parametrize('node', ['ldv_sensor', 'vcm_plant'])
+def test_mismatched_sample_time(bench, node):
+    processes = bench.start_nodes('run', '-p', f'{node}:sample_time:=0.0002')
+    expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001', within=20.0)
+
+
+@pytest.mark.parametrize(
+    ('fault', 'words'),
+    [
+        ('not_finite', ('/control', 'not finite', 'tick 300')),
+        ('repeat', ('/control', 'expected tick 301, got tick 300', 'out of order')),
+        ('skip', ('/control', 'expected tick 301, got tick 302')),
+        ('exception', ('tick 300', 'ZeroDivisionError')),
+    ],
+)
+def test_misbehaving_controller(bench, fault, words):
+    processes = bench.start_nodes('run', nodes=OTHERS)
+    script = HERE / 'misbehaving_controller.py'
+    processes['misbehaving'] = bench.start('misbehaving_controller', '-p', f'fault:={fault}', script=script)
+    expect_failure(bench, processes, *words, within=20.0)
+    # With the clock ahead of the loop the other topics have a tick or two more; the bag ends with the last whole one.
+    assert 297 <= expect_bag(bench)['last_tick'] <= 300
+
+
+def test_controller_that_never_answers(bench):
+    processes = bench.start_nodes('run', nodes=OTHERS)
+    stuck = bench.start('misbehaving_controller', '-p', 'fault:=silence', script=HERE / 'misbehaving_controller.py')
+    expect_failure(bench, processes, 'misbehaving_controller', '/control is missing for tick 300', within=20.0)
+    expect_bag(bench)
+    for _ in range(2):  # the second one is for a node whose step never returns
+        stuck.signal(signal.SIGTERM)
+        time.sleep(0.2)
+    assert stuck.wait(5.0) == -signal.SIGTERM
+
+
+def test_bad_parameter(bench):
+    process = bench.start('vcm_plant', '-p', 'substeps:=-1')
+    assert process.wait() == 2
+    assert 'substeps = -1 is refused' in process.output
+
+
+def test_unknown_parameter(bench):
+    process = bench.start('ldv_sensor', '-p', 'sede:=3')
+    assert process.wait() == 2
+    assert 'sede' in process.output
+    assert 'no such parameter' in process.output
+
+
+def test_run_folder_is_never_overwritten(bench):
+    short = ('-p', 'deterministic_timer:duration:=0.01', '-p', 'bag_recorder:run_dir:=run')
+    bench.run('rig', *short)
+    before = (bench.directory / 'run' / 'run.yaml').read_bytes()
+    again = bench.start('rig', *short)
+    assert again.wait() == 1
+    assert 'never overwritten' in again.output
+    simulated = bench.start('simulate', *short)
+    assert simulated.wait() == 2
+    assert 'never overwritten' in simulated.output
+    assert (bench.directory / 'run' / 'run.yaml').read_bytes() == before
+
+
+@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_rig(bench, number, code):
+    process = bench.start('rig', *SLOW, '-p', 'bag_recorder:run_dir:=run')
+    wait_for_ticks(bench)
+    process.signal(number)
+    assert process.wait(5.0) == code
+    content = bench.run_yaml('run')
+    assert content['status'] == 'interrupted'
+    assert signal.Signals(number).name in content['reason']
+    assert len(read_signals(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
+
+
+@pytest.mark.parametrize('who', ['bag_recorder', 'vcm_plant', 'all'])
+def test_interrupted_processes(bench, who):
+    processes = bench.start_nodes('run', *SLOW)
+    wait_for_ticks(bench)
+    for name, process in processes.items():
+        if who in (name, 'all'):
+            process.signal(signal.SIGINT)
+    for process in processes.values():
+        assert process.wait(7.0) == 130, process.output
+    content = bench.run_yaml('run')
+    assert content['status'] == 'interrupted'
+    assert len(read_signals(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
+
+
+def test_killed_rig_leaves_a_readable_bag(bench):
+    process = bench.start('rig', *SLOW, '-p', 'bag_recorder:run_dir:=run', '-p', 'deterministic_timer:rate:=1.0')
+    wait_for_ticks(bench)
+    process.signal(signal.SIGKILL)
+    process.wait()
+    metadata = bench.directory / 'run' / 'bag' / 'metadata.yaml'
+    deadline = time.monotonic() + 5.0
+    while not metadata.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert bench.run_yaml('run')['status'] == 'running'  # never looks complete
+    assert len(read_signals(bench.directory / 'run').time) > 1
