@@ -21,12 +21,15 @@ class ArgumentError(ValueError):
 
 
 class _RosLoader(yaml.SafeLoader):
-    """YAML as ROS reads it: ``1e-4`` is a number, though YAML 1.1 wants a dot in it."""
+    """YAML as ROS reads it: ``1e-4`` is a number, though YAML 1.1 wants a dot in it, and a bare ``N`` is false."""
+
+    bool_values = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}  # noqa: RUF012 - as the base has it
 
 
 _RosLoader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'), list('-+0123456789')
 )
+_RosLoader.add_implicit_resolver('tag:yaml.org,2002:bool', re.compile('^[yYnN]$'), list('yYnN'))
 
 
 @dataclasses.dataclass

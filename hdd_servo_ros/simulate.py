@@ -70,8 +70,8 @@ class Simulation:
             for name, kinds in sets.items()
         }
         self._namespace = arguments.namespace.rstrip('/')
-        self.topics = [(self._full_name(topic, arguments), topic.type_name) for topic in LOOP_TOPICS]
-        by_topic = {topic: name for topic, (name, _) in zip(LOOP_TOPICS, self.topics, strict=True)}
+        self.topics = [(topic, self._full_name(topic, arguments)) for topic in LOOP_TOPICS]
+        by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
         }

@@ -49,7 +49,7 @@ class Process:
         """Wait until it has printed ``text``."""
         deadline = time.monotonic() + timeout
         while text not in self.output:
-            if time.monotonic() > deadline or self.popen.poll() is not None and text not in self.output:
+            if time.monotonic() > deadline or (self.popen.poll() is not None and text not in self.output):
                 pytest.fail(f'{self.name} did not say {text!r}; it said:\n{self.output}')
             time.sleep(0.02)
 

@@ -92,16 +92,18 @@ class AdaptiveNn:
         """
         The linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] that the law comes to once its estimates follow |r|.
 
-        A steady |r| ends in phi_hat = |r|/sigma_phi and W_hat = S |r|/sigma_w, and these multiply sgn r.
+        A steady |r| ends in phi_hat = |r|/sigma_phi and W_hat = S |r|/sigma_w, and these multiply sgn r. Where the
+        widths adapt, the widest lattice counts.
         """
         p = self.parameters
         gain = p.feedback_gain
         if p.phi.enabled and p.phi.gain > 0.0:
             gain += 1.0 / p.phi.leakage if p.phi.leakage > 0.0 else math.inf
         if p.network.enabled and max(p.network.gain) > 0.0:
-            width = p.network.axis_widths
-            squares = largest_square_sum(self._position_centres, width[0])
-            squares *= largest_square_sum(self._velocity_centres, width[1])
+            factor = p.width.factor if p.width.enabled else 1.0
+            position_width, velocity_width = p.network.axis_widths
+            squares = largest_square_sum(self._position_centres, factor * position_width)
+            squares *= largest_square_sum(self._velocity_centres, factor * velocity_width)
             gain += squares / p.network.leakage if p.network.leakage > 0.0 else math.inf
         return gain
 

@@ -93,11 +93,12 @@ def pid_step(
     limit = constants[CONTROL_LIMIT]
     feedback = derivative + integral - constants[PROPORTIONAL] * error
     unsaturated = feedback + compensation
-    # Clamping undoes the integral's own step where it pushes further into the limit.
-    if constants[WINDUP] == CLAMPING and (
-        (unsaturated > limit and error < 0.0) or (unsaturated < -limit and error > 0.0)
-    ):
-        integral = state[INTEGRAL]
+    # Clamping takes back what the integral's own step does beyond the limit.
+    if constants[WINDUP] == CLAMPING:
+        if unsaturated > limit and error < 0.0:
+            integral = max(state[INTEGRAL], integral - (unsaturated - limit))
+        elif unsaturated < -limit and error > 0.0:
+            integral = min(state[INTEGRAL], integral - (unsaturated + limit))
         feedback = derivative + integral - constants[PROPORTIONAL] * error
         unsaturated = feedback + compensation
     u = saturated(unsaturated, limit)

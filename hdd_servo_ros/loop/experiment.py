@@ -14,7 +14,8 @@ from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS, closed_loop
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations, from_mapping
+from hdd_servo_ros.registry import NODE_PARAMETERS
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
@@ -26,6 +27,30 @@ BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
     'open_loop_controller': (OpenLoop, OpenLoopParameters),
 }
 """The block and the parameters behind each node's name."""
+
+
+def block_parameters(node: str, values: Mapping[str, object]) -> Any:
+    """
+    Return the parameters of a node's block from all that a file says of the node.
+
+    What belongs to the node around the block (its waiting times, the drive's name) is passed over.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused or a name known to neither; the name is preceded by the node's.
+    """
+    kind = BLOCKS[node][1]
+    other = {
+        declaration.name
+        for declared in NODE_PARAMETERS[node]
+        if declared is not kind
+        for declaration in declarations(declared)
+    }
+    try:
+        return from_mapping(kind, {name: value for name, value in values.items() if name not in other})
+    except ParameterError as error:
+        raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,11 +142,7 @@ class Experiment:
         self._held: NDArray[np.float64] = np.zeros(1)
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
-        block, kind = BLOCKS[name]
-        try:
-            return block(from_mapping(kind, sections.get(name, {})), self.sample_time)
-        except ParameterError as error:
-            raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
+        return BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
 
     def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
         """

@@ -47,12 +47,12 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
         T [s].
     presliding
         True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion.
-        False: only the damper sigma_2 is left, as in fast sliding.
+        False: only the damper sigma_2 is left, as in fast sliding. Friction models other than LuGre count as none.
     """
     modal = modal_form(plant.resonance)
     size = 2 + 2 * len(modal.modes)
     friction = plant.friction
-    lugre = friction.model == 'lugre'
+    lugre = friction.model in ('lugre', 'lugre_position')
     stiffness = friction.stiffness if presliding and lugre else 0.0
     damping = (friction.bristle_damping if presliding else 0.0) + friction.viscous_coefficient if lugre else 0.0
     # The modes, like the rigid body, are driven by the net acceleration gain (u - friction).

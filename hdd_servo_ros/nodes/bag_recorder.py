@@ -55,7 +55,7 @@ class BagRecorder(LoopNode):
         self._recorder = RunRecorder(
             parameters.run_dir,
             parameters.storage,
-            [(wire.name, wire.topic.type_name) for wire in self.inputs],
+            [(wire.topic, wire.name) for wire in self.inputs],
             run.description(),
             separate_process=self._separate_process,
         )

@@ -38,8 +38,8 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
 def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequence[str] | None = None) -> int:
     """Run several loop nodes in this process; see :func:`run_node`."""
     command_line = list(sys.argv if arguments is None else arguments)
-    parse_help(name, remove_ros_args(command_line)[1:])
     try:
+        parse_help(name, remove_ros_args(command_line)[1:])
         # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:

@@ -1,6 +1,7 @@
 """A recorded run as numpy arrays."""
 
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader
 
 from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.ticks import NANOSECONDS
-from hdd_servo_ros.topics import ARRAY_TYPE, CLOCK_TYPE, ESTIMATES, LOOP_TOPICS, VECTOR_TYPE
+from hdd_servo_ros.topics import ARRAY_TYPE, CLOCK_TYPE, DISTURBANCE, ESTIMATES, LOOP_TOPICS, VECTOR_TYPE
 
 
 def bag_directory(path: Path) -> Path:
@@ -25,6 +27,24 @@ def bag_directory(path: Path) -> Path:
         if (candidate / 'metadata.yaml').is_file():
             return candidate
     raise FileNotFoundError(f'{path} is neither a run folder nor a closed bag: no metadata.yaml in it or in its bag/')
+
+
+def loop_topic_names(path: Path, names: Iterable[str]) -> dict[str, str]:
+    """
+    Return for each loop topic's own name the full name that it has in a bag.
+
+    Parameters
+    ----------
+    path
+        Run folder or bag; the ``run.yaml`` beside the bag knows of remappings.
+    names
+        Full names of the bag's topics.
+    """
+    for directory in (path, path.parent):
+        if (directory / 'run.yaml').is_file():
+            return dict(read_run_yaml(directory)['topics'])
+    own = {topic.name for topic in (*LOOP_TOPICS, DISTURBANCE)}
+    return {name.rsplit('/', 1)[-1]: name for name in names if name.rsplit('/', 1)[-1] in own}
 
 
 def read_messages(path: Path) -> dict[str, tuple[NDArray[np.int64], list[bytes]]]:
@@ -86,11 +106,12 @@ def read_signals(path: Path) -> Signals:
         If a loop topic is missing or its messages are not those of consecutive ticks.
     """
     messages = read_messages(path)
+    names = loop_topic_names(path, messages)
     by_name: dict[str, list[bytes]] = {}
     times: NDArray[np.int64] | None = None
     for topic in LOOP_TOPICS:
-        name = next((name for name in messages if name.rsplit('/', 1)[-1] == topic.name), None)
-        if name is None:
+        name = names.get(topic.name, '')
+        if name not in messages:
             raise ValueError(f'{path}: the bag holds no topic {topic.name}')
         stamps, payloads = messages[name]
         if times is None:
@@ -103,12 +124,12 @@ def read_signals(path: Path) -> Signals:
     assert times is not None
     if len(times) == 0:
         raise ValueError(f'{path}: the bag holds no tick')
-    names, offset = array_names_and_offset(by_name[ESTIMATES.name][0])
+    labels, offset = array_names_and_offset(by_name[ESTIMATES.name][0])
     return Signals(
         time=times / NANOSECONDS,
         **{name: _doubles(by_name[name], -24) for name in ('reference', 'head', 'ldv', 'control')},
         estimates=_doubles(by_name[ESTIMATES.name], offset),
-        estimate_names=names,
+        estimate_names=labels,
     )
 
 

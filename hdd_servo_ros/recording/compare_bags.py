@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hdd_servo_ros.recording.bag_reader import read_messages
+from hdd_servo_ros.recording.bag_reader import loop_topic_names, read_messages
 from hdd_servo_ros.recording.cdr import array_names_and_offset, unpack_vector
 from hdd_servo_ros.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
 
@@ -37,13 +37,13 @@ def first_difference(left: Path, right: Path) -> str | None:
 
 def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:
     """Yield for every loop topic the tick of its first difference, and that difference in words."""
-    both = [{name.rsplit('/', 1)[-1]: found for name, found in read_messages(path).items()} for path in (left, right)]
+    both = [_loop_messages(path) for path in (left, right)]
     for topic in LOOP_TOPICS:
         missing = [path for path, messages in zip((left, right), both, strict=True) if topic.name not in messages]
         if missing:
             yield -1, f'{topic.name} is missing in {missing[0]}'
             continue
-        ours, theirs = (messages[topic.name][1] for messages in both)
+        ours, theirs = (messages[topic.name] for messages in both)
         for tick, (one, other) in enumerate(zip(ours, theirs, strict=False)):
             if one != other:
                 yield tick, f'{topic.name} differs first at tick {tick}: {_field(topic, one, other)}'
@@ -52,6 +52,12 @@ def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:
             if len(ours) != len(theirs):
                 count = min(len(ours), len(theirs))
                 yield count, f'{topic.name} has {len(ours)} messages in {left} and {len(theirs)} in {right}'
+
+
+def _loop_messages(path: Path) -> dict[str, list[bytes]]:
+    messages = read_messages(path)
+    names = loop_topic_names(path, messages)
+    return {topic: messages[name][1] for topic, name in names.items() if name in messages}
 
 
 def _field(topic: LoopTopic, one: bytes, other: bytes) -> str:

@@ -9,7 +9,7 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
 from hdd_servo_ros.recording.writer_process import WriterProcess
 from hdd_servo_ros.registry import CONTROLLERS
-from hdd_servo_ros.topics import CONTROL, LOOP_TOPICS, QUEUE_DEPTH
+from hdd_servo_ros.topics import CONTROL, QUEUE_DEPTH, LoopTopic
 
 PARAMETER_EVENTS = '/parameter_events'
 PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
@@ -27,7 +27,7 @@ class RunRecorder:
     storage
         ``mcap`` or ``sqlite3``.
     topics
-        Full name and type name of every topic that has one message a tick.
+        For every topic that has one message a tick: the loop topic, and the full name that it goes by.
     description
         What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run.Run`.
     separate_process
@@ -43,15 +43,18 @@ class RunRecorder:
         self,
         run_dir: str,
         storage: str,
-        topics: Sequence[tuple[str, str]],
+        topics: Sequence[tuple[LoopTopic, str]],
         description: Mapping[str, Any],
         *,
         separate_process: bool,
     ) -> None:
         controller = controller_name(description['nodes'])
         directory = Path(run_dir) if run_dir else default_run_directory(controller)
-        self._folder = RunFolder(directory, {**description, 'controller': controller, 'storage': storage})
-        listed = [(name, type_name, QUEUE_DEPTH) for name, type_name in topics]
+        names = {topic.name: full_name for topic, full_name in topics}
+        self._folder = RunFolder(
+            directory, {'controller': controller, 'storage': storage, 'topics': names, **description}
+        )
+        listed = [(full_name, topic.type_name, QUEUE_DEPTH) for topic, full_name in topics]
         listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, _PARAMETER_EVENT_DEPTH))
         metadata = {
             key: str(description[key])
@@ -121,12 +124,3 @@ def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:
             name = full_name.rsplit('/', 1)[-1]
             return next((short for short, long in CONTROLLERS.items() if long == name), name)
     return 'no_controller'
-
-
-def loop_topics_of(nodes: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Return full name and type name of each loop topic, in the contract's order, as the nodes have resolved them."""
-    outputs = [topic for node in nodes.values() for topic in node['outputs']]
-    found = []
-    for topic in LOOP_TOPICS:
-        found += [(name, topic.type_name) for name in outputs if name.rsplit('/', 1)[-1] == topic.name]
-    return found

@@ -140,7 +140,7 @@ class LoopNode(Node):
         self._messages: list[bytes | None] = []
         self._ros_clock: Any = self.get_clock()
         # What a TimeSource does on /clock: here the lockstep knows the time better.
-        self._ros_clock._set_ros_time_is_active(True)
+        self._ros_clock._set_ros_time_is_active(True)  # type: ignore[attr-defined,unused-ignore]
 
     # What a subclass provides.
 

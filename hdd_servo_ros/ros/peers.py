@@ -317,7 +317,8 @@ class Peers:
             If a message was published and did not arrive, or if its publisher is none of ours and does not answer.
         """
         assert self.run is not None
-        if stalled < self.timeout:
+        # DDS repeats what got lost within 3 s.
+        if stalled < self.timeout + 1.0:
             return
         ticks = {name: tick for said in self._heard.values() for name, tick in said['ticks'].items()}
         ticks.update({node.get_fully_qualified_name(): node.tick for node in self._nodes})

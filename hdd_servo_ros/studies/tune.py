@@ -2,6 +2,7 @@
 Tune both controllers for a drive by one rule, and print what belongs into the parameter file.
 
     python -m hdd_servo_ros.studies.tune [--params-file FILE ...] [--seconds 60]
+    python -m hdd_servo_ros.studies.tune --params-file params/simulation_study.yaml --same-peak
 
 The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances and filters included, no spare
 delay), in presliding, where the friction is a spring, and in sliding, where it is gone.
@@ -17,6 +18,10 @@ PID controller. Among all k_d and corner frequencies of the derivative's filter,
 allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise. Then it
 gets the largest k_i, k_p again the largest allowed, that costs at most 5 % of that: the sines do not need an integral,
 steps and slow references do.
+
+With ``--same-peak`` the PID controller alone is tuned, for a study whose adaptive NN controller is given (section 4.4):
+least squared error over the last half of 20 s of the file's reference, with no more peak control than the adaptive NN
+controller reaches on it.
 """
 
 import argparse
@@ -26,13 +31,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from scipy.optimize import minimize
+
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.loop.experiment import Experiment, block_parameters
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.loop.parameter_file import read_parameter_files
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
-from hdd_servo_ros.parameters import from_mapping
 
 MAX_SENSITIVITY = 2.0
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
@@ -190,6 +196,56 @@ def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> 
     return [found for squares, found in results if squares <= INTEGRAL_COST * least][-1]
 
 
+def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float = 20.0) -> dict[str, object]:
+    """
+    Return PID gains with the least error under the peak control of the adaptive NN controller in ``sections``.
+
+    Parameters
+    ----------
+    sections
+        Parameters of all blocks; the adaptive NN controller's k sets the scale of the search.
+    sample_time
+        T [s].
+    duration
+        Length of the runs, of which the last half counts [s].
+    """
+    ticks = round(duration / sample_time) + 1
+
+    def metrics(controller: str, parameters: Sections) -> TrackingMetrics:
+        rows = Experiment(sample_time, controller, parameters).run(0, ticks)
+        return tracking_metrics(
+            rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 0.5 * duration, unit=1.0
+        )
+
+    peak = metrics('adaptive_nn', sections).peak_control
+    base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections['adaptive_nn_controller'])
+
+    def gains(exponents: Sequence[float]) -> dict[str, object]:
+        proportional, integral, derivative = (round_down(math.exp(exponent)) for exponent in exponents)
+        # Below a hundredth of k_p an integral does nothing in 20 s.
+        return {
+            'proportional_gain': proportional,
+            'integral_gain': integral if integral > 0.01 * proportional else 0.0,
+            'derivative_gain': derivative,
+        }
+
+    def cost(exponents: Sequence[float]) -> float:
+        pid = {**sections.get('pid_controller', {}), **gains(exponents)}
+        found = metrics('pid', {**sections, 'pid_controller': pid})
+        if not math.isfinite(found.rms_error):
+            return math.inf
+        return found.rms_error * (1.0 + 1e3 * max(0.0, found.peak_control / peak - 1.0))
+
+    k = base.feedback_gain
+    starts = [
+        [math.log(value) for value in (proportional * k, integral * k, derivative * k)]
+        for proportional, integral, derivative in itertools.product((5.0, 10.0, 20.0), (1e-3, 10.0), (0.5, 0.7, 1.0))
+    ]
+    start = min(starts, key=cost)
+    result = minimize(cost, start, method='Nelder-Mead', options={'maxfev': 120, 'xatol': 1e-3, 'fatol': 1e-6})
+    return gains(result.x)
+
+
 def track(
     controller: str,
     gains: Mapping[str, object],
@@ -227,10 +283,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
     parser.add_argument('--seconds', type=float, default=60.0, help='length of the runs in the table [s]')
+    parser.add_argument(
+        '--same-peak', action='store_true', help='tune PID alone, under the peak control of the adaptive NN controller'
+    )
     options = parser.parse_args(arguments)
     sections = read_parameter_files(options.params_file)
-    plant = from_mapping(PlantParameters, sections.get('vcm_plant', {}))
-    base = from_mapping(AdaptiveNnParameters, sections.get('adaptive_nn_controller', {}))
+    if options.same_peak:
+        _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time))
+        return 0
+    plant: PlantParameters = block_parameters('vcm_plant', sections.get('vcm_plant', {}))
+    base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
     nn = tune_adaptive_nn(plant, options.sample_time, base)
     pid = tune_pid(plant, options.sample_time, sections)
     _print_section('adaptive_nn_controller', nn)

@@ -70,7 +70,11 @@ def signals(count, seed=0):
 OPTIONS = {
     'thesis': {},
     'other lattice': {'network.nodes': 3, 'network.normalize_inputs': True, 'network.width': [0.4, 0.9]},
-    'diagonal gamma': {'network.nodes': 2, 'network.gain': [0.5, 1.0, 2.0, 4.0], 'network.initial': [0.1, 0.2, 0.3, 0.4]},
+    'diagonal gamma': {
+        'network.nodes': 2,
+        'network.gain': [0.5, 1.0, 2.0, 4.0],
+        'network.initial': [0.1, 0.2, 0.3, 0.4],
+    },
     'initial values': {'sigma.initial': 1.0, 'mass.initial': -2.0, 'phi.initial': 0.5, 'network.initial': [0.1]},
     'no leakage': {'sigma.leakage': 0.0, 'mass.leakage': 0.0, 'phi.leakage': 0.0, 'network.leakage': 0.0},
     'boundary layer': {'boundary_layer': 0.5},
@@ -179,7 +183,7 @@ def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
 
 def test_compensator_learns_a_friction_on_the_reference():
     """Its law moves W_c against r, so that a constant lack of force is taken over from the feedback."""
-    values = {**OFF, **{'compensator.enabled': True, 'compensator.gain': 50.0, 'compensator.leakage': 1e-3}}
+    values = {**OFF, 'compensator.enabled': True, 'compensator.gain': 50.0, 'compensator.leakage': 1e-3}
     controller = controller_of(**values)
     position = velocity = 0.0
     for k in range(20000):
@@ -232,10 +236,18 @@ def test_what_is_not_finite_is_not_hidden(place, value):
 
 def test_gain_on_r_is_what_the_law_comes_to():
     """Held at one point of the lattice under a steady r, u/r settles at gain_on_r, where S'S is largest."""
-    controller = controller_of(**{'sigma.enabled': False, 'mass.enabled': False, 'phi.gain': 1e6, 'network.gain': [1e6]})
+    controller = controller_of(
+        **{'sigma.enabled': False, 'mass.enabled': False, 'phi.gain': 1e6, 'network.gain': [1e6]}
+    )
     for k in range(50):
         u, _, _ = controller.step(k, 0.0, 0.0, -0.01, 0.0, 0.0)
     assert -u / 0.01 == pytest.approx(controller.gain_on_r, rel=1e-6)
+
+
+def test_adapting_widths_count_at_their_widest():
+    wide = controller_of(**{'network.width': [2.0]}).gain_on_r
+    assert controller_of(**{'width.enabled': True, 'width.factor': 2.0}).gain_on_r == pytest.approx(wide)
+    assert wide > controller_of().gain_on_r + 0.1
 
 
 def test_warns_of_fragile_constants_only():

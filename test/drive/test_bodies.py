@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.curves import friction_curve
 from hdd_servo_ros.drive.friction.dahl import dahl_slope
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
@@ -144,12 +145,14 @@ def test_dahl_body_against_an_integrator(exponent: float, run: Run) -> None:
     friction = FrictionParameters(model='dahl', dahl_exponent=exponent)
     reference = reference_motion(plant(friction), control)
     errors = []
-    for substeps in (4, 16):
+    counts = [4, 8, 16, 32]
+    for substeps in counts:
         rows = run(plant(friction, substeps=substeps), T, control)
         errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
         assert np.abs(rows[:, 2]).max() <= friction.coulomb_level
     assert np.all(errors[0] < 2e-3)
-    assert np.all(errors[0] > 6.0 * errors[1])
+    # Reversals fall anywhere in a substep: the order is the slope over many.
+    assert np.all(np.polyfit(np.log(counts), np.log(errors), 1)[0] < -1.5)
 
 
 def test_dahl_of_exponent_one_is_lugre_without_its_damping(run: Run) -> None:
@@ -171,6 +174,51 @@ def test_network_body_against_an_integrator(run: Run) -> None:
         errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
     assert np.all(errors[0] < 3e-3)
     assert np.all(errors[0] > 8.0 * errors[1])
+
+
+@pytest.mark.parametrize(
+    ('driver', 'amplifier_gain', 'limits'), [('current', 0.05, [5e-5, 5e-5]), ('voltage', 1.0, [5e-5, 2e-4])]
+)
+def test_lugre_body_on_its_driver_against_radau(
+    driver: str, amplifier_gain: float, limits: list[float], run: Run
+) -> None:
+    """(3.5)-(3.8), (3.14) and (4.1)-(4.4) together: a back-EMF that matters, amplifier, coil and bristle."""
+    actuator = ActuatorParameters(driver=driver, amplifier_gain=amplifier_gain, source_resistance=40.0)
+    p = FrictionParameters()
+    a = actuator
+    metre = a.units_per_metre
+    control = 0.5 * np.sin(2.0 * np.pi * 80.0 * T * np.arange(150))
+
+    def rhs(_: float, y: Array, u: float) -> list[float]:
+        _, speed, z, output, current = y
+        v = speed * a.arm_length * metre
+        g = p.coulomb_level + (p.static_level - p.coulomb_level) * math.exp(-((v / p.stribeck_velocity) ** 2))
+        z_rate = v - p.stiffness * abs(v) / g * z
+        h = p.stiffness * z + p.bristle_damping * z_rate + p.viscous_coefficient * v
+        # h is in volts of the control: a torque of k_t k_a h, over R_m on a voltage driver.
+        volt = a.torque_constant * a.amplifier_gain / (a.coil_resistance if driver == 'voltage' else 1.0)
+        acceleration = (a.torque_constant * current - volt * h) / a.inertia
+        output_rate = (a.amplifier_gain * u - output) / a.amplifier_time_constant
+        drop = a.coil_resistance * current + a.back_emf_constant * speed
+        source = output if driver == 'voltage' else (output - current) * a.source_resistance
+        return [speed, acceleration, z_rate, output_rate, (source - drop) / a.coil_inductance]
+
+    y = np.zeros(5)
+    rows = [y]
+    for u in control:
+        atol = [1e-13, 1e-11, 1e-10, 1e-11, 1e-11]
+        y = solve_ivp(rhs, (0.0, T), y, method='Radau', args=(u,), rtol=1e-9, atol=atol).y[:, -1]
+        rows.append(y)
+    reference = np.array(rows)[:, [0, 1, 2]] * [a.arm_length * metre, a.arm_length * metre, 1.0]
+    peaks = np.abs(reference).max(axis=0)
+    assert peaks[2] > 5.0  # it slides
+    counts = [4, 8, 16, 32]
+    errors = []
+    for substeps in counts:
+        parameters = replace(plant(p, substeps=substeps), actuator=actuator)
+        errors.append(np.abs(run(parameters, T, control)[:, [3, 4, 7]] - reference).max(axis=0) / peaks)
+    assert np.all(errors[0][:2] < limits)
+    assert np.all(np.polyfit(np.log(counts), np.log(errors), 1)[0] < -1.7)
 
 
 @pytest.mark.parametrize('model', [model for model in MODELS if model not in ('rbf_network', 'lugre_position')])

@@ -127,7 +127,7 @@ SIXTEEN = ResonanceParameters(
     form='parallel',
     frequencies=tuple(np.linspace(900.0, 20_000.0, 16).tolist()),
     damping_ratios=tuple(np.linspace(0.01, 0.03, 16).tolist()),
-    residues=tuple(((-1.0) ** i * (0.02 + 0.05 * i) for i in range(16))),
+    residues=tuple((-1.0) ** i * (0.02 + 0.05 * i) for i in range(16)),
 )
 
 

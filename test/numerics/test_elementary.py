@@ -77,11 +77,11 @@ def test_log_is_within_one_ulp_near_one(x):
 def test_sine_and_cosine_of_turns(turns):
     sine, cosine = sine_cosine_of_turns(turns)
     # 2 pi itself is rounded once: the bound is relative to 1, not to a sine near zero.
-    assert abs(decimal.Decimal(sine) - exact_sine(turns)) <= decimal.Decimal(2.3e-16)
+    assert abs(decimal.Decimal(sine) - exact_sine(turns)) <= decimal.Decimal('2.3e-16')
     with decimal.localcontext() as context:
         context.prec = 60
         shifted = decimal.Decimal(turns) + decimal.Decimal('0.25')
-    assert abs(decimal.Decimal(cosine) - exact_sine(shifted)) <= decimal.Decimal(2.3e-16)
+    assert abs(decimal.Decimal(cosine) - exact_sine(shifted)) <= decimal.Decimal('2.3e-16')
 
 
 @pytest.mark.parametrize('whole', [0.0, 1.0, -3.0, 2.0**40])

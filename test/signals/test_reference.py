@@ -37,11 +37,12 @@ def test_phase_counts_in_turns():
 
 
 @pytest.mark.parametrize('frequency', [5.0, 10.0, 80.0, 100.0, 300.0])
-def test_square_has_its_edges_at_their_ticks(frequency):
-    ticks = np.arange(30000)
-    result = rows(ticks, waveform='square', frequency=frequency, amplitude=0.5, offset=0.25)
+@pytest.mark.parametrize('start', [0, 1000, 3000])
+def test_square_has_its_edges_at_their_ticks(frequency, start):
+    ticks = np.arange(start, 30000)
+    result = rows(ticks, waveform='square', frequency=frequency, amplitude=0.5, offset=0.25, start_time=start / 10000)
     # In whole numbers: tick k lies in the first half of its period when 2 k f mod 2/T < 1/T.
-    high = (2 * ticks * int(frequency)) % 20000 < 10000
+    high = (2 * (ticks - start) * int(frequency)) % 20000 < 10000
     np.testing.assert_array_equal(result[:, 0], np.where(high, 0.75, -0.25))
     assert not result[:, 1:].any()
 
@@ -118,9 +119,9 @@ def test_constant():
     tick=st.integers(10, 20000),
 )
 def test_derivatives_agree_with_differences(waveform, sweep, frequency, phase, tick):
-    step = 1e-6
+    step = 1e-7
     result = rows(
-        [100 * tick - 1, 100 * tick, 100 * tick + 1],
+        [1000 * tick - 1, 1000 * tick, 1000 * tick + 1],
         sample_time=step,
         waveform=waveform,
         sweep=sweep,
@@ -132,11 +133,11 @@ def test_derivatives_agree_with_differences(waveform, sweep, frequency, phase, t
         component_frequencies=(1.0, 2.0),
         component_phases=(0.0, 0.3),
     )
-    w = 2.0 * math.pi * 2.0 * max(frequency, 350.0)
     velocity = (result[2, 0] - result[0, 0]) / (2.0 * step)
     acceleration = (result[2, 1] - result[0, 1]) / (2.0 * step)
-    assert result[1, 1] == pytest.approx(velocity, abs=2.0 * w * 2e-4)
-    assert result[1, 2] == pytest.approx(acceleration, abs=2.0 * w * w * 2e-4)
+    # Of velocities up to 8e3 um/s and accelerations up to 3e7 um/s^2; the differences' own errors are below half of this.
+    assert result[1, 1] == pytest.approx(velocity, abs=0.01)
+    assert result[1, 2] == pytest.approx(acceleration, abs=5.0)
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,17 @@ import time
 
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.nodes.controller_node import ControllerNode
-from hdd_servo_ros.parameters import parameter
 from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.parameters import parameter
 
 AT = 300
 
 
 @dataclasses.dataclass(frozen=True)
 class FaultyParameters(PidParameters):
-    fault: str = parameter('not_finite', 'what to do wrong', choices=('not_finite', 'repeat', 'skip', 'exception', 'silence'))
+    fault: str = parameter(
+        'not_finite', 'what to do wrong', choices=('not_finite', 'repeat', 'skip', 'exception', 'silence')
+    )
 
 
 class FaultyPid(Pid):

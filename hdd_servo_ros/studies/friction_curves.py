@@ -1,0 +1,167 @@
+"""
+The friction curves of figs. 2.1, 2.2 and 5.5, as pictures.
+
+    python -m hdd_servo_ros.studies.friction_curves [DIRECTORY]
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hdd_servo_ros.drive.friction.curves import friction_along, friction_curve
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.drive.resonance import ResonanceParameters
+
+Array = npt.NDArray[np.float64]
+
+SAMPLE_TIME = 1.0e-4
+"""T of section 5.4 [s]."""
+
+SECTION_5_4 = PlantParameters(
+    gain=1.0,
+    control_limit=100.0,
+    length_unit='m',
+    control_unit='N',
+    friction=FrictionParameters(
+        model='lugre',
+        stiffness=1.0e5,
+        bristle_damping=1.0e5**0.5,
+        viscous_coefficient=0.4,
+        coulomb_level=1.0,
+        static_level=1.5,
+        stribeck_velocity=0.001,
+    ),
+    resonance=ResonanceParameters(form='none'),
+)
+"""The mass of section 5.4, in SI units."""
+
+STATIC = FrictionParameters(
+    coulomb_level=1.0,
+    static_level=1.5,
+    stribeck_velocity=0.25,
+    stribeck_exponent=1.5,
+    viscous_coefficient=0.3,
+    second_break_level=0.2,
+    second_stribeck_velocity=1.0,
+    first_offset_velocity=0.1,
+    second_offset_velocity=0.5,
+    square_root_coefficient=-0.6,
+    drag_coefficient=0.05,
+)
+"""Round numbers that show the shapes."""
+
+
+def main(output_directory: Path) -> list[Path]:
+    """Write the pictures into a directory, made if there is none, and return their paths."""
+    output_directory.mkdir(parents=True, exist_ok=True)
+    pictures = {
+        'fig_2_1_static_friction.png': draw_static_friction(),
+        'fig_2_2_dahl.png': draw_dahl(),
+        'fig_5_5_lugre_hysteresis.png': draw_lugre_hysteresis(),
+    }
+    for name, figure in pictures.items():
+        figure.savefig(output_directory / name, dpi=110)
+    return [output_directory / name for name in pictures]
+
+
+def draw_static_friction() -> Figure:
+    """Draw fig. 2.1 (Coulomb friction, Coulomb and viscous friction), and the falling curves beside it."""
+    figure, axes = _figure(3, 'Static friction over velocity (fig. 2.1)')
+    velocity = np.linspace(-2.0, 2.0, 2001)
+    panels = (
+        ('(a) Coulomb (2.3)', ('coulomb',)),
+        ('(b) Coulomb and viscous (2.3), (2.4)', ('coulomb_viscous',)),
+        (
+            'Stribeck curves (2.6)-(2.12)',
+            ('exponential', 'gaussian', 'gaussian_two_breaks_offsets', 'tustin', 'lorentzian', 'square_root'),
+        ),
+    )
+    for axis, (title, models) in zip(axes, panels, strict=True):
+        for model in models:
+            curve = friction_curve(replace(STATIC, model=model), velocity)
+            axis.plot(velocity, curve, label=model.replace('_', ' '), linewidth=1.3)
+        _label(axis, title, 'velocity', 'friction')
+    axes[2].legend(fontsize=7, loc='upper left')
+    return figure
+
+
+def draw_dahl() -> Figure:
+    """Draw fig. 2.2: friction over displacement of Dahl's model, loading, unloading and reloading."""
+    figure, axes = _figure(2, "Dahl's model: friction over displacement (fig. 2.2)")
+    path = _there_and_back([0.0, 5.0, -5.0, 5.0], 400)
+    for exponent in (0.5, 1.0, 2.0, 4.0):
+        friction = _dahl(exponent)
+        axes[0].plot(path, friction_along(friction, path, 1.0), label=f'$\\alpha$ = {exponent:g}', linewidth=1.2)
+    inner = _there_and_back([0.0, 4.0, -1.0, 2.0, 0.0, 4.0], 400)
+    axes[1].plot(inner, friction_along(_dahl(1.0), inner, 1.0), linewidth=1.2)
+    _label(axes[0], 'any exponent (2.16)', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
+    _label(axes[1], 'inner loops, $\\alpha$ = 1', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
+    axes[0].legend(fontsize=8, loc='lower right')
+    return figure
+
+
+def draw_lugre_hysteresis() -> Figure:
+    """Draw fig. 5.5: the LuGre model of section 5.4 in sliding and, below breakaway, in presliding."""
+    figure, axes = _figure(3, 'LuGre hysteresis, parameters of section 5.4 (fig. 5.5)')
+    sliding = simulate(5.0 * np.sin(SAMPLE_TIME * np.arange(126_000)))
+    axes[0].plot(sliding[:, 0], sliding[:, 2], linewidth=1.0)
+    _label(axes[0], 'u = 5 sin t', 'position [m]', 'friction [N]')
+    slow = np.abs(sliding[:, 1]) < 0.02
+    axes[1].plot(1e3 * sliding[slow, 1], sliding[slow, 2], '.', markersize=1.5)
+    _label(axes[1], 'the same about zero velocity', 'velocity [mm/s]', 'friction [N]')
+    for amplitude in (0.9, 0.6, 0.3):
+        rows = simulate(amplitude * np.sin(2.0 * np.pi * 2.0 * SAMPLE_TIME * np.arange(15_000)))[5000:]
+        axes[2].plot(1e6 * rows[:, 0], rows[:, 2], label=f'u = {amplitude} sin 4$\\pi$t', linewidth=1.0)
+    _label(axes[2], 'presliding, below $f_s$ = 1.5 N', 'position [µm]', 'friction [N]')
+    axes[2].legend(fontsize=7)
+    return figure
+
+
+def simulate(control: Array) -> Array:
+    """Return position [m], velocity [m/s] and friction [N] of the mass of section 5.4 under a held force [N]."""
+    plant = Plant(SECTION_5_4, SAMPLE_TIME)
+    rows = [plant.output()]
+    rows += [plant.step(tick, force) for tick, force in enumerate(control.tolist(), start=1)]
+    return np.array(rows)
+
+
+def _dahl(exponent: float) -> FrictionParameters:
+    return FrictionParameters(model='dahl', stiffness=1.0, coulomb_level=1.0, dahl_exponent=exponent)
+
+
+def _there_and_back(corners: Sequence[float], count: int) -> Array:
+    return np.interp(np.linspace(0.0, len(corners) - 1, count * (len(corners) - 1) + 1), range(len(corners)), corners)
+
+
+def _figure(panels: int, title: str) -> tuple[Figure, Sequence[Axes]]:
+    # Not pyplot: a picture into a file needs no display.
+    figure = Figure(figsize=(4.4 * panels, 3.9), layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    return figure, list(np.atleast_1d(figure.subplots(1, panels)))
+
+
+def _label(axis: Axes, title: str, x: str, y: str) -> None:
+    axis.set_title(title, fontsize=10)
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    axis.grid(alpha=0.3)
+
+
+def _command_line() -> None:
+    parser = argparse.ArgumentParser(description='Draw the friction curves of figs. 2.1, 2.2 and 5.5.')
+    parser.add_argument('directory', nargs='?', type=Path, default=Path('runs/friction_curves'))
+    for path in main(parser.parse_args().directory):
+        print(path)
+
+
+if __name__ == '__main__':
+    _command_line()

@@ -1,0 +1,45 @@
+"""Nothing allocates in the loop."""
+
+import numba
+import numpy as np
+import numpy.typing as npt
+import pytest
+from numba.core.runtime import _nrt_python, rtsys
+
+from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters, plant_step
+
+Array = npt.NDArray[np.float64]
+
+
+@numba.njit
+def steps(constants: Array, state: Array, count: int) -> float:
+    last = 0.0
+    for k in range(count):
+        last = plant_step(constants, state, k + 1, 0.1, 0.0)[0]
+    return last
+
+
+@numba.njit
+def allocating_steps(constants: Array, state: Array, count: int) -> float:
+    last = 0.0
+    for k in range(count):
+        last = plant_step(constants, state.copy(), k + 1, 0.1, 0.0)[0]
+    return last
+
+
+def allocations(function: object, parameters: PlantParameters, count: int) -> int:
+    plant = Plant(parameters, 1.0e-4)
+    before = rtsys.get_allocation_stats().alloc
+    function(plant.constants, plant.state, count)  # type: ignore[operator]
+    return int(rtsys.get_allocation_stats().alloc - before)
+
+
+@pytest.mark.parametrize('model', [model for model in MODELS if model != 'rbf_network'])
+def test_a_thousand_steps_allocate_as_much_as_none(model: str) -> None:
+    _nrt_python.memsys_enable_stats()
+    parameters = PlantParameters(friction=FrictionParameters(model=model))
+    few = allocations(steps, parameters, 0)
+    assert allocations(steps, parameters, 1000) == few
+    # The count does see allocations.
+    assert allocations(allocating_steps, parameters, 1000) >= few + 1000

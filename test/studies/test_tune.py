@@ -1,0 +1,94 @@
+"""The tuning rule: that it keeps what it promises, and that the shipped numbers are its result."""
+
+from pathlib import Path
+
+import pytest
+
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.loop.metrics import tracking_metrics
+from hdd_servo_ros.loop.parameter_file import read_parameter_files
+from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.studies.tune import (
+    largest,
+    largest_gain_on_r,
+    main,
+    round_down,
+    round_up,
+    tune_adaptive_nn,
+    tune_pid,
+    tune_pid_same_peak,
+)
+
+T = 1e-4
+SHIPPED = read_parameter_files([Path(__file__).parents[2] / 'params' / 'seagate_7200_10.yaml'])
+
+
+def test_rounding():
+    assert round_down(0.0012399) == 0.00123
+    assert round_down(5.0e-5) == 5.0e-5
+    assert round_up(0.0012301) == 0.00124
+    assert round_up(163000.0) == 163000.0
+
+
+def test_largest():
+    assert largest(lambda x: x <= 7.0, 1.0) == pytest.approx(7.0, rel=2e-4)
+    assert largest(lambda x: x <= 7.0, 8.0) == 0.0
+
+
+def test_shipped_adaptive_nn_is_the_rules_result():
+    found = tune_adaptive_nn(PlantParameters(), T, AdaptiveNnParameters())
+    shipped = {name: SHIPPED['adaptive_nn_controller'][name] for name in found}
+    assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
+    assert shipped == pytest.approx(found, rel=1e-9)
+
+
+def test_shipped_pid_is_the_rules_result():
+    found = tune_pid(PlantParameters(), T, {})
+    shipped = {name: SHIPPED['pid_controller'][name] for name in found}
+    assert shipped == pytest.approx(found, rel=1e-9)
+
+
+def test_the_rule_holds_for_both():
+    margins = LoopMargins(PlantParameters(), T)
+    nn = from_mapping(AdaptiveNnParameters, SHIPPED['adaptive_nn_controller'])
+    g = AdaptiveNn(nn, T).gain_on_r
+    assert margins.peak_sensitivity(LinearController(g * nn.error_filter_lambda, g)) <= 2.0
+    assert g == pytest.approx(nn.safe_gain, rel=0.01)
+    pid = SHIPPED['pid_controller']
+    law = LinearController(
+        pid['proportional_gain'], pid['derivative_gain'], pid['integral_gain'], pid['derivative_bandwidth']
+    )
+    assert margins.peak_sensitivity(law) <= 2.0
+
+
+def test_same_peak_finds_no_worse_than_shipped():
+    """At T = 1 ms, for speed; the shipped gains are the result at 0.1 ms."""
+    sections = read_parameter_files([Path(__file__).parents[2] / 'params' / 'simulation_study.yaml'])
+
+    def metrics(controller, gains):
+        node = f'{controller}_controller'
+        rows = Experiment(1e-3, controller, {**sections, node: {**sections[node], **gains}}).run(0, 20001)
+        return tracking_metrics(
+            rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient=10.0, unit=1.0
+        )
+
+    found = metrics('pid', tune_pid_same_peak(sections, 1e-3))
+    assert found.peak_control <= 1.001 * metrics('adaptive_nn', {}).peak_control
+    assert found.rms_error <= 1.01 * metrics('pid', {}).rms_error
+
+
+def test_a_hopeless_lambda_is_refused():
+    with pytest.raises(ValueError, match='lambda = 50000'):
+        largest_gain_on_r(LoopMargins(PlantParameters(), T), 50000.0)
+
+
+def test_the_command_prints_a_parameter_file(tmp_path, capsys):
+    assert main(['--seconds', '2.5']) == 0
+    text = capsys.readouterr().out
+    file = tmp_path / 'tuned.yaml'
+    file.write_text(text[: text.index('\nMs of')])
+    assert set(read_parameter_files([file])) == {'adaptive_nn_controller', 'pid_controller'}
+    assert text.count(' Hz ') == 6

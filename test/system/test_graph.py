@@ -1,0 +1,206 @@
+"""The graph as a ROS user meets it: topics, namespaces, parameters, outside nodes."""
+
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import Vector3Stamped
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
+
+from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.topics import LOOP_TOPICS
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def outside(bench, monkeypatch):
+    """An ordinary node of another process: this one."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=bench.domain)
+    node = rclpy.create_node('outside', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    node.spin_for = lambda seconds: _spin_for(executor, seconds)
+    node.spin_until = lambda condition: _spin_until(executor, condition)
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def _spin_for(executor, seconds):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.05)
+
+
+def _spin_until(executor, condition, timeout=40.0):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, 'nothing came'
+        executor.spin_once(timeout_sec=0.05)
+
+
+def call(node, service_type, name, request):
+    """Call a service, and return its answer and how long it took [s]."""
+    client = node.create_client(service_type, name)
+    assert client.wait_for_service(timeout_sec=20.0)
+    started = time.monotonic()
+    future = client.call_async(request)
+    node.spin_until(future.done)
+    return future.result(), time.monotonic() - started
+
+
+def double(name, value):
+    return Parameter(name=name, value=ParameterValue(type=3, double_value=value))
+
+
+def test_types_and_default_subscribers(bench, outside):
+    received = []
+    outside.create_subscription(Vector3Stamped, '/head', received.append, 10)
+    process = bench.start('rig', '-p', 'deterministic_timer:duration:=5.0', '-p', 'deterministic_timer:rate:=0.1')
+    outside.spin_until(lambda: len(received) > 100)
+    types = dict(outside.get_topic_names_and_types())
+    for topic in LOOP_TOPICS:
+        assert types[f'/{topic.name}'] == [topic.type_name]
+    names = {name for name, _ in outside.get_node_names_and_namespaces()}
+    assert {'vcm_plant', 'ldv_sensor', 'adaptive_nn_controller', 'reference_generator', 'bag_recorder'} <= names
+    message = received[-1]
+    assert message.header.frame_id == 'seagate_7200_10'
+    stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    assert stamp % 100_000 == 0
+    process.signal(signal.SIGINT)
+    assert process.wait() == 130, process.output
+
+
+def test_slow_and_dying_outside_subscribers_change_nothing(bench):
+    # Slow enough for two listeners written in Python to keep up until something happens to them.
+    duration = ('-p', 'deterministic_timer:duration:=0.25')
+    bench.run('simulate', *duration, '-p', 'bag_recorder:run_dir:=simulated')
+    listeners = [bench.start('listener', script=HERE / 'listener.py') for _ in range(2)]
+    for listener in listeners:
+        listener.wait_for('listening')
+    process = bench.start('rig', *duration, '-p', 'deterministic_timer:rate:=0.05', '-p', 'bag_recorder:run_dir:=run')
+    for listener in listeners:
+        listener.wait_for('heard')
+    listeners[0].signal(signal.SIGSTOP)
+    listeners[1].signal(signal.SIGKILL)
+    assert process.wait() == 0, process.output
+    assert first_difference(bench.directory / 'simulated', bench.directory / 'run') is None
+
+
+def test_two_rigs_side_by_side(bench):
+    arguments = ('-p', 'duration:=0.2')
+    rigs = [bench.start('rig', *arguments, '-p', f'run_dir:=run{k}', '-r', f'__ns:=/bench{k}') for k in (1, 2)]
+    for process in rigs:
+        assert process.wait() == 0, process.output
+    assert first_difference(bench.directory / 'run1', bench.directory / 'run2') is None
+    for k in (1, 2):
+        topics = set(read_messages(bench.directory / f'run{k}')) - {'/parameter_events'}
+        assert topics == {f'/bench{k}/{topic.name}' for topic in LOOP_TOPICS}
+
+
+def test_nodes_in_a_namespace_with_a_remapped_topic(bench):
+    arguments = ('-p', 'duration:=0.05', '-r', '__ns:=/bench1', '-r', 'ldv:=vibrometer')
+    for process in bench.start_nodes('run', '-p', 'run_dir:=run', *arguments).values():
+        assert process.wait() == 0, process.output
+    assert '/bench1/vibrometer' in read_messages(bench.directory / 'run')
+    assert len(read_signals(bench.directory / 'run').time) == 501
+
+
+@pytest.mark.parametrize('composed', [True, False])
+def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed):
+    arguments = ('-p', 'deterministic_timer:duration:=1.5', '-p', 'deterministic_timer:rate:=0.2')
+    if composed:
+        processes = [bench.start('rig', *arguments, '-p', 'bag_recorder:run_dir:=run')]
+    else:
+        processes = list(bench.start_nodes('run', *arguments).values())
+    heard = []
+    outside.create_subscription(Vector3Stamped, '/reference', heard.append, 10)
+    outside.spin_until(lambda: heard)
+
+    answer, _ = call(
+        outside, DescribeParameters, '/vcm_plant/describe_parameters', DescribeParameters.Request(names=['gain'])
+    )
+    assert 'um/s^2/V' in answer.descriptors[0].description
+    refused, _ = call(
+        outside,
+        SetParameters,
+        '/reference_generator/set_parameters',
+        SetParameters.Request(parameters=[double('frequency', -1.0)]),
+    )
+    assert not refused.results[0].successful
+    assert 'frequency = -1.0 is refused' in refused.results[0].reason
+    fixed, _ = call(
+        outside,
+        SetParameters,
+        '/deterministic_timer/set_parameters',
+        SetParameters.Request(parameters=[double('sample_time', 1e-3)]),
+    )
+    assert not fixed.results[0].successful
+    # Two together, or none.
+    for frequency, successful in ((-1.0, False), (150.0, True)):
+        answer, seconds = call(
+            outside,
+            SetParametersAtomically,
+            '/reference_generator/set_parameters_atomically',
+            SetParametersAtomically.Request(parameters=[double('amplitude', 1.0), double('frequency', frequency)]),
+        )
+        assert answer.result.successful == successful
+        assert seconds < 1.0
+    answer, _ = call(
+        outside,
+        GetParameters,
+        '/reference_generator/get_parameters',
+        GetParameters.Request(names=['amplitude', 'frequency']),
+    )
+    assert [value.double_value for value in answer.values] == [1.0, 150.0]
+    for process in processes:
+        assert process.wait() == 0, process.output
+
+    signals = read_signals(bench.directory / 'run')
+    assert len(signals.time) == 15_001
+    stamps, events = read_messages(bench.directory / 'run')['/parameter_events']
+    changes = [deserialize_message(event, ParameterEvent) for event in events]
+    assert [[p.name for p in change.changed_parameters] for change in changes] == [['amplitude', 'frequency']]
+    tick = int(stamps[0]) // 100_000
+    assert 0 < tick < 15_000
+    time_axis = signals.time
+    expected = np.where(
+        np.arange(15_001) < tick, 2.0 * np.sin(2 * np.pi * 100 * time_axis), 1.0 * np.sin(2 * np.pi * 150 * time_axis)
+    )
+    np.testing.assert_allclose(signals.reference[:, 0], expected, atol=1e-9)
+
+
+def test_an_ordinary_ros_node_as_controller(bench):
+    """A node that knows nothing of this package: it answers each pair of /ldv and /reference, and that is all."""
+    controller = bench.start('ordinary_controller', script=HERE / 'ordinary_controller.py')
+    nodes = ('bag_recorder', 'ldv_sensor', 'vcm_plant', 'reference_generator', 'deterministic_timer')
+    processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.05', nodes=nodes)
+    for process in processes.values():
+        assert process.wait() == 0, process.output
+    signals = read_signals(bench.directory / 'run')
+    assert len(signals.time) == 501
+    np.testing.assert_array_equal(signals.control[:, 0], -0.01 * signals.ldv[:, 0])
+    controller.signal(signal.SIGKILL)
+
+
+def test_disturbance_joins_when_its_node_runs(bench):
+    arguments = ('-p', 'deterministic_timer:duration:=0.05')
+    disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
+    processes = bench.start_nodes('run', *arguments)
+    for process in [*processes.values(), disturbance]:
+        assert process.wait() == 0, process.output
+    messages = read_messages(bench.directory / 'run')
+    assert len(messages['/disturbance'][0]) == 501
+    bench.run('simulate', *arguments, '-p', 'bag_recorder:run_dir:=undisturbed')
+    assert 'differs first at tick 1' in first_difference(bench.directory / 'run', bench.directory / 'undisturbed')
