@@ -54,7 +54,7 @@ setup(
     extras_require={
         # What an apt-installed Jazzy brings itself.
         'ros': [
-            'ros-jazzy-rclpy[fastrtps]>=7.1.5',
+            'ros-jazzy-rclpy[fastrtps]>=7.1.6',
             'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
             'ros-jazzy-common-interfaces>=5.3.6',
         ],

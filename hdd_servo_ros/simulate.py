@@ -136,7 +136,7 @@ class Simulation:
         }
 
 
-class _Packer:
+class Packer:
     """Turns rows into messages, in the order in which the recorder of the graph writes them."""
 
     def __init__(self, ticks: Ticks, frame_id: str, controller: Controller) -> None:
@@ -207,7 +207,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     status, reason, exit_code = FINISHED, '', 0
     try:
-        packer = _Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
+        packer = Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
         rows: Rows | None = None
         shown = Progress('simulate', last_tick, simulation.timer.sample_time) if progress else None
         if shown is not None:

@@ -13,7 +13,7 @@ class SigmaParameters(ParameterSet):
     """The viscous estimate sigma_hat, (4.18)."""
 
     enabled: bool = parameter(True, 'whether sigma_hat takes part')
-    gain: float = parameter(1.26e-9, 'k_sigma of (4.18)', unit='V s^2/um^3', minimum=0.0)
+    gain: float = parameter(7.56e-10, 'k_sigma of (4.18)', unit='V s^2/um^3', minimum=0.0)
     leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
     initial: float = parameter(0.0, 'sigma_hat(0)', unit='V s/um')
     minimum: float = parameter(-1.0, 'smallest sigma_hat, where projection is on', unit='V s/um')
@@ -29,8 +29,8 @@ class MassParameters(ParameterSet):
     """The inertia estimate m_hat, (4.19). Below the presliding resonance it learns a negative, effective mass."""
 
     enabled: bool = parameter(True, 'whether m_hat takes part')
-    gain: float = parameter(3.19e-15, 'k_m of (4.19)', unit='V s^4/um^3', minimum=0.0)
-    leakage: float = parameter(1.56e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
+    gain: float = parameter(1.91e-15, 'k_m of (4.19)', unit='V s^4/um^3', minimum=0.0)
+    leakage: float = parameter(1.57e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
     initial: float = parameter(0.0, 'm_hat(0)', unit='V s^2/um')
     minimum: float = parameter(-1.0, 'smallest m_hat, where projection is on', unit='V s^2/um')
     maximum: float = parameter(1.0, 'largest m_hat, where projection is on', unit='V s^2/um')

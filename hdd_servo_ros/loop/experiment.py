@@ -140,6 +140,7 @@ class Experiment:
         else:
             self.controller = controller
         self._held: NDArray[np.float64] = np.zeros(1)
+        self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
         return BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
@@ -156,7 +157,15 @@ class Experiment:
             Which ticks.
         rows
             Rows of an earlier call with the same count, to be written again instead of new memory.
+
+        Raises
+        ------
+        ValueError
+            If ``first_tick`` is not the one after the last.
         """
+        if first_tick != self._next_tick:
+            raise ValueError(f'expected tick {self._next_tick}, got {first_tick}: the ticks of a run follow each other')
+        self._next_tick += count
         names = self.controller.estimate_names
         if rows is None or len(rows.head) != count:
             rows = Rows.empty(first_tick, count, self.sample_time, names)

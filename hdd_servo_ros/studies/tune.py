@@ -10,7 +10,7 @@ delay), in presliding, where the friction is a spring, and in sliding, where it 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda given, g gets the largest value that
 the rule allows, and is divided 80 : 10 : 10. The network and phi_hat get the small shares because they multiply sgn r,
-which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 10 1/s on the design reference, a 2 um
+which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 6 1/s on the design reference, a 2 um
 sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times slower: fast enough
 to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625 times as fast.
 
@@ -44,9 +44,9 @@ MAX_SENSITIVITY = 2.0
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
 FORGETTING_RATE = 5.0
 """Of phi_hat and W_hat [1/s]."""
-LEARNING_RATE = 10.0
+LEARNING_RATE = 6.0
 """Of sigma_hat and m_hat on the design reference [1/s]."""
-LEAKAGE_RATE = 0.05
+LEAKAGE_RATE = 0.03
 """Of sigma_hat and m_hat [1/s]."""
 AMPLITUDE = 2.0
 """Of the sines [um]."""

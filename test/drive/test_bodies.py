@@ -230,15 +230,40 @@ def test_mirrored_control_gives_the_mirrored_motion(model: str, control: list[fl
         assert other.step(tick, -u) == tuple(-value for value in one.step(tick, u))
 
 
+@pytest.mark.parametrize('model', MODELS)
+def test_mean_friction_is_the_impulse_of_the_substep(model: str, run: Run) -> None:
+    """V1 - v0 = k D (u - mean friction), whatever the scheme."""
+    friction = NETWORK if model == 'rbf_network' else FrictionParameters(model=model)
+    control = 0.4 * np.sin(2.0 * np.pi * 90.0 * T * np.arange(200))
+    rows = run(plant(friction, substeps=1), T, control)
+    np.testing.assert_allclose(control - np.diff(rows[:, 4]) / (GAIN * T), rows[1:, 8], atol=1e-12)
+
+
+def test_complete_model_slides_by_2_13(run: Run) -> None:
+    """With the contact stretched to its level, the body obeys (2.13) by itself."""
+    # Stiff, so that the level never rises faster than the contact is stretched.
+    friction = FrictionParameters(model='complete', square_root_coefficient=5.0e-4, stiffness=1.0)
+    level = 0.13 + 5.0e-4 * math.sqrt(500.0)
+    control = 0.25 + 0.1 * np.sin(2.0 * np.pi * 300.0 * T * np.arange(60))
+    errors = []
+    for substeps in (4, 16):
+        parameters = plant(friction, initial_velocity=500.0, substeps=substeps)
+        rows = run(parameters, T, control, {DEFLECTION: level / friction.stiffness})
+        reference = reference_motion(parameters, control)
+        errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
+    assert np.all(errors[0] < 1e-3)
+    assert np.all(errors[0] > 3.5 * errors[1])
+
+
 def energy(parameters: PlantParameters, state: Array) -> float:
     """Return kinetic energy and what the contact stores [V um]."""
     stored = 0.0
-    if parameters.friction.model in ('lugre', 'lugre_position', 'tangential_stiffness', 'complete'):
+    if parameters.friction.model in ('lugre', 'lugre_position', 'tangential_stiffness', 'complete', 'dahl'):
         stored = 0.5 * parameters.friction.stiffness * state[DEFLECTION] ** 2
     return float(0.5 * state[VELOCITY] ** 2 / parameters.gain + stored)
 
 
-@pytest.mark.parametrize('model', [model for model in MODELS if model not in ('none', 'rbf_network', 'dahl')])
+@pytest.mark.parametrize('model', [model for model in MODELS if model not in ('none', 'rbf_network')])
 @given(
     velocity=st.floats(-5.0e4, 5.0e4),
     deflection=st.floats(-1.0, 1.0),
@@ -247,6 +272,7 @@ def energy(parameters: PlantParameters, state: Array) -> float:
     viscous=st.floats(0.0, 1.0e-4),
     damping=st.floats(0.0, 1.0e-5),
     frequency=st.floats(30.0, 600.0),
+    exponent=st.floats(0.0, 4.0),
 )
 def test_energy_never_increases_without_input(
     model: str,
@@ -257,6 +283,7 @@ def test_energy_never_increases_without_input(
     viscous: float,
     damping: float,
     frequency: float,
+    exponent: float,
 ) -> None:
     stiffness = (2.0 * math.pi * frequency) ** 2 / GAIN
     friction = FrictionParameters(
@@ -266,6 +293,7 @@ def test_energy_never_increases_without_input(
         static_level=coulomb * ratio,
         viscous_coefficient=viscous,
         bristle_damping=damping,
+        dahl_exponent=exponent,
         square_root_coefficient=-2.0 * math.sqrt(coulomb * viscous),
     )
     parameters = plant(friction)
@@ -274,21 +302,12 @@ def test_energy_never_increases_without_input(
     # Beyond f_c/sigma_0 a bristle with constant sigma_1 is not passive (Barabanov and Ortega, IEEE TAC 45, 2000).
     body.state[DEFLECTION] = deflection * coulomb / stiffness * (1.0 - friction.position_ripple)
     before = first = energy(parameters, body.state)
+    rounding = 1.0e-14 * coulomb * coulomb / stiffness
     for tick in range(1, 120):
         body.step(tick, 0.0)
         after = energy(parameters, body.state)
-        assert after <= before + 1.0e-9 * first + 1.0e-300
+        assert after <= before + 1.0e-9 * first + rounding
         before = after
-
-
-@pytest.mark.parametrize('exponent', [0.5, 1.0, 2.0])
-@given(velocity=st.floats(-5.0e4, 5.0e4))
-def test_dahl_energy_is_never_above_the_start(exponent: float, velocity: float) -> None:
-    """From an undeflected contact, kinetic energy never exceeds its start (the contact's store is not negative)."""
-    body = Plant(plant(FrictionParameters(model='dahl', dahl_exponent=exponent), initial_velocity=velocity), T)
-    for tick in range(1, 200):
-        body.step(tick, 0.0)
-        assert abs(body.state[VELOCITY]) <= abs(velocity) * (1.0 + 1e-9)
 
 
 def test_dahl_slope_at_the_limit_is_zero() -> None:

@@ -138,3 +138,11 @@ def test_rows_are_written_again():
     assert second.head is first.head
     assert second.first_tick == 100
     assert experiment.run(200, 50, second).head is not second.head
+
+
+def test_ticks_follow_each_other():
+    experiment = Experiment(T, 'pid')
+    experiment.run(0, 10)
+    with pytest.raises(ValueError, match='expected tick 10, got 11'):
+        experiment.run(11, 5)
+    assert experiment.run(10, 5).first_tick == 10

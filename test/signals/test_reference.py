@@ -135,7 +135,7 @@ def test_derivatives_agree_with_differences(waveform, sweep, frequency, phase, t
     )
     velocity = (result[2, 0] - result[0, 0]) / (2.0 * step)
     acceleration = (result[2, 1] - result[0, 1]) / (2.0 * step)
-    # Of velocities up to 8e3 um/s and accelerations up to 3e7 um/s^2; the differences' own errors are below half of this.
+    # Velocities reach 8e3 um/s, accelerations 3e7 um/s^2; the differences' own errors are below half of this.
     assert result[1, 1] == pytest.approx(velocity, abs=0.01)
     assert result[1, 2] == pytest.approx(acceleration, abs=5.0)
 

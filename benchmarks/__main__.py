@@ -1,0 +1,332 @@
+"""
+Measure, print the raw figures, and write the table of ``docs/performance.md``.
+
+``python -m benchmarks [--quick] [--no-write]``; every figure is the median of several runs that alternate with what
+they are compared with, so that a slow minute of the machine strikes both.
+"""
+
+import argparse
+import datetime as dt
+import os
+import platform
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from benchmarks.bench_plant import call_cost, kernel_cost, nothing
+from hdd_servo_ros.drive.plant import PlantParameters, plant_step
+from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.parameter_files import parse_ros_arguments
+from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.registry import NODE_PARAMETERS
+from hdd_servo_ros.simulate import Packer, Simulation
+from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.topics import QUEUE_DEPTH
+
+ROOT = Path(__file__).parent.parent
+PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
+DOCUMENT = ROOT / 'docs' / 'performance.md'
+NODES = (
+    'bag_recorder',
+    'adaptive_nn_controller',
+    'ldv_sensor',
+    'vcm_plant',
+    'reference_generator',
+    'deterministic_timer',
+)
+STOCK_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer')
+
+
+class Bench:
+    """Runs things in a folder and a ROS domain of their own."""
+
+    def __init__(self, directory):
+        self.directory = Path(directory)
+        self.count = 0
+        self.environment = {**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1)}
+        self.environment.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        self.environment['PYTHONPATH'] = os.pathsep.join(
+            [str(ROOT), *filter(None, [self.environment.get('PYTHONPATH')])]
+        )
+
+    def popen(self, module, *arguments):
+        return subprocess.Popen(
+            [sys.executable, '-m', module, *map(str, arguments)],
+            cwd=self.directory,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def folder(self):
+        self.count += 1
+        return self.directory / f'run{self.count}'
+
+    def ros_arguments(self, run, ticks, *more):
+        arguments = ['--ros-args', '--params-file', PARAMS, '-p', f'run_dir:={run}', '-p', f'duration:={ticks * 1e-4}']
+        return [*arguments, '-p', 'plot:=false', *more]
+
+    def rig(self, ticks):
+        run = self.folder()
+        self._finish([self.popen('hdd_servo_ros.nodes.rig', *self.ros_arguments(run, ticks))])
+        return yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor']
+
+    def processes(self, ticks):
+        run = self.folder()
+        self._finish([self.popen(f'hdd_servo_ros.nodes.{node}', *self.ros_arguments(run, ticks)) for node in NODES])
+        return yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor']
+
+    def stock(self, ticks):
+        return self._factor([self.popen('benchmarks.stock_graph', ticks, self.folder())])
+
+    def stock_processes(self, ticks):
+        bag = self.folder()
+        processes = [self.popen('benchmarks.stock_graph', ticks, bag, node) for node in STOCK_NODES]
+        factor = self._factor([processes[-1], processes[0]], wait=False)
+        for process in processes:
+            process.kill()
+            process.wait()
+        return factor
+
+    def floor(self, ticks):
+        return self._factor([self.popen('benchmarks.floor', ticks)])
+
+    def _finish(self, processes):
+        for process in processes:
+            output, _ = process.communicate(timeout=300)
+            if process.returncode:
+                raise RuntimeError(output)
+
+    def _factor(self, processes, wait=True):
+        outputs = []
+        for process in processes:
+            lines = []
+            for line in process.stdout:
+                lines.append(line)
+                if not wait and re.match('real_time_factor|lost', line):
+                    break
+            outputs.append(''.join(lines))
+        text = ''.join(outputs)
+        lost = re.search(r'lost (\d+)', text)
+        if lost and int(lost.group(1)):
+            raise RuntimeError(f'the stock recorder lost {lost.group(1)} messages')
+        found = re.search(r'real_time_factor (\S+)', text)
+        if not found:
+            raise RuntimeError(text)
+        return float(found.group(1))
+
+
+def alternating(repeats, **measures):
+    """Run the measures in turn, several times; return each one's figures."""
+    figures = {name: [] for name in measures}
+    for _ in range(repeats):
+        for name, measure in measures.items():
+            figures[name].append(measure())
+            print(f'  {name:16} {figures[name][-1]:.4g}', flush=True)
+    return figures
+
+
+def simulate_figures(bench, repeats, ticks):
+    """Real-time factors of the simulation without and with its bag, and of the bag writer alone."""
+    compute, whole, writer_alone = [], [], []
+    for _ in range(repeats):
+        experiment = Experiment(1e-4, 'adaptive_nn', _parameters())
+        experiment.run(0, 1)
+        rows = None
+        started = time.perf_counter()
+        for first in range(1, ticks * 10, 4096):
+            rows = experiment.run(first, 4096, rows)
+        compute.append(ticks * 10 * 1e-4 / (time.perf_counter() - started))
+
+        run = bench.folder()
+        bench._finish([bench.popen('hdd_servo_ros.simulate', *bench.ros_arguments(run, ticks))])
+        whole.append(yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor'])
+
+        simulation = Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)]))
+        packer = Packer(Ticks(1e-4), simulation.frame_id, simulation.experiment.controller)
+        packed = packer.pack(simulation.experiment.run(0, ticks))
+        topics = [(name, topic.type_name, QUEUE_DEPTH) for topic, name in simulation.topics]
+        writer = BagWriter(bench.folder(), 'mcap', topics, {})
+        started = time.perf_counter()
+        writer.write(*packed)
+        writer_alone.append(ticks * 1e-4 / (time.perf_counter() - started))
+        writer.close()
+        print(
+            f'  simulate {compute[-1]:.4g}, with bag {whole[-1]:.4g}, writer alone {writer_alone[-1]:.4g}', flush=True
+        )
+    return compute, whole, writer_alone
+
+
+def _parameters():
+    parsed = parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)])
+    names = ('reference_generator', 'vcm_plant', 'ldv_sensor', 'adaptive_nn_controller')
+    kinds = {name: NODE_PARAMETERS[name][-1] for name in names}
+    from hdd_servo_ros.parameters import declarations
+
+    known = {name: {d.name for d in declarations(kind)} for name, kind in kinds.items()}
+    return {name: {k: v for k, v in parsed.parameters_of(name).items() if k in known[name]} for name in names}
+
+
+def resident(pid):
+    """Return the resident memory of a process and its children [MiB]."""
+    total = 0.0
+    children = Path(f'/proc/{pid}/task/{pid}/children').read_text().split()
+    for one in [pid, *children]:
+        found = re.search(r'VmRSS:\s+(\d+)', Path(f'/proc/{one}/status').read_text())
+        total += int(found.group(1)) / 1024 if found else 0.0
+    return total
+
+
+def plant_figures():
+    """Rows of the table: the cost of one tick of the default drive, and of a compiled call that does nothing [ns]."""
+    controls = 0.2 * np.random.default_rng(1).normal(size=50_000)
+    inside = 1e9 * kernel_cost(PlantParameters(), controls)
+    outside = 1e9 * call_cost(plant_step, PlantParameters(), controls.tolist())
+    bare = 1e9 * call_cost(nothing, PlantParameters(), controls.tolist())
+    print(f'  {inside:.0f} ns in compiled code, {outside:.0f} ns from Python, bare call {bare:.0f} ns', flush=True)
+    return [
+        ('one tick of the default drive, in compiled code', f'{inside:.0f} ns', 'at most 2000 ns'),
+        ('the same called from Python', f'{outside:.0f} ns, of which a bare call is {bare:.0f} ns', ''),
+    ]
+
+
+def memory_figures(bench, seconds):
+    """Resident memory of rig and recorder at 6 s of the run and at its end [MiB]."""
+    run = bench.folder()
+    process = bench.popen('hdd_servo_ros.nodes.rig', *bench.ros_arguments(run, seconds * 10_000))
+    bag = run / 'bag' / 'bag.mcap'
+    samples = []
+    while process.poll() is None:
+        time.sleep(0.2)
+        try:
+            # The bag grows with simulated time, so its size tells how far the run is.
+            samples.append((bag.stat().st_size, resident(process.pid)))
+        except (OSError, ValueError):
+            continue
+    process.communicate()
+    size = bag.stat().st_size
+    # After the last message the process reads the bag for its summary, which is no part of the run.
+    during = [(done / size * seconds, memory) for done, memory in samples if done < 0.99 * size]
+    at_six = next(memory for done, memory in during if done >= 6.0)
+    print(f'  {at_six:.0f} MiB at 6 s, {during[-1][1]:.0f} MiB at {during[-1][0]:.0f} s', flush=True)
+    return at_six, during[-1][1]
+
+
+def start_figure(bench):
+    """Wall time from `make run` to the run's folder, which is made right before tick 0 [s]."""
+    run = bench.folder()
+    started = time.perf_counter()
+    process = subprocess.Popen(
+        ['make', '-s', 'run', f'ARGS=-p bag_recorder:run_dir:={run} -p plot:=false -p duration:=0.01'],
+        cwd=ROOT,
+        env=bench.environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    while not (run / 'run.yaml').exists():
+        if process.poll() is not None and not (run / 'run.yaml').exists():
+            raise RuntimeError('make run failed')
+        time.sleep(0.002)
+    elapsed = time.perf_counter() - started
+    process.wait()
+    print(f'  {elapsed:.2f} s', flush=True)
+    return elapsed
+
+
+def machine():
+    """Return what this ran on."""
+    text = Path('/proc/cpuinfo').read_text()
+    model = re.search(r'model name\s*: (.+)', text)
+    return (
+        f'{model.group(1).strip() if model else platform.processor()}, {os.cpu_count()} cores, '
+        f'Python {platform.python_version()}, numpy {np.__version__}'
+    )
+
+
+def main():
+    """Run all benchmarks."""
+    parser = argparse.ArgumentParser(prog='make bench', description=__doc__.splitlines()[1])
+    parser.add_argument('--quick', action='store_true', help='one repeat and short runs, to see that it works')
+    parser.add_argument('--no-write', action='store_true', help='leave docs/performance.md as it is')
+    options = parser.parse_args()
+    repeats = 1 if options.quick else 5
+    ticks = 1000 if options.quick else 20_000
+    with tempfile.TemporaryDirectory() as directory:
+        bench = Bench(directory)
+        print('one process: rig, stock executor, floor', flush=True)
+        one = alternating(
+            repeats,
+            rig=lambda: bench.rig(ticks),
+            stock=lambda: bench.stock(ticks // 10),
+            floor=lambda: bench.floor(ticks),
+        )
+        print('a process a node: lockstep, stock executors', flush=True)
+        many = alternating(
+            repeats,
+            processes=lambda: bench.processes(ticks // 4),
+            stock_processes=lambda: bench.stock_processes(ticks // 10),
+        )
+        print('simulate', flush=True)
+        compute, whole, writer = simulate_figures(bench, repeats, ticks)
+        print('the drive alone', flush=True)
+        plant = plant_figures()
+        print('memory', flush=True)
+        at_six, at_end = memory_figures(bench, 12 if options.quick else 60)
+        print('start', flush=True)
+        starts = [start_figure(bench) for _ in range(repeats)]
+    median = statistics.median
+    rig, stock, floor = (median(one[name]) for name in ('rig', 'stock', 'floor'))
+    processes, stock_processes = median(many['processes']), median(many['stock_processes'])
+    rows = [
+        ('`rig`, all topics recorded', f'{rig:.2f}', 'at least 1.0', f'{rig / stock:.1f} times the stock executor'),
+        ('stock `SingleThreadedExecutor`, same graph', f'{stock:.3f}', '', 'the baseline'),
+        ('floor: bare serialized publish and take', f'{floor:.2f}', '', f'`rig` reaches {rig / floor:.0%} of it'),
+        (
+            'each node in its own process',
+            f'{processes:.3f}',
+            'at least 3 times stock',
+            f'{processes / stock_processes:.1f} times the stock executors',
+        ),
+        ('stock executors, a process each', f'{stock_processes:.4f}', '', 'the baseline'),
+        ('`simulate`, nothing written, one core', f'{median(compute):.0f}', 'at least 100', ''),
+        (
+            '`simulate` into a bag',
+            f'{median(whole):.2f}',
+            "the writer's own limit",
+            f'{median(whole) / median(writer):.0%} of the bag writer alone ({median(writer):.2f})',
+        ),
+    ]
+    lines = [
+        f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs, '
+        f'{ticks} ticks of 0.1 ms (stock: {ticks // 10}).',
+        '',
+        '| what | real-time factor | asked for | beside it |',
+        '|---|---|---|---|',
+        *(f'| {" | ".join(row)} |' for row in rows),
+        '',
+        '| what | figure | asked for |',
+        '|---|---|---|',
+        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
+        f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
+        f'{at_end / at_six:.2f} times | at most 1.2 times |',
+        f'| warm `make run` to the first tick | {median(starts):.2f} s | at most 5 s |',
+    ]
+    table = '\n'.join(lines)
+    print(table)
+    if not options.no_write and not options.quick:
+        text = DOCUMENT.read_text()
+        DOCUMENT.write_text(
+            re.sub(r'(<!-- table -->\n).*(<!-- end -->)', lambda m: f'{m[1]}{table}\n{m[2]}', text, flags=re.S)
+        )
+
+
+if __name__ == '__main__':
+    main()
