@@ -7,7 +7,7 @@ right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts)
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +154,22 @@ def read_parameter_file(path: Path) -> list[tuple[str, dict[str, object]]]:
     if not isinstance(content, dict):
         raise ArgumentError(f'parameter file {path}: expected node names at the top')
     return list(_sections(content, '', path))
+
+
+def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, object]]:
+    """
+    Return for each node its parameters under dotted names, whatever the namespace; later files win.
+
+    Raises
+    ------
+    ArgumentError
+        If a file cannot be read or is no ROS 2 parameter file.
+    """
+    nodes: dict[str, dict[str, object]] = {}
+    for path in paths:
+        for pattern, parameters in read_parameter_file(Path(path)):
+            nodes.setdefault(pattern.rsplit('/', 1)[-1], {}).update(parameters)
+    return nodes
 
 
 def _sections(content: Mapping[Any, Any], prefix: str, path: Path) -> Iterator[tuple[str, dict[str, object]]]:

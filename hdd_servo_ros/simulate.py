@@ -190,6 +190,8 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     last_tick, parameters = simulation.timer.last_tick, simulation.recorder
     # Compiles the loop, if that was never done here, before anything is timed.
     simulation.experiment.run(0, 0)
+    for warning in getattr(simulation.experiment.controller, 'warnings', tuple)():
+        print(f'simulate: warning: {warning}', file=sys.stderr)
     recorder = None
     if simulation.timer.record:
         recorder = RunRecorder(

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments, read_parameter_files
 
 PARAMS = Path(__file__).parent.parent / 'params'
 
@@ -77,6 +77,32 @@ def test_what_cannot_be_read_is_named(arguments, match):
 def test_a_file_that_is_none_is_named(tmp_path, text):
     with pytest.raises(ArgumentError, match=r'broken\.yaml'):
         parse_ros_arguments(['--ros-args', '--params-file', write(tmp_path, 'broken.yaml', text)])
+
+
+def test_reads_what_ros_reads(tmp_path):
+    file = tmp_path / 'a.yaml'
+    file.write_text(
+        '/**/ldv_sensor:\n  ros__parameters:\n    displacement_noise: 1e-3\n    noise: false\n    seed: 7\n'
+        'vcm_plant:\n  ros__parameters:\n    gain: 4.0e7\n    friction: {model: none, stiffness: 2.5}\n'
+        '    resonance:\n      numerators: [1.0, 2e3, -0.5]\n    frame_id: "1e5"\n'
+    )
+    assert read_parameter_files([file]) == {
+        'ldv_sensor': {'displacement_noise': 1e-3, 'noise': False, 'seed': 7},
+        'vcm_plant': {
+            'gain': 4.0e7,
+            'friction.model': 'none',
+            'friction.stiffness': 2.5,
+            'resonance.numerators': (1.0, 2000.0, -0.5),
+            'frame_id': '1e5',
+        },
+    }
+
+
+def test_later_files_win(tmp_path):
+    first, second = tmp_path / 'a.yaml', tmp_path / 'b.yaml'
+    first.write_text('/**/n:\n  ros__parameters: {a: 1, b: 2}\n')
+    second.write_text('/bench1/n:\n  ros__parameters: {b: 3}\n')
+    assert read_parameter_files([first, second]) == {'n': {'a': 1, 'b': 3}}
 
 
 def test_a_section_for_no_node_is_refused():

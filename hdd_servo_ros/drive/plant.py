@@ -18,7 +18,17 @@ from hdd_servo_ros.drive.friction.dahl import dahl_substep
 from hdd_servo_ros.drive.friction.elastoplastic import elastoplastic_friction, elastoplastic_substep
 from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level, lugre_substep, position_factor
 from hdd_servo_ros.drive.friction.network import network_friction, network_substep
-from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters, friction_constants
+from hdd_servo_ros.drive.friction.parameters import (
+    COMPLETE,
+    DAHL,
+    LUGRE,
+    LUGRE_POSITION,
+    NETWORK,
+    NO_FRICTION,
+    TANGENTIAL_STIFFNESS,
+    FrictionParameters,
+    friction_constants,
+)
 from hdd_servo_ros.drive.friction.static import static_friction, static_substep
 from hdd_servo_ros.drive.resonance import ResonanceParameters, modal_form, mode_constants
 from hdd_servo_ros.numerics.compiled import compiled
@@ -67,14 +77,6 @@ MEAN_FRICTION = 5
 FRICTION = 6
 MODE_STATES = 7
 """Here the modes' q and q' begin; the accelerations of the substeps follow them."""
-
-NO_FRICTION = MODELS.index('none')
-TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
-COMPLETE = MODELS.index('complete')
-DAHL = MODELS.index('dahl')
-LUGRE = MODELS.index('lugre')
-LUGRE_POSITION = MODELS.index('lugre_position')
-NETWORK = MODELS.index('rbf_network')
 
 
 @dataclass(frozen=True)

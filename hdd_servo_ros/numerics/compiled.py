@@ -22,15 +22,17 @@ def kernel_cache_directory() -> Path:
     Return the writable folder in which compiled kernels are kept between runs.
 
     Numba keys a cached kernel by the age of its own file only: a kernel that calls into another file would go stale
-    unseen when that file changes. The folder's name therefore carries a digest of every source that holds a kernel,
-    and the folder lies in the user's cache, not beside the sources, so that a read-only install starts warm as well.
+    unseen when that file changes. The folder's name therefore carries a digest of the sources, and the folder lies in
+    the user's cache, not beside the sources, so that a read-only install starts warm as well.
     """
     package = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    for source in sorted(package.rglob('*.py')):
-        text = source.read_bytes()
-        if b'@compiled' in text:
-            digest.update(source.relative_to(package).as_posix().encode() + text)
+    sources = sorted(package.rglob('*.py'))
+    # Kernels take constants from the files beside them, so a folder with a kernel counts as a whole.
+    folders = {source.parent for source in sources if b'@compiled' in source.read_bytes()}
+    for source in sources:
+        if any(folder in source.parents for folder in folders):
+            digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
     for base in (
         os.environ.get('XDG_CACHE_HOME'),
         Path.home() / '.cache',

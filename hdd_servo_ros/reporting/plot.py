@@ -62,9 +62,7 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
         axes[row, 1].legend(loc='upper right', fontsize=8)
     handles, labels = axes[3, 1].get_legend_handles_labels()
     if handles:
-        axes[3, 0].legend(
-            handles, labels, loc='upper left', bbox_to_anchor=(0, -0.25), fontsize=8, ncols=6, frameon=False
-        )
+        figure.legend(handles, labels, loc='outside lower center', fontsize=8, ncols=6, frameon=False)
     figure.suptitle(f'{run["controller"]} on {run["frame_id"]}, T = {run["sample_time"] * 1e3:g} ms')
     figure.savefig(path, dpi=110)
 

@@ -37,8 +37,8 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import Experiment, block_parameters
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
-from hdd_servo_ros.loop.parameter_file import read_parameter_files
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.parameter_files import read_parameter_files
 
 MAX_SENSITIVITY = 2.0
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}

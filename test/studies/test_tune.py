@@ -8,8 +8,8 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.loop.metrics import tracking_metrics
-from hdd_servo_ros.loop.parameter_file import read_parameter_files
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.parameter_files import read_parameter_files
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.studies.tune import (
     largest,

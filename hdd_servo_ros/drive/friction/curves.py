@@ -11,15 +11,21 @@ from hdd_servo_ros.drive.friction.lugre import lugre_bristle, lugre_friction, lu
 from hdd_servo_ros.drive.friction.network import network_friction
 from hdd_servo_ros.drive.friction.parameters import (
     BRISTLE_DAMPING,
+    COMPLETE,
     COULOMB,
+    DAHL,
     DAHL_EXPONENT,
     INVERSE_PERIOD,
     INVERSE_STRIBECK,
+    LUGRE,
+    LUGRE_POSITION,
     MODEL,
-    MODELS,
+    NETWORK,
+    NO_FRICTION,
     RIPPLE,
     STATIC,
     STIFFNESS,
+    TANGENTIAL_STIFFNESS,
     VISCOUS,
     FrictionParameters,
     friction_constants,
@@ -28,14 +34,6 @@ from hdd_servo_ros.drive.friction.static import sliding_terms
 from hdd_servo_ros.numerics.compiled import compiled
 
 Array = npt.NDArray[np.float64]
-
-NO_FRICTION = MODELS.index('none')
-TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
-COMPLETE = MODELS.index('complete')
-DAHL = MODELS.index('dahl')
-LUGRE = MODELS.index('lugre')
-LUGRE_POSITION = MODELS.index('lugre_position')
-NETWORK = MODELS.index('rbf_network')
 
 
 def friction_curve(

@@ -11,11 +11,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.parameters import MODEL, MODELS, STATIC, STIFFNESS
+from hdd_servo_ros.drive.friction.parameters import MODEL, STATIC, STIFFNESS, TANGENTIAL_STIFFNESS
 from hdd_servo_ros.drive.friction.static import sliding_terms
 from hdd_servo_ros.numerics.compiled import compiled
-
-TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
 
 
 @compiled

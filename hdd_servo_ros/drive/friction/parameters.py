@@ -43,6 +43,15 @@ STRIBECK_MODELS = (
 )
 """The models whose friction falls from f_s to f_c."""
 
+# The numbers of the models that have a step of their own; those of the static ones are in `static`.
+NO_FRICTION = MODELS.index('none')
+TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
+COMPLETE = MODELS.index('complete')
+DAHL = MODELS.index('dahl')
+LUGRE = MODELS.index('lugre')
+LUGRE_POSITION = MODELS.index('lugre_position')
+NETWORK = MODELS.index('rbf_network')
+
 # Places in the friction's constants
 MODEL = 0
 STIFFNESS = 1

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hdd_servo_ros.drive.friction.parameters import (
+    COMPLETE,
     COULOMB,
     DEAD_BAND,
     DRAG,
@@ -45,7 +46,6 @@ SQUARE_ROOT_LAW = MODELS.index('square_root')
 LORENTZIAN = MODELS.index('lorentzian')
 LORENTZIAN_TWO_BREAKS = MODELS.index('lorentzian_two_breaks')
 LORENTZIAN_OFFSETS = MODELS.index('lorentzian_two_breaks_offsets')
-COMPLETE = MODELS.index('complete')
 
 
 @compiled
