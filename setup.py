@@ -46,7 +46,7 @@ setup(
         'numpy>=1.26',
         'scipy>=1.11',
         'numba>=0.58',
-        'rosbags>=0.10.5',
+        'rosbags>=0.10.11',
         'matplotlib>=3.6',
         'PyYAML>=6.0.1',
         'tqdm>=4.64',

@@ -73,11 +73,18 @@ class Bench:
             'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
         }
 
-    def start(self, name: str, *ros_arguments: str, module: str = '', script: Path | None = None) -> Process:
+    def python(self, *arguments: str) -> subprocess.CompletedProcess:
+        """Run this interpreter to its end."""
+        command = [sys.executable, *arguments]
+        return subprocess.run(
+            command, cwd=self.directory, env=self.environment, capture_output=True, text=True, timeout=60
+        )
+
+    def start(self, name: str, *ros_arguments: str, script: Path | None = None, defaults: bool = True) -> Process:
         """Start an executable of the package (or a script of the tests) with the default parameter file."""
-        module = module or ('hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}')
+        module = 'hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
         command = [sys.executable, *([str(script)] if script else ['-m', module])]
-        command += ['--ros-args', '--params-file', str(DEFAULT), *ros_arguments]
+        command += ['--ros-args', *(['--params-file', str(DEFAULT)] if defaults else []), *ros_arguments]
         log = self.directory / f'{len(self.processes)}-{name}.log'
         with log.open('w') as stream:
             popen = subprocess.Popen(

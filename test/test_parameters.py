@@ -15,7 +15,6 @@ from hdd_servo_ros.parameters import (
 )
 from hdd_servo_ros.registry import NODE_PARAMETERS, node_declarations, refuse_unknown
 
-
 PURE_NUMBERS = {
     'rate',
     'duty_cycle',

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.reporting.summary import NOT_ADAPTED
@@ -34,7 +35,8 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
     shown_length = length.replace('um', 'µm')
     error_unit, factor = ('nm', 1e3) if length == 'um' else (shown_length, 1.0)
     # Not pyplot: a picture into a file needs no display, and no choice of one for the whole process.
-    figure = Figure(figsize=(13, 10.5), layout='constrained')
+    layout = ConstrainedLayoutEngine(rect=(0.0, 0.03, 1.0, 0.97))  # the legend of the estimates stands below
+    figure = Figure(figsize=(13, 10.5), layout=layout)
     FigureCanvasAgg(figure)
     axes = figure.subplots(4, 2, sharex='col', width_ratios=(2, 1))
     end = signals.time[-1]
@@ -62,7 +64,7 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
         axes[row, 1].legend(loc='upper right', fontsize=8)
     handles, labels = axes[3, 1].get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc='outside lower center', fontsize=8, ncols=6, frameon=False)
+        figure.legend(handles, labels, loc='lower center', fontsize=8, ncols=6, frameon=False)
     figure.suptitle(f'{run["controller"]} on {run["frame_id"]}, T = {run["sample_time"] * 1e3:g} ms')
     figure.savefig(path, dpi=110)
 

@@ -1,0 +1,62 @@
+"""The commands in the documents run, and what they name exists."""
+
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+BLOCKS = [
+    pytest.param(block, id=f'{document.stem}-{number}')
+    for document in DOCUMENTS
+    for number, block in enumerate(re.findall(r'```bash\n(.*?)```', document.read_text('utf8'), re.DOTALL))
+]
+
+
+def commands(block):
+    return [shlex.split(line, comments=True) for line in block.splitlines() if shlex.split(line, comments=True)]
+
+
+@pytest.mark.parametrize('block', BLOCKS)
+def test_commands(bench, block):
+    """The `ros2 run` of a block together, shortened; of the others, that they would run."""
+    started = []
+    for command in commands(block):
+        if command[:3] == ['ros2', 'run', 'hdd_servo_ros']:
+            name, arguments = command[3], command[4:]
+            paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
+            assert paths.pop(0) == '--ros-args'
+            started.append(bench.start(name, *paths, '-p', 'duration:=0.02', '-p', 'plot:=false', defaults=False))
+        elif command[0] == 'make':
+            assert subprocess.run(['make', '-n', *command[1:]], cwd=ROOT, capture_output=True).returncode == 0, command
+        elif command[:2] == ['python', '-m']:
+            assert bench.python('-m', command[2], '--help').returncode == 0, command
+        else:
+            pytest.fail(f'a command that no test knows how to run: {command}')
+    for process in started:
+        assert process.wait() == 0, process.output
+
+
+@pytest.mark.parametrize('document', DOCUMENTS, ids=lambda document: document.stem)
+def test_modules_and_files_that_the_text_names_exist(bench, document):
+    text = document.read_text('utf8')
+    for module in set(re.findall(r'`python -m (hdd_servo_ros\.[\w.]+)', text)):
+        assert bench.python('-m', module, '--help').returncode == 0, module
+    for link in re.findall(r'\]\(([^)#:]+)\)', text):
+        assert (document.parent / link).exists(), link
+    for target in set(re.findall(r'`make (\w+)`', text)):
+        assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE), target
+
+
+@pytest.mark.parametrize(
+    'name', sorted(re.findall(r"^    '(\w+)': '", (ROOT / 'hdd_servo_ros' / 'help.py').read_text(), re.M))
+)
+def test_every_executable_has_a_help(bench, name):
+    module = 'hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
+    answer = bench.python('-m', module, '--help')
+    assert answer.returncode == 0
+    assert f'parameters of {name}' in answer.stdout
+    assert bench.python('-m', module, '--nonsense').returncode == 2
