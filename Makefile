@@ -56,11 +56,13 @@ clean:
 
 $(VENV)/.run: setup.py constraints.txt
 	@$(call make_venv)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros]'
+	@echo 'installing ROS 2 Jazzy and what the bench needs into $(VENV): about a minute, once'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros]'
 	@touch $@
 
 $(VENV)/.develop: $(VENV)/.run
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws]'
+	@echo 'installing what the tests need into $(VENV), once'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws]'
 	@touch $@
 
 define make_venv

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.registry import NODE_PARAMETERS, node_declarations
 
+COMPILING = 'compiling the drive and the controllers, once; this takes some twenty seconds'
 PURPOSE = {
     'deterministic_timer': 'The only source of time: publishes the ticks on /clock, paces and ends the run.',
     'reference_generator': 'Publishes the desired trajectory and its derivatives on /reference.',

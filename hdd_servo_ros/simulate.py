@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from hdd_servo_ros.control.controller import Controller
-from hdd_servo_ros.help import parse_help
+from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.loop.experiment import Experiment, Rows
 from hdd_servo_ros.loop_parameters import DriveNameParameters, RecorderParameters, RigParameters, TimerParameters
+from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping, to_mapping
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
@@ -267,6 +268,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         parsed = parse_ros_arguments(command_line)
         parse_help('simulate', parsed.others)
+        if first_compilation():
+            print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
         simulation = Simulation(parsed)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
     except (ParameterError, ArgumentError, FileExistsError) as error:

@@ -7,7 +7,8 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from hdd_servo_ros.help import parse_help
+from hdd_servo_ros.help import COMPILING, parse_help
+from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.registry import refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
@@ -45,6 +46,8 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
     except Exception as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
+    if first_compilation():
+        print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
         nodes = make()
         own = {name for node in nodes for name in node.parameters.as_mapping()}

@@ -1,9 +1,10 @@
 """The one decorator through which this package compiles its kernels."""
 
+import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -33,21 +34,30 @@ def kernel_cache_directory() -> Path:
     for source in sources:
         if any(folder in source.parents for folder in folders):
             digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
-    for base in (
-        os.environ.get('XDG_CACHE_HOME'),
-        Path.home() / '.cache',
-        Path(tempfile.gettempdir()),
-    ):
-        if not base:
-            continue
-        directory = Path(base) / 'hdd_servo_ros' / f'numba-{numba.__version__}-{digest.hexdigest()[:16]}'
+    name = f'numba-{numba.__version__}-{digest.hexdigest()[:16]}'
+    for base in _bases():
         try:
-            directory.mkdir(parents=True, exist_ok=True)
+            base.mkdir(parents=True, exist_ok=True, mode=0o700)
+            (base / name).mkdir(exist_ok=True)
         except OSError:
             continue
-        if os.access(directory, os.W_OK):
-            return directory
+        # Compiled code is run as it is found, so a folder that somebody else could have prepared will not do.
+        if os.access(base / name, os.W_OK) and base.stat().st_uid == os.getuid():
+            return base / name
     raise OSError('no writable folder for compiled kernels: set XDG_CACHE_HOME to one')
+
+
+def _bases() -> Iterator[Path]:
+    if os.environ.get('XDG_CACHE_HOME'):
+        yield Path(os.environ['XDG_CACHE_HOME']) / 'hdd_servo_ros'
+    with contextlib.suppress(RuntimeError):  # no home
+        yield Path.home() / '.cache' / 'hdd_servo_ros'
+    yield Path(tempfile.gettempdir()) / f'hdd_servo_ros-{os.getuid()}'
+
+
+def first_compilation() -> bool:
+    """Return whether nothing has been compiled yet, so that the next steps take a while."""
+    return next(kernel_cache_directory().rglob('*.nbi'), None) is None
 
 
 def compiled(function: Function) -> Function:

@@ -1,0 +1,94 @@
+import pytest
+
+from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.recording.compare_bags import first_difference, main
+from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.topics import LOOP_TOPICS
+
+TICKS = Ticks(1e-4)
+VECTOR, ARRAY = VectorCodec('drive'), ArrayCodec(['t', 'r'])
+
+
+def bag(path, count=5, changes=None, leave_out=None, wrong_stamp=None):
+    """Write a small bag; ``changes`` maps (topic, tick) to another payload."""
+    topics = [(f'/{topic.name}', topic.type_name, 10) for topic in LOOP_TOPICS if topic.name != leave_out]
+    writer = BagWriter(path, 'mcap', topics, {})
+    for tick in range(count):
+        stamp = TICKS.stamp(tick)
+        for place, (name, type_name, _) in enumerate(topics):
+            payload = VECTOR.pack(stamp, tick, 2.0, 3.0)
+            if type_name.endswith('Clock'):
+                payload = ClockCodec.pack(stamp)
+            elif type_name.endswith('Array'):
+                payload = ARRAY.pack([tick * 1e-4, 0.5])
+            payload = (changes or {}).get((name, tick), payload)
+            writer.write((place,), (TICKS.nanoseconds(tick),), (payload,))
+    writer.close()
+    return path
+
+
+def test_identical(tmp_path):
+    left, right = bag(tmp_path / 'a'), bag(tmp_path / 'b')
+    assert first_difference(left, right) is None
+    assert main([str(left), str(right)]) == 0
+
+
+@pytest.mark.parametrize(
+    ('other', 'words'),
+    [
+        (
+            {'changes': {('/head', 3): VECTOR.pack(TICKS.stamp(3), 3.0, -2.0, 3.0)}},
+            'head differs first at tick 3: y = 2.0 and -2.0',
+        ),
+        (
+            {'changes': {('/estimates', 2): ARRAY.pack([2e-4, 0.25])}},
+            'estimates differs first at tick 2: r = 0.5 and 0.25',
+        ),
+        ({'changes': {('/clock', 1): ClockCodec.pack(TICKS.stamp(9))}}, 'clock differs first at tick 1'),
+        ({'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}}, 'ldv differs first at tick 4'),
+        ({'count': 4}, 'clock has 5 messages'),
+        ({'leave_out': 'control'}, 'control is missing in'),
+    ],
+)
+def test_the_first_difference_is_named(tmp_path, other, words):
+    left, right = bag(tmp_path / 'a'), bag(tmp_path / 'b', **other)
+    assert words in first_difference(left, right)
+    assert main([str(left), str(right)]) == 1
+
+
+def test_of_two_the_earlier_tick_then_the_earlier_topic(tmp_path):
+    changed = {
+        (name, tick): VECTOR.pack(TICKS.stamp(tick), -1.0, 2.0, 3.0)
+        for name, tick in (('/reference', 4), ('/control', 2), ('/head', 2))
+    }
+    assert first_difference(bag(tmp_path / 'a'), bag(tmp_path / 'b', changes=changed)).startswith(
+        'head differs first at tick 2'
+    )
+
+
+def test_signals(tmp_path):
+    signals = read_signals(bag(tmp_path / 'a'))
+    assert signals.time.tolist() == [0.0, 1e-4, 2e-4, 3e-4, 4e-4]
+    assert signals.head[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert signals.estimate_names == ('t', 'r')
+    assert signals.estimates[:, 1].tolist() == [0.5] * 5
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'match'),
+    [
+        ({'leave_out': 'ldv'}, 'holds no topic ldv'),
+        ({'count': 0}, 'holds no tick'),
+        ({'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}}, 'message 4 does not carry the stamp'),
+    ],
+)
+def test_a_bag_that_is_no_run_is_refused(tmp_path, arguments, match):
+    with pytest.raises(ValueError, match=match):
+        read_signals(bag(tmp_path / 'a', **arguments))
+
+
+def test_no_bag(tmp_path):
+    with pytest.raises(FileNotFoundError, match='neither a run folder nor a closed bag'):
+        read_signals(tmp_path)

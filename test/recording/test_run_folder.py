@@ -1,0 +1,61 @@
+import subprocess
+import sys
+
+import pytest
+
+import hdd_servo_ros
+from hdd_servo_ros.recording import run_folder
+from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory, read_run_yaml
+
+
+def test_opened_and_closed(tmp_path):
+    folder = RunFolder(tmp_path / 'a' / 'run', {'nodes': {'/x': {'parameters': {'gains': (1.0, 2.0)}}}})
+    opened = read_run_yaml(folder.directory)
+    assert opened['status'] == 'running'
+    assert opened['nodes']['/x']['parameters']['gains'] == [1.0, 2.0]
+    assert opened['versions']['hdd_servo_ros'] == hdd_servo_ros.__version__
+    folder.close('failed', 'because', 41, wall_time=1.5)
+    closed = read_run_yaml(folder.directory)
+    assert (closed['status'], closed['reason'], closed['last_tick'], closed['wall_time']) == (
+        'failed',
+        'because',
+        41,
+        1.5,
+    )
+    assert closed['ended']
+    assert closed.keys() >= opened.keys()
+    assert not list(folder.directory.glob('*.tmp'))
+
+
+def test_never_overwritten(tmp_path):
+    with pytest.raises(FileExistsError, match='a run is never overwritten'):
+        RunFolder(tmp_path, {})
+
+
+def test_default_names_do_not_collide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = set()
+    for _ in range(5):
+        directory = default_run_directory('pid')
+        directory.mkdir(parents=True)
+        names.add(directory.name)
+    assert len(names) == 5
+    assert all('-pid' in name for name in names)
+
+
+def test_no_run_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r'is not a run folder: it has no run\.yaml'):
+        read_run_yaml(tmp_path)
+
+
+def test_another_checkout_is_not_ours(tmp_path, monkeypatch):
+    subprocess.run(['git', 'init', '-q', str(tmp_path)], check=True)
+    installed = tmp_path / 'run_folder.py'
+    installed.write_text('')
+    monkeypatch.setattr(run_folder, '__file__', str(installed))
+    assert run_folder.git_revision() == 'unknown'
+
+
+def test_recording_needs_no_ros():
+    code = 'import hdd_servo_ros.simulate, sys; sys.exit(any(m.startswith("rcl") for m in sys.modules))'
+    assert subprocess.run([sys.executable, '-c', code]).returncode == 0
