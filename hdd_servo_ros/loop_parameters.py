@@ -11,7 +11,7 @@ class PeerParameters(ParameterSet):
     """How long a node of the loop waits for others, in wall time."""
 
     start_timeout: float = parameter(
-        30.0,
+        60.0,
         'before the run: how long to wait for a missing peer since the last change among the peers; 0 waits for ever',
         unit='s',
         minimum=0.0,

@@ -1,5 +1,6 @@
 """What every node's ``main`` does: arguments, a context, the lockstep, an exit code."""
 
+import signal
 import sys
 from collections.abc import Callable, Sequence
 
@@ -57,5 +58,7 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
     except ParameterError as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
+    except KeyboardInterrupt:  # before the lockstep listens to signals
+        return 128 + signal.SIGINT
     finally:
         rclpy.utilities.try_shutdown()

@@ -47,6 +47,7 @@ class Lockstep:
         for node in self._nodes:
             self._executor.add_node(node)
         self._signal = 0
+        self._firing = self._nodes[0]
         self._wait_set: _rclpy.WaitSet | None = None
         self._waited_for: tuple[Input, ...] = ()
 
@@ -92,7 +93,7 @@ class Lockstep:
             self._nodes[0].get_logger().error(f'run {outcome.status}: {outcome.reason}')
 
     def _where(self) -> str:
-        return 'in ' + ', '.join(f'{node.get_name()} at tick {node.tick}' for node in self._nodes[:1])
+        return f'in {self._firing.get_name()} at tick {self._firing.tick}'
 
     def _take_signal(self, number: int, frame: FrameType | None) -> None:
         if self._signal:
@@ -139,6 +140,7 @@ class Lockstep:
         while pending:
             progressed = False
             for node in nodes:
+                self._firing = node
                 if node.try_fire():
                     progressed = True
             now = monotonic()

@@ -93,8 +93,12 @@ class Peers:
         self._spoke_at = time.monotonic()
 
     def _hear(self, message: String) -> None:
-        said = json.loads(message.data)
-        process = said['process']
+        try:
+            said = json.loads(message.data)
+            process = said['process']
+        except (ValueError, TypeError, KeyError):
+            self._nodes[0].get_logger().warning(f'what was said on lockstep is none of ours: {message.data[:60]!r}')
+            return
         if process == self.identifier:
             return
         known = self._heard.get(process)
