@@ -1,5 +1,6 @@
 """`bag_recorder`: writes every topic of the run into a rosbag2 bag."""
 
+import contextlib
 import sys
 from collections.abc import Sequence
 
@@ -80,8 +81,10 @@ class BagRecorder(LoopNode):
 
     def finish(self, outcome: Outcome) -> None:
         if self._recorder is not None:
-            while self.try_fire():
-                pass  # what has arrived already is worth keeping
+            # What has arrived already is worth keeping; if it is what ended the run, the reason is known.
+            with contextlib.suppress(Exception):
+                while self.try_fire():
+                    pass
             self._recorder.finish(outcome.status, outcome.reason)
             self.get_logger().info(f'run {outcome.status}: {self._recorder.directory}')
 
