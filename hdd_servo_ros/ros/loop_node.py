@@ -18,6 +18,7 @@ from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
 from hdd_servo_ros.ros.errors import NotFiniteError, StampError
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 from hdd_servo_ros.ros.run import Outcome, Run
+from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
 
 _TRIAL_SAMPLE_TIME = 1e-4
@@ -60,30 +61,58 @@ class Input:
         self.delay = delay
         self.subscription: Subscription
         self.name: str
+        self._node: Node
         self._take: Callable[[type, bool], Any]
         self._type: type
+        self._ticks: Ticks
+        self._stamp_bytes: Callable[[int], bytes]
+        # An array message has no header; where its element t stands depends on its label.
+        self._is_array = topic.type_name == ARRAY_TYPE
+        self._stamp: slice | None = None if self._is_array else STAMP
 
     def connect(self, node: Node, group: CallbackGroup) -> None:
         """Subscribe."""
+        self._node = node
         self._type = message_class(self.topic.type_name)
         self.subscription = node.create_subscription(
             self._type, self.topic.name, lambda _: None, LOOP_QOS, callback_group=group, raw=True
         )
         self.name = self.subscription.topic_name
         self._take = self.subscription.handle.take_message
-        self._stamp = STAMP if self.topic.type_name != ARRAY_TYPE else None
+
+    def begin(self, ticks: Ticks) -> None:
+        """Get to know the time line of the run."""
+        self._ticks = ticks
+        self._stamp_bytes = ticks.seconds_bytes if self._is_array else ticks.stamp
 
     def take(self) -> bytes | None:
         """Return the next message as bytes, None if there is none."""
         taken = self._take(self._type, True)
         return None if taken is None else taken[0]
 
-    def stamp_of(self, message: bytes) -> bytes:
-        """Return the bytes that tell the tick: the header's stamp, or element t of an array."""
+    def take_for(self, tick: int) -> bytes | None:
+        """
+        Return the message that the reader's tick needs, None if it is not there yet, empty if there is none to be.
+
+        Raises
+        ------
+        StampError
+            If the next message is not that of the tick.
+        """
+        expected = tick - self.delay
+        if expected < 0:
+            return b''
+        taken = self._take(self._type, True)
+        if taken is None:
+            return None
+        message: bytes = taken[0]
         if self._stamp is None:
             _, offset = array_names_and_offset(message)
             self._stamp = slice(offset, offset + 8)
-        return message[self._stamp]
+        if message[self._stamp] != self._stamp_bytes(expected):
+            received = (self._ticks.tick_of_seconds if self._is_array else self._ticks.tick_of)(message[self._stamp])
+            raise StampError(self.name, expected, received, publishers_of(self._node, self.name))
+        return message
 
 
 class LoopNode(Node):
@@ -137,7 +166,7 @@ class LoopNode(Node):
         self.last_tick = -1
         self._ticks: Any = None
         self._arrived = 0
-        self._messages: list[bytes | None] = []
+        self._messages: list[bytes] = []
         self._ros_clock: Any = self.get_clock()
         # What a TimeSource does on /clock: here the lockstep knows the time better.
         self._ros_clock._set_ros_time_is_active(True)  # type: ignore[attr-defined,unused-ignore]
@@ -198,7 +227,9 @@ class LoopNode(Node):
         self.last_tick = run.last_tick
         self._ticks = run.ticks
         self.inputs += tuple(wire for wire in self.optional_inputs if run.publisher_of(wire.name) is not None)
-        self._messages = [None] * len(self.inputs)
+        self._messages = [b''] * len(self.inputs)
+        for wire in (*self.inputs, *self.optional_inputs):
+            wire.begin(run.ticks)
         self.prepare(run)
 
     @property
@@ -219,23 +250,19 @@ class LoopNode(Node):
         if tick > self.last_tick:
             return False
         inputs, messages = self.inputs, self._messages
-        while self._arrived < len(inputs):
-            wire = inputs[self._arrived]
-            expected = tick - wire.delay
-            if expected < 0:
-                message: bytes | None = b''
-            else:
-                message = wire.take()
-                if message is None:
-                    return False
-                if wire.stamp_of(message) != self._stamp_bytes(wire, expected):
-                    self._refuse(wire, expected, message)
-            messages[self._arrived] = message
-            self._arrived += 1
+        arrived = self._arrived
+        while arrived < len(inputs):
+            message = inputs[arrived].take_for(tick)
+            if message is None:
+                self._arrived = arrived
+                return False
+            messages[arrived] = message
+            arrived += 1
+        self._arrived = arrived
         if self.paced and self.seconds_until_due() > 0.0:
             return False
         self._arrived = 0
-        self.step(tick, self._ticks.stamp(tick), messages)  # type: ignore[arg-type]
+        self.step(tick, self._ticks.stamp(tick), messages)
         self.tick = tick + 1
         return True
 
@@ -264,19 +291,6 @@ class LoopNode(Node):
         if not math.isfinite(x + y + z):
             raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
         self._publish[output](message)
-
-    def _stamp_bytes(self, wire: Input, tick: int) -> bytes:
-        if wire.topic.type_name == ARRAY_TYPE:
-            return self._ticks.seconds_bytes(tick)
-        return self._ticks.stamp(tick)
-
-    def _refuse(self, wire: Input, expected: int, message: bytes) -> None:
-        stamp = wire.stamp_of(message)
-        if wire.topic.type_name == ARRAY_TYPE:
-            received = self._ticks.tick_of_seconds(stamp)
-        else:
-            received = self._ticks.tick_of(stamp)
-        raise StampError(wire.name, expected, received, publishers_of(self, wire.name))
 
 
 def publishers_of(node: Node, topic: str) -> str:

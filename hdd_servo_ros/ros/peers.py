@@ -11,6 +11,7 @@ States of a process::
         any of these -> failed, interrupted
 """
 
+import dataclasses
 import json
 import os
 import socket
@@ -88,7 +89,7 @@ class Peers:
             timer = self._timer.parameters[TimerParameters]
             said['timer'] = {'sample_time': timer.sample_time, 'last_tick': timer.last_tick, 'rate': timer.rate}
             if self.run is not None and self.state == RUNNING:
-                said['run'] = self.run.__dict__
+                said['run'] = dataclasses.asdict(self.run)
         self._publisher.publish(String(data=json.dumps(said)))
         self._spoke_at = time.monotonic()
 

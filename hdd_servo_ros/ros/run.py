@@ -1,6 +1,7 @@
 """What all processes of a run agree on, and how it ends."""
 
 import dataclasses
+import functools
 import signal
 from typing import Any
 
@@ -39,9 +40,9 @@ class Run:
     nodes: dict[str, dict[str, Any]]
     processes: list[str]
 
-    @property
+    @functools.cached_property
     def ticks(self) -> Ticks:
-        """The time line."""
+        """The time line, one for all nodes of a process."""
         return Ticks(self.sample_time)
 
     def publisher_of(self, topic: str) -> str | None:
