@@ -2,14 +2,16 @@
 Parameters of a block: one declaration that serves the block, its node and the documents.
 
 A block's parameters are a frozen dataclass whose fields are made by :func:`parameter`. From that one declaration come
-the checks at construction, the ROS 2 descriptors, the help texts and ``docs/parameters.md``. Nested dataclasses give
-dotted names (``friction.sigma_0``).
+the checks at construction, the ROS 2 descriptors and the help texts. Nested dataclasses give dotted names
+(``friction.stiffness``).
 """
 
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar, cast
+
+import numpy as np
 
 Value = bool | int | float | str | tuple[bool, ...] | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 Block = TypeVar('Block')
@@ -91,6 +93,8 @@ class Declaration:
 
     def _check_element(self, element: object, value: object) -> Any:
         kind = self.element_type
+        if isinstance(element, np.generic):
+            element = element.item()
         if kind is float and isinstance(element, int) and not isinstance(element, bool):
             element = float(element)
         wrong = type(element) is not kind

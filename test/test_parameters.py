@@ -2,6 +2,7 @@ import dataclasses
 import math
 import pickle
 
+import numpy as np
 import pytest
 
 from hdd_servo_ros.parameters import (
@@ -60,6 +61,10 @@ def test_names_are_dotted_and_go_round():
     values = from_mapping(Outer, {'inner.level': 5.0, 'gains': [3, 4.0], 'count': 7})
     assert values == Outer(inner=Inner(level=5.0), gains=(3.0, 4.0), count=7)
     assert from_mapping(Outer, to_mapping(values)) == values
+    assert (
+        from_mapping(Outer, {'gains': np.array([3.0, 4.0]), 'count': np.int64(7), 'inner.level': np.float64(5)})
+        == values
+    )
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ class NodeParameters:
         self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self._kinds}
         self._on_change: Callable[[], None] | None = None
         given: dict[str, Any] = {
-            name: () if found.value is None else found.value  # type: ignore[union-attr]  # they are Parameters
+            name: _plain(found.value)  # type: ignore[union-attr]  # they are Parameters
             for name, found in node.get_parameters_by_prefix('').items()
             if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
         }
@@ -115,7 +115,7 @@ class NodeParameters:
         values: dict[str, object] = dict(self.as_mapping())
         for change in changes:
             if any(change.name in names for names in self._names.values()):
-                values[change.name] = () if change.value is None else change.value
+                values[change.name] = _plain(change.value)
         return self._checked(values)
 
     def _check_change(self, changes: Sequence[Parameter]) -> SetParametersResult:
@@ -129,6 +129,13 @@ class NodeParameters:
         self._sets = self._changed(changes)
         if self._on_change is not None:
             self._on_change()
+
+
+def _plain(value: Any) -> Any:
+    """Return a ROS value as this package has it: lists and arrays as tuples, an unset list as an empty one."""
+    if value is None:
+        return ()
+    return tuple(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
 
 
 def _declared_value(declaration: Declaration, value: Value) -> object:
