@@ -47,7 +47,7 @@ bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
 
 ws: $(VENV)/.develop
-	PATH=$(CURDIR)/$(BIN):$$PATH $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
 		--base-paths . --build-base build --install-base install
 	@ls install/hdd_servo_ros/lib/hdd_servo_ros
 
@@ -71,7 +71,7 @@ define make_venv
 		exit 1; \
 	fi; \
 	$(PYTHON) -c '$(SUITABLE)' || { \
-		echo 'hdd_servo_ros needs Python 3.10 to 3.13 on x86_64 Linux, for which ROS 2 Jazzy has wheels; $(PYTHON) is '"$$($(PYTHON) --version 2>&1 | head -n 1) on $$(uname -sm)" >&2; \
+		echo 'hdd_servo_ros needs Python 3.10 to 3.13 on x86_64 Linux, for which ROS 2 Jazzy has wheels; $(PYTHON) is '"$$($(PYTHON) --version 2>/dev/null | head -n 1) on $$(uname -sm)" >&2; \
 		exit 1; \
 	}; \
 	test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || { \

@@ -41,6 +41,8 @@ class RosArguments:
     ----------
     overrides
         Node pattern and parameters, in the order in which they were given; later ones win.
+    named
+        The node patterns among them that were named with ``-p``; a file may hold sections for nodes that are not here.
     namespace
         From ``-r __ns:=``.
     remaps
@@ -50,6 +52,7 @@ class RosArguments:
     """
 
     overrides: list[tuple[str, dict[str, object]]]
+    named: list[str]
     namespace: str
     remaps: dict[str, str]
     others: list[str]
@@ -65,7 +68,7 @@ class RosArguments:
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
-        Refuse a ``-p NODE:PARAMETER`` or file section for a node that there is not.
+        Refuse a ``-p NODE:PARAMETER`` for a node that there is not.
 
         Raises
         ------
@@ -73,9 +76,9 @@ class RosArguments:
             If a pattern matches none of ``nodes``.
         """
         names = [f'{self.namespace.rstrip("/")}/{node}' for node in nodes]
-        for pattern, _ in self.overrides:
+        for pattern in self.named:
             if not any(_matches(pattern, name) for name in names):
-                raise ArgumentError(f'no node {pattern!r}; there are {", ".join(nodes)}')
+                raise ArgumentError(f'parameters for {pattern!r}, but there are {", ".join(names)}')
 
 
 def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
@@ -87,7 +90,7 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
     ArgumentError
         If an argument or a file is malformed.
     """
-    parsed = RosArguments([], '/', {}, [])
+    parsed = RosArguments([], [], '/', {}, [])
     rest = list(arguments)
     in_ros = False
     while rest:
@@ -100,6 +103,7 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
             in_ros = False
         elif argument in ('-p', '--param'):
             parsed.overrides.append(_parse_parameter(_value_of(argument, rest)))
+            parsed.named.append(parsed.overrides[-1][0])
         elif argument == '--params-file':
             parsed.overrides += read_parameter_file(Path(_value_of(argument, rest)))
         elif argument in ('-r', '--remap'):

@@ -207,7 +207,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     def take_signal(number: int, frame: FrameType | None) -> None:
         interrupted.append(number)
 
-    previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     status, reason, exit_code = FINISHED, '', 0
     try:
         packer = Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
@@ -272,7 +272,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
         simulation = Simulation(parsed)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
-    except (ParameterError, ArgumentError, FileExistsError) as error:
+    except (ParameterError, ArgumentError, OSError) as error:
         print(f'simulate: {error}', file=sys.stderr)
         return 2
     if exit_code == 0 and directory is not None:

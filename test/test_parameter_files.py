@@ -105,9 +105,9 @@ def test_later_files_win(tmp_path):
     assert read_parameter_files([first, second]) == {'n': {'a': 1, 'b': 3}}
 
 
-def test_a_section_for_no_node_is_refused():
+def test_a_parameter_for_no_node_is_refused():
     parsed = parse_ros_arguments(['--ros-args', '-p', 'plnt:gain:=1'])
-    with pytest.raises(ArgumentError, match="no node '/plnt'"):
+    with pytest.raises(ArgumentError, match="parameters for '/plnt', but there are /plant"):
         parsed.check_nodes(['plant'])
 
 

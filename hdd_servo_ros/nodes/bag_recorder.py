@@ -11,6 +11,7 @@ from rclpy.serialization import serialize_message
 from hdd_servo_ros.loop_parameters import RecorderParameters
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.run_recorder import PARAMETER_EVENTS, RunRecorder
+from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.ticks import NANOSECONDS
@@ -53,13 +54,18 @@ class BagRecorder(LoopNode):
     def prepare(self, run: Run) -> None:
         self._run = run
         parameters = self.parameters[RecorderParameters]
-        self._recorder = RunRecorder(
-            parameters.run_dir,
-            parameters.storage,
-            [(wire.topic, wire.name) for wire in self.inputs],
-            run.description(),
-            separate_process=self._separate_process,
-        )
+        try:
+            self._recorder = RunRecorder(
+                parameters.run_dir,
+                parameters.storage,
+                [(wire.topic, wire.name) for wire in self.inputs],
+                run.description(),
+                separate_process=self._separate_process,
+            )
+        except OSError as error:
+            raise RunError(
+                f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is refused: {error}'
+            ) from None
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
@@ -69,7 +75,7 @@ class BagRecorder(LoopNode):
 
     def _take_parameter_event(self, event: ParameterEvent) -> None:
         """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
-        if self._recorder is None or self._run is None or self.done:
+        if self._recorder is None or self._run is None or not self._recorder.is_open:
             return
         if event.changed_parameters and event.node in self._run.nodes:
             time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec

@@ -10,8 +10,9 @@ from rclpy.utilities import remove_ros_args
 
 from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.numerics.compiled import first_compilation
+from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.registry import refuse_unknown
+from hdd_servo_ros.registry import NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
 
@@ -54,11 +55,20 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
+        _refuse_unknown_nodes(name, command_line, [node.get_name() for node in nodes])
         return Lockstep(nodes).run().exit_code
-    except ParameterError as error:
+    except (ParameterError, ArgumentError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:  # before the lockstep listens to signals
         return 128 + signal.SIGINT
     finally:
         rclpy.utilities.try_shutdown()
+
+
+def _refuse_unknown_nodes(name: str, command_line: Sequence[str], nodes: Sequence[str]) -> None:
+    """Refuse parameters for a node that there is not, which ROS would pass over; `simulate` refuses them as well."""
+    arguments = parse_ros_arguments(command_line[1:])
+    if '__node' in arguments.remaps and len(nodes) > 1:
+        raise ArgumentError(f'{name} is several nodes: __node:={arguments.remaps["__node"]} would give all one name')
+    arguments.check_nodes([*NODE_PARAMETERS, *nodes])

@@ -51,8 +51,14 @@ class Rig:
 
     def show(self) -> None:
         """Sum up and draw the run that has ended."""
-        if self.recorder is not None:
+        if self.recorder is None:
+            return
+        try:
             show_run(Path(self.recorder.directory), plot=self.parameters.plot)
+        except KeyboardInterrupt:
+            print(
+                f'rig: the run is complete in {self.recorder.directory}; its summary was interrupted', file=sys.stderr
+            )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

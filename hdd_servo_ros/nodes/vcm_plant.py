@@ -53,7 +53,7 @@ class VcmPlant(LoopNode):
 
     def _voltage(self, wire: int, tick: int, messages: Sequence[bytes]) -> float:
         values = unpack_vector(messages[wire])
-        if not math.isfinite(values[0]):
+        if not math.isfinite(sum(values)):
             topic = self.inputs[wire].name
             raise NotFiniteError(topic, tick - 1, values, publishers_of(self, topic))
         return values[0]

@@ -57,9 +57,7 @@ class RunFolder:
         try:
             directory.mkdir(parents=True)
         except FileExistsError:
-            raise FileExistsError(
-                f'parameter run_dir = {str(directory)!r} is refused: it exists, and a run is never overwritten'
-            ) from None
+            raise FileExistsError(f'{directory} exists, and a run is never overwritten') from None
         self.directory = directory
         self.bag = directory / 'bag'
         self._content: dict[str, Any] = {

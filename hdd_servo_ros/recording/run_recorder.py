@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
+from hdd_servo_ros.recording.run_folder import FAILED, RunFolder, default_run_directory
 from hdd_servo_ros.recording.writer_process import WriterProcess
 from hdd_servo_ros.registry import CONTROLLERS
 from hdd_servo_ros.topics import CONTROL, QUEUE_DEPTH, LoopTopic
@@ -62,7 +62,12 @@ class RunRecorder:
             if key in description
         }
         writer = WriterProcess if separate_process else BagWriter
-        self._writer: WriterProcess | BagWriter | None = writer(self._folder.bag, storage, listed, metadata)
+        self._writer: WriterProcess | BagWriter | None = None
+        try:
+            self._writer = writer(self._folder.bag, storage, listed, metadata)
+        except Exception as error:
+            self._folder.close(FAILED, f'the bag cannot be opened: {error}', -1)
+            raise
         self._loop_topics = tuple(range(len(topics)))
         self._parameter_events = len(topics)
         self._last_tick = -1
@@ -73,6 +78,11 @@ class RunRecorder:
     def directory(self) -> Path:
         """Folder of the run."""
         return self._folder.directory
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bag still takes messages."""
+        return self._writer is not None
 
     def write_tick(self, tick: int, stamp_ns: int, messages: Sequence[bytes]) -> None:
         """Write the messages of one tick, in the topics' order; their receive time is the tick's time [ns]."""

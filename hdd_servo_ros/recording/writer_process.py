@@ -7,6 +7,8 @@ readable bag.
 """
 
 import json
+import os
+import select
 import signal
 import struct
 import subprocess
@@ -21,6 +23,10 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 _BATCH = struct.Struct('<I')
 _CLOSE = 0
 BATCH_MESSAGES = 1024
+STALL_TIMEOUT = 4.0
+"""How long the pipe may stay full before the run fails [s]."""
+CLOSE_TIMEOUT = 60.0
+"""How long the writer may take to write what it has and close the bag [s]."""
 
 
 class WriterProcess:
@@ -41,9 +47,12 @@ class WriterProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            # What a terminal sends to its foreground group, Ctrl-C or its closing, is for the loop's process alone.
+            start_new_session=True,
         )
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
+        os.set_blocking(self._pipe.fileno(), False)
         self._topics = array('B')
         self._stamps = array('q')
         self._messages: list[bytes | memoryview] = []
@@ -79,11 +88,20 @@ class WriterProcess:
         self._messages = []
 
     def _send(self, data: bytes) -> None:
-        try:
-            self._pipe.write(data)
-            self._pipe.flush()
-        except BrokenPipeError:
-            self._raise()
+        descriptor = self._pipe.fileno()
+        left = memoryview(data)
+        while left:
+            # A full pipe holds the loop back, but not for ever: a disk may hang, and nothing else here would end it.
+            _, writable, _ = select.select((), (descriptor,), (), STALL_TIMEOUT)
+            if not writable:
+                self._process.kill()
+                raise RuntimeError(f'the bag writer took nothing for {STALL_TIMEOUT:g} s')
+            try:
+                left = left[os.write(descriptor, left) :]
+            except BlockingIOError:
+                continue
+            except BrokenPipeError:
+                self._raise()
 
     def _raise(self) -> None:
         assert self._process.stderr is not None
@@ -97,10 +115,15 @@ class WriterProcess:
             self._flush()
         self._send(_BATCH.pack(_CLOSE))
         self._pipe.close()
-        assert self._process.stderr is not None
-        text = self._process.stderr.read()
-        if self._process.wait() != 0:
-            raise RuntimeError(text.decode(errors='replace').strip().splitlines()[-1])
+        self._process.stdin = None
+        try:
+            _, text = self._process.communicate(timeout=CLOSE_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise RuntimeError(f'the bag writer did not close the bag within {CLOSE_TIMEOUT:g} s') from None
+        if self._process.returncode != 0:
+            lines = text.decode(errors='replace').strip().splitlines()
+            raise RuntimeError(lines[-1] if lines else f'the bag writer ended with {self._process.returncode}')
 
 
 def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:

@@ -28,6 +28,7 @@ HOUSEKEEPING_PERIOD = 0.1
 LONGEST_SLEEP = 0.05
 """Longest wait for a message before signals and housekeeping are looked at again [s]."""
 _CALLBACKS_A_ROUND = 20
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Lockstep:
@@ -53,7 +54,7 @@ class Lockstep:
 
     def run(self) -> Outcome:
         """Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run."""
-        previous = {number: signal.signal(number, self._take_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        previous = {number: signal.signal(number, self._take_signal) for number in _SIGNALS}
         try:
             outcome = self._run()
             self._say(outcome)
@@ -85,7 +86,8 @@ class Lockstep:
             try:
                 node.finish(outcome)
             except Exception as error:
-                outcome = failed(f'{node.get_name()}: {error}')
+                if outcome == FINISHED_OUTCOME:  # else the first fault is the one to tell
+                    outcome = failed(f'{node.get_name()}: {error}')
         return outcome
 
     def _say(self, outcome: Outcome) -> None:

@@ -22,6 +22,7 @@ from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
 
 _TRIAL_SAMPLE_TIME = 1e-4
+UNKNOWN_NODE = 'a node that has not said its name or is gone'
 LOOP_QOS = QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -295,5 +296,8 @@ class LoopNode(Node):
 
 def publishers_of(node: Node, topic: str) -> str:
     """Return the names of the nodes that publish a topic, for messages."""
-    names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in node.get_publishers_info_by_topic(topic)]
+    names = [
+        UNKNOWN_NODE if 'UNKNOWN' in info.node_name else f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        for info in node.get_publishers_info_by_topic(topic)
+    ]
     return ', '.join(sorted(names)) or 'nobody now'

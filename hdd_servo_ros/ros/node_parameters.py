@@ -81,12 +81,10 @@ class NodeParameters:
         values = self.as_mapping()
         for kind in self._kinds:
             for declaration in declarations(kind):
-                node.declare_parameter(
-                    declaration.name,
-                    _declared_value(declaration, values[declaration.name]),
-                    descriptor(declaration),
-                    ignore_override=True,
-                )
+                value = _declared_value(declaration, values[declaration.name])
+                if value is not None and values[declaration.name] == () and declaration.default != ():
+                    raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
+                node.declare_parameter(declaration.name, value, descriptor(declaration), ignore_override=True)
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(self._take_change)
 

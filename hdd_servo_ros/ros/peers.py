@@ -27,9 +27,9 @@ from std_msgs.msg import String
 from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.ros.errors import RunError
-from hdd_servo_ros.ros.loop_node import LoopNode, publishers_of
+from hdd_servo_ros.ros.loop_node import UNKNOWN_NODE, LoopNode, publishers_of
 from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, Run
-from hdd_servo_ros.topics import CLOCK
+from hdd_servo_ros.topics import CLOCK, RECORDED
 
 WAITING = 'waiting'
 READY = 'ready'
@@ -42,6 +42,10 @@ _PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 _FOREIGN_AFTER = 2.0
 """How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s]."""
 _LAST_WORDS = 5
+_FRESH = 1.0
+"""How long what a waiting process said holds; it speaks ten times as often [s]."""
+_LEASE = 25.0
+"""Longer than DDS remembers a participant that was killed: 20 s unless configured otherwise [s]."""
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -71,12 +75,12 @@ class Peers:
         self._spoke_at = 0.0
         self._changed_at = time.monotonic()
         self._unannounced_since: dict[str, float] = {}
+        self._doubled_since: dict[str, float] = {}
         self._missing: list[str] = []
         self._told: list[str] = []
         self._told_at = time.monotonic()
         self._graph_checked_at = 0.0
         self._outcome_of_peer: Outcome | None = None
-        self._descriptions = {node.get_fully_qualified_name(): _describe(node) for node in nodes}
 
     # Speaking and hearing.
 
@@ -84,7 +88,8 @@ class Peers:
         said: dict[str, Any] = {'process': self.identifier, 'state': self.state, 'reason': reason}
         said['ticks'] = {node.get_fully_qualified_name(): node.tick for node in self._nodes}
         if self.state in (WAITING, READY):
-            said['nodes'] = self._descriptions
+            said['nodes'] = self._own_nodes()
+            said['hears'] = list(self._heard)
         if self._timer is not None:
             timer = self._timer.parameters[TimerParameters]
             said['timer'] = {'sample_time': timer.sample_time, 'last_tick': timer.last_tick, 'rate': timer.rate}
@@ -163,7 +168,7 @@ class Peers:
                 self._start(self._make_run())
             elif self._start_timeout and now - self._changed_at > self._start_timeout:
                 raise RunError(
-                    f'waited {self._start_timeout:g} s for {"; ".join(self._missing) or "the others to get ready"} '
+                    f'waited {self._start_timeout:g} s for {"; ".join(self._missing) or self._unready_names()} '
                     '(parameter start_timeout)'
                 )
             else:
@@ -174,9 +179,18 @@ class Peers:
         # A node in place listens already; the timer alone must know that all the others are in place too.
         return self._timer is None or self._all_peers(RUNNING)
 
+    def _unready_names(self) -> str:
+        unready = [name for said in self._heard.values() if said['state'] != READY for name in said['nodes']]
+        return ', '.join(unready) + ' to get ready' if unready else 'deterministic_timer to start the run'
+
     def _all_peers(self, *states: str) -> bool:
         processes = self._heard if self.run is None else self.run.processes
-        return all(self._heard[process]['state'] in states for process in processes if process != self.identifier)
+        others = [process for process in processes if process != self.identifier]
+        for process in others:
+            if process not in self._heard:
+                assert self.run is not None
+                raise RunError(f'lost a peer before tick 0: {process}; it was one of {", ".join(self.run.nodes)}')
+        return all(self._heard[process]['state'] in states for process in others)
 
     def _start(self, run: Run) -> None:
         for node in self._nodes:
@@ -185,10 +199,17 @@ class Peers:
         self.state = RUNNING
         self._speak()
 
+    def _own_nodes(self) -> dict[str, dict[str, Any]]:
+        """Return what there is to say of this process's nodes; their parameters may change until the run starts."""
+        return {node.get_fully_qualified_name(): _describe(node) for node in self._nodes}
+
     def _known_nodes(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        yield from self._descriptions.items()
-        for said in self._heard.values():
-            yield from said['nodes'].items()
+        """Iterate over all nodes that say who they are; one that fell silent may have been killed."""
+        yield from self._own_nodes().items()
+        now = time.monotonic()
+        for process, said in self._heard.items():
+            if now - self._heard_at[process] < _FRESH:
+                yield from said['nodes'].items()
 
     def _timer_said(self) -> dict[str, Any] | None:
         if self._timer is not None:
@@ -202,32 +223,44 @@ class Peers:
             yield 'deterministic_timer'
         else:
             self._check_sample_time(timer['sample_time'])
-        nodes = dict(self._known_nodes())
+        nodes = list(self._known_nodes())
         for node in self._nodes:
             for wire in node.inputs:
-                announced = [name for name, description in nodes.items() if wire.name in description['outputs']]
-                self._check_publishers(node, wire.name, announced)
+                announced = [name for name, description in nodes if wire.name in description['outputs']]
+                self._check_announced(wire.name, announced)
+                if node.count_publishers(wire.name) > 1:
+                    yield self._second_publisher(node, wire.name)
                 if wire.subscription.get_publisher_count() == 0:
                     yield f'{wire.topic.published_by} (nobody publishes {wire.name})'
-                elif not announced and not self._is_foreign(wire.name):
+                elif announced:
+                    self._unannounced_since.pop(wire.name, None)
+                elif not self._is_foreign(wire.name):
                     yield f'the publisher of {wire.name} to say who it is'
             for wire in node.optional_inputs:
-                announced = [name for name, description in nodes.items() if wire.name in description['outputs']]
-                self._check_publishers(node, wire.name, announced)
+                announced = [name for name, description in nodes if wire.name in description['outputs']]
+                self._check_announced(wire.name, announced)
                 if announced and wire.subscription.get_publisher_count() == 0:
                     yield f'{announced[0]} (not yet heard on {wire.name})'
             for publisher in node.loop_publishers:
-                readers = sum(publisher.topic_name in description['inputs'] for description in nodes.values())
+                readers = sum(publisher.topic_name in description['inputs'] for _, description in nodes)
                 if publisher.get_subscription_count() < readers:
                     yield f'the readers of {publisher.topic_name}'
         if self._timer is not None and self._timer.parameters[TimerParameters].record:
-            recorders = [name for name in nodes if name.rsplit('/', 1)[1] == RECORDER]
-            if not recorders:
+            recorded = [output for _, node in nodes for output in node['outputs'] if output.endswith(RECORDED.name)]
+            if not recorded:
                 yield f'{RECORDER} (parameter record of deterministic_timer is true)'
+        if self._timer is not None:
+            yield from self._find_unready()
+
+    def _find_unready(self) -> Iterator[str]:
+        """Say whom the timer waits for, among them those that only others have heard of so far."""
+        known = {self.identifier, *self._heard}
         for process, said in self._heard.items():
-            if self._timer is not None and said['state'] != READY:
-                names = ', '.join(said['nodes']) or process
-                yield f'{names} to get ready'
+            if said['state'] != READY:
+                yield f'{", ".join(said["nodes"]) or process} to get ready'
+            unheard = set(said.get('hears', ())) - known
+            if unheard:
+                yield f'{len(unheard)} more that {", ".join(said["nodes"])} can hear'
 
     def _is_foreign(self, topic: str) -> bool:
         """Return whether a topic's publisher is none of ours: it had time to say who it is and did not."""
@@ -244,8 +277,34 @@ class Peers:
                 )
 
     @staticmethod
-    def _check_publishers(node: LoopNode, topic: str, announced: Sequence[str]) -> None:
-        count = max(node.count_publishers(topic), len(announced))
+    def _check_announced(topic: str, announced: Sequence[str]) -> None:
+        if len(announced) > 1:
+            raise RunError(f'{topic}: {len(announced)} publishers, one is allowed: {", ".join(announced)}')
+
+    def _second_publisher(self, node: LoopNode, topic: str) -> str:
+        """
+        Judge a second publisher before the run: DDS remembers one that was killed until its lease has run out.
+
+        Returns
+        -------
+        str
+            What to wait for.
+
+        Raises
+        ------
+        RunError
+            If two different nodes publish the topic, or one has done so for longer than any lease.
+        """
+        names = publishers_of(node, topic)
+        different = len(set(names.split(', '))) > 1 and UNKNOWN_NODE not in names
+        now = time.monotonic()
+        if different or now - self._doubled_since.setdefault(topic, now) > _LEASE:
+            raise RunError(f'{topic}: 2 publishers, one is allowed: {names}')
+        return f'one of two publishers of {topic} to go ({names})'
+
+    @staticmethod
+    def _check_publishers(node: LoopNode, topic: str) -> None:
+        count = node.count_publishers(topic)
         if count > 1:
             raise RunError(
                 f'{topic}: {count} publishers at tick {node.tick}, one is allowed: {publishers_of(node, topic)}'
@@ -293,7 +352,7 @@ class Peers:
             self._graph_checked_at = now
             for node in self._nodes:
                 for wire in node.inputs:
-                    self._check_publishers(node, wire.name, ())
+                    self._check_publishers(node, wire.name)
 
     def _refuse_silent(self, process: str, silent: float) -> None:
         said = self._heard[process]
@@ -370,13 +429,13 @@ class Peers:
         """Tell the others how the run ended for this process, and see that they got it."""
         if outcome == FINISHED_OUTCOME:
             self.state = FINISHED
-        elif self._outcome_of_peer is not None:
-            return  # they know already
+        elif self._outcome_of_peer is not None and self.run is not None:
+            return  # all that take part know already
         else:
             self.state = outcome.status
         self._speak(outcome.reason)
         if self.run is None:
-            # Some of those that wait may not have found this process yet.
+            # Some of those that wait may not have found this process yet, or not the one that failed first.
             for _ in range(_LAST_WORDS):
                 time.sleep(_PERIODS[WAITING])
                 self._speak(outcome.reason)

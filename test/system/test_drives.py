@@ -64,23 +64,28 @@ def test_every_friction_model_runs_in_the_loop_by_a_parameter(model):
 
 
 @pytest.mark.parametrize(
-    ('value', 'allowed'),
+    ('value', 'named', 'allowed'),
     [
-        ('friction.stiffness:=-1.0', 'above 0'),
-        ('friction.static_level:=0.01', 'at least'),
-        ('friction.stribeck_velocity:=0.0', 'above 0'),
-        ('resonance.denominators:=[1.0, -3.0, 1e9, 1.0, 1.0, 1e9, 1.0, 1.0, 2e9, 1.0, 1.0, 8e9]', ''),
-        ('resonance.denominators:=[1.0, 3.0]', ''),
-        ('gain:=.nan', 'finite'),
-        ('substeps:=0', 'at least 1'),
+        ('friction.stiffness:=-1.0', 'friction.stiffness', 'above 0'),
+        ('friction.static_level:=0.01', 'friction.static_level', 'at least'),
+        ('friction.stribeck_velocity:=0.0', 'friction.stribeck_velocity', 'above 0'),
+        (
+            'resonance.denominators:=[1.0, -3.0, 1e9, 1.0, 1.0, 1e9, 1.0, 1.0, 2e9, 1.0, 1.0, 8e9]',
+            'resonance.denominators',
+            'section 1 needs a2, a1, a0 above 0',
+        ),
+        ('resonance.denominators:=[1.0, 3.0]', 'resonance.denominators', 'a list of 12 numbers'),
+        ('resonance.form:=parallel', 'resonance.frequencies', 'form none has no resonance'),
+        ('friction.model:=rbf_network', 'friction.node_weights', 'model none has no friction'),
+        ('gain:=.nan', 'gain', 'finite'),
+        ('substeps:=0', 'substeps', 'at least 1'),
     ],
 )
 @pytest.mark.parametrize('executable', ['vcm_plant', 'simulate'])
-def test_a_bad_drive_is_refused_at_start(bench, executable, value, allowed):
+def test_a_bad_drive_is_refused_at_start(bench, executable, value, named, allowed):
     process = bench.start(executable, '-p', f'vcm_plant:{value}')
     assert process.wait() == 2
-    name = value.split(':=')[0]
-    assert f'{name} = ' in process.output
+    assert f'{named} = ' in process.output
     assert 'is refused' in process.output
     assert allowed in process.output
     assert len(process.output.strip().splitlines()) == 1

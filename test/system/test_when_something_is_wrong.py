@@ -1,5 +1,6 @@
 """Each way to go wrong ends the run soon, with one error that names what and when, and a readable bag."""
 
+import os
 import signal
 import time
 from pathlib import Path
@@ -11,6 +12,8 @@ from hdd_servo_ros.recording.bag_reader import read_signals
 HERE = Path(__file__).parent
 SLOW = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=10.0')
 """A run that goes on long enough to be disturbed, and leaves the machine idle."""
+PATIENCE = ('-p', 'start_timeout:=6.0')
+"""For runs that fail before they begin: a node that is only coming up then is left waiting for peers."""
 OTHERS = ('bag_recorder', 'ldv_sensor', 'vcm_plant', 'reference_generator', 'deterministic_timer')
 
 
@@ -76,6 +79,39 @@ def test_peer_dies(bench, victim):
     assert victim in expect_bag(bench)['reason']
 
 
+def test_a_node_that_is_killed_before_the_run_may_be_started_again(bench):
+    nodes = [node for node in (*OTHERS, 'adaptive_nn_controller') if node != 'deterministic_timer']
+    processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.01', nodes=nodes)
+    processes['adaptive_nn_controller'].wait_for('waiting for deterministic_timer')
+    processes.pop('ldv_sensor').signal(signal.SIGKILL)
+    again = bench.start_nodes('run', '-p', 'duration:=0.01', nodes=['ldv_sensor', 'deterministic_timer'])
+    for process in [*processes.values(), *again.values()]:
+        assert process.wait(60.0) == 0, process.output
+
+
+def test_a_writer_that_takes_nothing_ends_the_run(bench):
+    process = bench.start('rig', *SLOW, '-p', 'deterministic_timer:rate:=0.0', '-p', 'bag_recorder:run_dir:=run')
+    wait_for_ticks(bench)
+    (writer,) = Path(f'/proc/{process.popen.pid}/task/{process.popen.pid}/children').read_text().split()
+    os.kill(int(writer), signal.SIGSTOP)
+    assert process.wait(15.0) == 1
+    assert 'the bag writer took nothing for' in process.output
+    assert bench.run_yaml('run')['status'] == 'failed'
+
+
+def test_parameters_set_before_the_run_are_in_run_yaml(bench):
+    nodes = ('bag_recorder', 'ldv_sensor', 'vcm_plant', 'adaptive_nn_controller', 'reference_generator')
+    processes = bench.start_nodes('run', nodes=nodes)
+    processes['reference_generator'].wait_for('waiting for deterministic_timer')
+    assert bench.python(str(HERE / 'set_parameter.py'), '/reference_generator', 'frequency', '250.0').returncode == 0
+    processes['deterministic_timer'] = bench.start('deterministic_timer', '-p', 'duration:=0.01')
+    for process in processes.values():
+        assert process.wait() == 0, process.output
+    assert bench.run_yaml('run')['nodes']['/reference_generator']['parameters']['frequency'] == 250.0
+    slope = read_signals(bench.directory / 'run').reference[0, 1]
+    assert slope == pytest.approx(2.0 * 2.0 * 3.141592653589793 * 250.0)
+
+
 def test_recorder_dies(bench):
     processes = bench.start_nodes('run', *SLOW)
     wait_for_ticks(bench)
@@ -85,10 +121,8 @@ def test_recorder_dies(bench):
 
 
 def test_two_publishers_from_the_start(bench):
-    # A node that is only coming up when the others end is left waiting for peers.
-    patience = ('-p', 'start_timeout:=5.0')
-    processes = bench.start_nodes('run', *patience)
-    second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *patience)
+    processes = bench.start_nodes('run', *PATIENCE)
+    second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *PATIENCE)
     expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=20.0)
 
 
@@ -104,7 +138,7 @@ def test_second_publisher_during_the_run(bench):
 
 @pytest.mark.parametrize('node', ['ldv_sensor', 'vcm_plant'])
 def test_mismatched_sample_time(bench, node):
-    processes = bench.start_nodes('run', '-p', f'{node}:sample_time:=0.0002')
+    processes = bench.start_nodes('run', '-p', f'{node}:sample_time:=0.0002', *PATIENCE)
     expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001', within=20.0)
 
 
@@ -163,7 +197,7 @@ def test_run_folder_is_never_overwritten(bench):
     assert (bench.directory / 'run' / 'run.yaml').read_bytes() == before
 
 
-@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_interrupted_rig(bench, number, code):
     process = bench.start('rig', *SLOW, '-p', 'bag_recorder:run_dir:=run')
     wait_for_ticks(bench)

@@ -1,0 +1,286 @@
+"""The package as a person meets it who has ROS 2 installed: built, sourced, and used by the `ros2` command."""
+
+import contextlib
+import functools
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.serialization import deserialize_message
+
+from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS
+from hdd_servo_ros.topics import LOOP_TOPICS
+
+PACKAGE = 'hdd_servo_ros'
+CONTROLLER = CONTROLLERS['adaptive_nn']
+LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())] + [CONTROLLER]
+SLOW = ('-p', 'deterministic_timer:rate:=0.1', '-p', 'deterministic_timer:duration:=6.0')
+"""A run that goes on long enough to be looked at, and leaves the machine idle."""
+TIME_LIMIT = 40.0
+
+
+def outer_environment():
+    """The caller's, without the guard of the ROS wheels: `ros2` may be of another environment."""
+    return {name: value for name, value in os.environ.items() if name != '_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
+
+
+@functools.cache
+def why_not():
+    """Return why the command cannot be used here, empty if it can."""
+    if shutil.which('ros2') is None:
+        return 'there is no ros2 command'
+    found = subprocess.run(['ros2', 'pkg', 'prefix', PACKAGE], env=outer_environment(), capture_output=True, timeout=60)
+    return '' if found.returncode == 0 else f'`ros2 pkg prefix {PACKAGE}` fails: no install/setup.bash was sourced'
+
+
+class Command:
+    """`ros2 ...`, running as in a terminal: as the leader of a process group."""
+
+    def __init__(self, arguments, directory, environment, log):
+        self.line = ' '.join(['ros2', *arguments])
+        self._log = log
+        with log.open('w') as stream:
+            self._popen = subprocess.Popen(
+                ['ros2', *arguments],
+                cwd=directory,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    @property
+    def output(self):
+        """What it has printed so far."""
+        return self._log.read_text(errors='replace')
+
+    def wait(self, timeout=TIME_LIMIT):
+        """Return its exit code."""
+        try:
+            return self._popen.wait(timeout)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f'`{self.line}` did not end within {timeout} s; it said:\n{self.output}')
+
+    def wait_for(self, text):
+        """Wait until it has printed ``text``."""
+        deadline = time.monotonic() + TIME_LIMIT
+        while text not in self.output:
+            ended = self._popen.poll() is not None
+            if time.monotonic() > deadline or (ended and text not in self.output):
+                pytest.fail(f'`{self.line}` did not say {text!r}; it said:\n{self.output}')
+            time.sleep(0.05)
+
+    def interrupt(self):
+        """Do what Ctrl-C does."""
+        os.killpg(self._popen.pid, signal.SIGINT)
+
+    def end(self):
+        """End it, and what it started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._popen.pid, signal.SIGKILL)
+        self._popen.wait()
+
+
+class Ros2:
+    """The `ros2` command in the bench's domain."""
+
+    def __init__(self, bench):
+        self.directory = bench.directory
+        discovery = {name: bench.environment[name] for name in ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')}
+        # The package is the one that `ros2` finds, not these sources.
+        self._environment = {**outer_environment(), **discovery}
+        self._commands = []
+        self._daemon = False
+
+    def start(self, *arguments):
+        """Start a command."""
+        log = self.directory / f'ros2-{len(self._commands)}.log'
+        self._commands.append(Command(arguments, self.directory, self._environment, log))
+        return self._commands[-1]
+
+    def run(self, name, *ros_arguments):
+        """Start an executable of the package."""
+        return self.start('run', PACKAGE, name, '--ros-args', *ros_arguments)
+
+    def say(self, *lines):
+        """Run commands beside each other; return what each has printed."""
+        started = [self.start(*line.split(' ')) for line in lines]
+        for command in started:
+            assert command.wait() == 0, f'`{command.line}` said:\n{command.output}'
+        return [command.output for command in started]
+
+    def start_slow_rig(self, run, *ros_arguments):
+        """Start a rig, and wait until the run is under way and the daemon knows all of it."""
+        self._daemon = True
+        self.say('daemon start')
+        rig = self.run('rig', *SLOW, *ros_arguments, '-p', f'bag_recorder:run_dir:={run}')
+        deadline = time.monotonic() + TIME_LIMIT
+        expected = {f'/{name}' for name in ('rig', *LOOP_NODES)}
+        while not (self.directory / run / 'run.yaml').exists() or set(self.say('node list')[0].split()) != expected:
+            assert time.monotonic() < deadline, rig.output
+        return rig
+
+    def end(self):
+        """End everything that was started."""
+        for command in self._commands:
+            command.end()
+        if self._daemon:
+            self.start('daemon', 'stop').wait()
+
+
+@pytest.fixture
+def ros2(bench):
+    if why_not():
+        pytest.skip(why_not())
+    made = Ros2(bench)
+    try:
+        yield made
+    finally:
+        made.end()
+
+
+def test_every_executable_is_found_and_helps(ros2):
+    lines = ros2.say(f'pkg executables {PACKAGE}')[0].splitlines()
+    names = [line.removeprefix(f'{PACKAGE} ') for line in lines]
+    assert set(NODE_PARAMETERS) <= set(names)
+    for name, text in zip(names, ros2.say(*(f'run {PACKAGE} {name} --help' for name in names)), strict=True):
+        assert text.startswith(f'usage: {name} '), text
+
+
+def test_rig_and_simulate(ros2):
+    share = Path(ros2.say(f'pkg prefix --share {PACKAGE}')[0].strip())
+    arguments = ('--params-file', str(share / 'params' / 'seagate_7200_10.yaml'), '-p', 'duration:=0.05')
+    commands = [ros2.run(name, *arguments, '-p', f'run_dir:={name}') for name in ('rig', 'simulate')]
+    for command in commands:
+        assert command.wait() == 0, command.output
+        assert '501 of 0.0001 s, 0 to 500' in command.output
+    assert first_difference(ros2.directory / 'rig', ros2.directory / 'simulate') is None
+
+
+def test_each_node_by_its_own_command(ros2):
+    share = Path(ros2.say(f'pkg prefix --share {PACKAGE}')[0].strip())
+    arguments = ('--params-file', str(share / 'params' / 'seagate_7200_10.yaml'), '-p', 'duration:=0.02')
+    commands = [ros2.run(name, *arguments, '-p', 'run_dir:=run') for name in LOOP_NODES]
+    for command in commands:
+        assert command.wait() == 0, command.output
+    assert len(read_signals(ros2.directory / 'run').time) == 201
+
+
+@pytest.mark.parametrize(
+    ('argument', 'words'),
+    [
+        ('vcm_plant:gain:=-1.0', 'gain = -1.0 is refused: a finite number above 0'),
+        ('controler:=pid', 'did you mean controller?'),
+        ('rig:controler:=pid', 'did you mean controller?'),
+        ('vmc_plant:gain:=1.0', "no node '/vmc_plant'"),
+    ],
+)
+def test_refused_at_the_start(ros2, argument, words):
+    rig = ros2.run('rig', '-p', argument)
+    assert rig.wait() == 2, rig.output
+    assert words in rig.output
+    assert 'Traceback' not in rig.output
+
+
+def test_looking_at_topics_and_interrupting(ros2):
+    rig = ros2.start_slow_rig('run')
+    rate = ros2.start('topic', 'hz', '/control')
+    topics, node, head, clock = ros2.say(
+        'topic list -t', 'node info /vcm_plant', 'topic echo --once /head', 'topic echo --once /clock'
+    )
+    for topic in LOOP_TOPICS:
+        assert f'/{topic.name} [{topic.type_name}]' in topics.splitlines()
+    subscribers, publishers = node.split('Publishers:')
+    assert '/control: geometry_msgs/msg/Vector3Stamped' in subscribers
+    assert '/head: geometry_msgs/msg/Vector3Stamped' in publishers
+    message = next(yaml.safe_load_all(head))
+    assert message['header']['frame_id'] == 'seagate_7200_10'
+    assert message['header']['stamp']['nanosec'] % 100_000 == 0
+    assert next(yaml.safe_load_all(clock))['clock']['nanosec'] % 100_000 == 0
+    rate.wait_for('average rate')
+
+    rig.interrupt()
+    # `ros2 launch` sends once more what the terminal has sent to all already.
+    time.sleep(0.1)
+    rig.interrupt()
+    assert rig.wait() == 130, rig.output
+    content = yaml.safe_load((ros2.directory / 'run' / 'run.yaml').read_text())
+    assert content['status'] == 'interrupted'
+    assert 'SIGINT' in content['reason']
+    assert len(read_signals(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1
+
+
+def test_interrupting_a_node_that_waits(ros2):
+    node = ros2.run('vcm_plant')
+    node.wait_for('waiting for')
+    node.interrupt()
+    assert node.wait() == 130, node.output
+
+
+def test_parameters_during_a_run(ros2):
+    rig = ros2.start_slow_rig('run')
+    names, got, described, fixed = ros2.say(
+        'param list',
+        'param get /reference_generator frequency',
+        'param describe /vcm_plant gain',
+        'param describe /deterministic_timer sample_time',
+    )
+    for node in ('rig', *LOOP_NODES):
+        assert f'/{node}:' in names.splitlines()
+    assert got == 'Double value is: 100.0\n'
+    assert 'Type: double' in described
+    assert 'um/s^2/V' in described
+    assert 'above 0' in described
+    assert 'Read only: true' in fixed
+
+    low, unknown, read_only = ros2.say(
+        'param set /reference_generator frequency -- -1.0',
+        'param set /reference_generator waveform sawtooth',
+        'param set /deterministic_timer sample_time 0.001',
+    )
+    assert 'frequency = -1.0 is refused: a finite number at least 0 [Hz]' in low
+    assert "waveform = 'sawtooth' is refused: one of sine" in unknown
+    assert 'read-only' in read_only
+
+    # Whatever clock a user chooses, the bag shows the tick.
+    for line in ('use_sim_time true', 'use_sim_time false', 'frequency 150.0'):
+        assert ros2.say(f'param set /reference_generator {line}') == ['Set parameter successful\n']
+    assert ros2.say('param set /deterministic_timer rate 0.0') == ['Set parameter successful\n']
+    assert rig.wait() == 0, rig.output
+
+    signals = read_signals(ros2.directory / 'run')
+    last_tick = len(signals.time) - 1
+    stamps, events = read_messages(ros2.directory / 'run')['/parameter_events']
+    assert all(0 < stamp < last_tick * 100_000 for stamp in stamps)
+    changes = [deserialize_message(event, ParameterEvent).changed_parameters[0].name for event in events]
+    assert changes == ['use_sim_time', 'use_sim_time', 'frequency', 'rate']
+    tick = int(stamps[2]) // 100_000
+    frequency = np.where(np.arange(last_tick + 1) < tick, 100.0, 150.0)
+    expected = 2.0 * np.sin(2.0 * np.pi * frequency * signals.time)
+    np.testing.assert_allclose(signals.reference[:, 0], expected, atol=1e-8)
+
+
+def test_dumped_parameters_are_a_parameter_file(ros2):
+    changed = ('-p', 'reference_generator:amplitude:=1.5', '-p', 'vcm_plant:substeps:=3')
+    rig = ros2.start_slow_rig('run', *changed)
+    dumps = ros2.say(*(f'param dump /{name}' for name in ('rig', *LOOP_NODES)))
+    rig.end()
+    (ros2.directory / 'dumped.yaml').write_text(''.join(dumps))
+    short = ('-p', 'deterministic_timer:duration:=0.02', '-p', 'deterministic_timer:rate:=0.0')
+    dumped = ('--params-file', 'dumped.yaml')
+    runs = {'given': ('simulate', *changed), 'simulated': ('simulate', *dumped), 'composed': ('rig', *dumped)}
+    for run, arguments in runs.items():
+        command = ros2.run(*arguments, *short, '-p', f'bag_recorder:run_dir:={run}')
+        assert command.wait() == 0, command.output
+    for run in ('simulated', 'composed'):
+        assert first_difference(ros2.directory / 'given', ros2.directory / run) is None
