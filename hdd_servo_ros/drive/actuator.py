@@ -5,13 +5,14 @@ Dots that the print lost: (3.9) holds theta''', theta'' and theta'. (3.15) is th
 s (s tau_e + 1)(s tau_a + 1)(s tau_m + R_m/(R_m + R_s)), printed as a sum. J is the moment of inertia.
 """
 
+import math
 from dataclasses import dataclass
 
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 METRES_PER_INCH = 0.0254
 
-DRIVERS = ('reduced', 'current', 'voltage')
+DRIVERS = ('reduced', 'rigid', 'current', 'voltage')
 
 
 @dataclass(frozen=True)
@@ -19,13 +20,16 @@ class ActuatorParameters(ParameterSet):
     """
     The actuator and its driver.
 
-    ``reduced`` is the rigid model (3.16): its gain is a parameter of the plant and nothing here is read. ``current``
-    and ``voltage`` add the electrical dynamics, and the gain follows from the data here. The defaults give (5.1) with a
-    current driver; they are illustrative otherwise, for the thesis prints none of them.
+    ``reduced`` is k/s^2 as identified in (5.1): its gain is the plant's parameter ``gain`` and nothing here is read.
+    ``rigid`` is the reduced model (3.16)-(3.18), whose gain k_t k_a l_arm/J follows from the data here; ``current`` and
+    ``voltage`` add the electrical dynamics to it. The defaults give (5.1) with a rigid or current driver; they are
+    illustrative otherwise, for the thesis prints none of them.
     """
 
     driver: str = parameter(
-        'reduced', 'driver of the coil; reduced leaves the electrical dynamics out', choices=DRIVERS
+        'reduced',
+        "driver of the coil; reduced (the plant's gain) and rigid (3.16) have no electrical dynamics",
+        choices=DRIVERS,
     )
     flux_density: float = parameter(0.8, 'flux density B_g of the gap (3.1)', unit='T', above=0.0)
     coil_length: float = parameter(4.0, 'length l_coil of wire in the gap (3.1)', unit='m', above=0.0)
@@ -43,7 +47,7 @@ class ActuatorParameters(ParameterSet):
     )
     source_resistance: float = parameter(2000.0, 'resistance R_s of the current source (3.7)', unit='ohm', above=0.0)
     amplifier_gain: float = parameter(
-        0.05, 'steady gain k_a of the amplifier (3.14): A/V of a current driver, V/V of a voltage driver', above=0.0
+        0.05, 'steady gain k_a of the amplifier (3.14): V/V of a voltage driver, A/V of the others', above=0.0
     )
     amplifier_time_constant: float = parameter(
         5.0e-6, 'time constant tau_a of the amplifier (3.14)', unit='s', minimum=0.0
@@ -52,12 +56,17 @@ class ActuatorParameters(ParameterSet):
 
     def check_together(self) -> None:
         """Check that the coil does not give back more power than it takes."""
-        if self.driver != 'reduced' and self.back_emf_constant > 1.001 * self.torque_constant:
+        if self.is_electrical and self.back_emf_constant > 1.001 * self.torque_constant:
             raise ParameterError(
                 'back_emf_constant',
                 self.back_emf_constant,
                 f'at most flux_density coil_length force_radius = {self.torque_constant:g} [V s/rad]',
             )
+
+    @property
+    def is_electrical(self) -> bool:
+        """Whether the driver has electrical dynamics."""
+        return self.driver in ('current', 'voltage')
 
     @property
     def torque_constant(self) -> float:
@@ -81,7 +90,9 @@ class ActuatorParameters(ParameterSet):
 
     @property
     def mechanical_time_constant(self) -> float:
-        """Return tau_m = R_m J/(k_t k_b) of (3.13) [s]."""
+        """Return tau_m = R_m J/(k_t k_b) of (3.13) [s]; infinite without back-EMF."""
+        if self.back_emf_constant == 0.0:
+            return math.inf
         return self.coil_resistance * self.inertia / (self.torque_constant * self.back_emf_constant)
 
     @property

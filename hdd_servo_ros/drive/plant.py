@@ -15,7 +15,7 @@ from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.electrical import back_emf_current, driver_force, electrical_constants
 from hdd_servo_ros.drive.friction import parameters as friction_places
 from hdd_servo_ros.drive.friction.dahl import dahl_substep
-from hdd_servo_ros.drive.friction.elastoplastic import elastoplastic_friction, elastoplastic_substep
+from hdd_servo_ros.drive.friction.elastoplastic import elastoplastic_friction, elastoplastic_substep, slip_terms
 from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level, lugre_substep, position_factor
 from hdd_servo_ros.drive.friction.network import network_friction, network_substep
 from hdd_servo_ros.drive.friction.parameters import (
@@ -162,8 +162,9 @@ class Plant:
         """
         Go on under other parameters from the present state.
 
-        The contact's deflection starts at zero again when the friction model changes, the modes at rest when their
-        number changes. ``constants`` and ``state`` are new arrays afterwards.
+        The contact keeps its deflection, up to what the new parameters let it bear; it starts at zero again when the
+        friction model changes, as the modes start at rest when their number changes. The friction of the output is
+        that of the new parameters. ``constants`` and ``state`` are new arrays afterwards.
         """
         constants = plant_constants(parameters, self.sample_time)
         state = plant_state(parameters)
@@ -171,7 +172,12 @@ class Plant:
         kept = MODE_STATES + 2 * modes if modes == int(self.constants[MODES]) else MODE_STATES
         state[:kept] = self.state[:kept]
         if parameters.friction.model != self.parameters.friction.model:
-            state[[DEFLECTION, MEAN_FRICTION, FRICTION]] = 0.0
+            state[[DEFLECTION, MEAN_FRICTION]] = 0.0
+        limit = _deflection_limit(constants, float(state[VELOCITY]))
+        state[DEFLECTION] = min(max(state[DEFLECTION], -limit), limit)
+        state[FRICTION] = _friction(
+            constants, FRICTION_CONSTANTS, state[POSITION], state[VELOCITY], state[DEFLECTION], state[MEAN_FRICTION]
+        )
         self.parameters = parameters
         self.constants = constants
         self.state = state
@@ -200,7 +206,7 @@ def plant_constants(parameters: PlantParameters, sample_time: float) -> npt.NDAr
         float(len(modal.modes)),
         float(FRICTION_CONSTANTS + len(friction)),
     ]
-    if parameters.actuator.driver == 'reduced':
+    if not parameters.actuator.is_electrical:
         constants += [0.0] * (1 + electrical.COUNT)
     else:
         constants += [1.0, *electrical_constants(parameters.actuator, substep)]
@@ -219,6 +225,16 @@ def plant_state(parameters: PlantParameters) -> npt.NDArray[np.float64]:
     friction = np.array(friction_constants(parameters.friction))
     state[FRICTION] = _friction(friction, 0, parameters.initial_position, parameters.initial_velocity, 0.0, 0.0)
     return state
+
+
+def _deflection_limit(constants: npt.NDArray[np.float64], velocity: float) -> float:
+    """Return the largest deflection [um] that the contact of the friction model bears at a velocity [um/s]."""
+    model = int(constants[FRICTION_CONSTANTS])
+    if model == DAHL:
+        return float(constants[COULOMB] / constants[STIFFNESS])
+    if model in (TANGENTIAL_STIFFNESS, COMPLETE):
+        return float(slip_terms(constants, FRICTION_CONSTANTS, abs(velocity))[0] / constants[STIFFNESS])
+    return float(constants[BRISTLE_LIMIT])
 
 
 @compiled

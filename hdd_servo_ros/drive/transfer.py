@@ -47,6 +47,14 @@ def coil(parameters: ActuatorParameters) -> TransferFunction:
     return np.ones(1), np.array([parameters.coil_inductance, parameters.coil_resistance])
 
 
+def coil_state_space(parameters: ActuatorParameters) -> StateSpace:
+    """Return the coil (3.5) with the state and output I_m [A] and the input e - e_b [V]; no state without L_m."""
+    resistance, inductance = parameters.coil_resistance, parameters.coil_inductance
+    if inductance == 0.0:
+        return _gain(1.0 / resistance)
+    return np.array([[-resistance / inductance]]), np.array([[1.0 / inductance]]), np.ones((1, 1)), np.zeros((1, 1))
+
+
 def current_driven_exact(parameters: ActuatorParameters) -> TransferFunction:
     """Return theta/I_s [rad/A] of the coil on a current source, exact (3.10)."""
     p = parameters
@@ -67,24 +75,28 @@ def current_driven_approximate(parameters: ActuatorParameters) -> TransferFuncti
     The exact denominator with (R_m + R_s)/R_s taken as 1: the gain at high frequency is off by R_m/R_s.
     """
     p = parameters
-    scale = p.back_emf_constant / p.coil_resistance
     total = p.coil_resistance + p.source_resistance
+    # k_b/R_m times the printed factors, multiplied out: k_b = 0 is a drive without back-EMF.
     denominator = [
-        scale * p.coil_inductance * p.inertia * p.coil_resistance / (p.torque_constant * p.back_emf_constant * total),
-        scale * p.coil_resistance * p.inertia / (p.torque_constant * p.back_emf_constant),
-        scale * p.coil_resistance / total,
+        p.coil_inductance * p.inertia / (p.torque_constant * total),
+        p.inertia / p.torque_constant,
+        p.back_emf_constant / total,
         0.0,
     ]
     return np.ones(1), np.trim_zeros(np.array(denominator), 'f')
 
 
 def current_driven_factored(parameters: ActuatorParameters) -> TransferFunction:
-    """Return theta/I_s [rad/A] by (3.12), which holds further for tau_e much smaller than tau_m."""
+    """
+    Return theta/I_s [rad/A] by (3.12), which holds further for tau_e much smaller than tau_m.
+
+    Numerator and denominator are k_b/R_m times the printed ones, so that k_b = 0 does not divide.
+    """
     p = parameters
-    ratio = p.coil_resistance / (p.coil_resistance + p.source_resistance)
+    total = p.coil_resistance + p.source_resistance
     electrical = np.trim_zeros(np.array([p.electrical_time_constant, 1.0]), 'f')
-    denominator = _multiply([1.0, 0.0], _multiply(electrical, [p.mechanical_time_constant, ratio]))
-    return np.array([p.coil_resistance / p.back_emf_constant]), denominator
+    mechanical = [p.inertia / p.torque_constant, p.back_emf_constant / total]
+    return np.ones(1), _multiply([1.0, 0.0], _multiply(electrical, mechanical))
 
 
 def amplifier(parameters: ActuatorParameters) -> TransferFunction:
@@ -93,15 +105,28 @@ def amplifier(parameters: ActuatorParameters) -> TransferFunction:
     return np.array([parameters.amplifier_gain]), denominator
 
 
+def amplifier_state_space(parameters: ActuatorParameters) -> StateSpace:
+    """Return the amplifier (3.14) with its output, I_s [A] or e [V], as the state; no state with tau_a = 0."""
+    gain, tau = parameters.amplifier_gain, parameters.amplifier_time_constant
+    if tau == 0.0:
+        return _gain(gain)
+    return np.array([[-1.0 / tau]]), np.array([[gain / tau]]), np.ones((1, 1)), np.zeros((1, 1))
+
+
+def _gain(value: float) -> StateSpace:
+    return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]])
+
+
 def driven_actuator(parameters: ActuatorParameters, approximate: bool = False) -> TransferFunction:
     """
     Return theta/u [rad/V] of the actuator with its driver's dynamics.
 
     A current driver gives (3.14) times (3.10), or (3.15), corrected to the product of its four factors, when
-    ``approximate``; a voltage driver the amplifier and (3.5), (3.6), (3.8); the reduced driver (3.16).
+    ``approximate``; a voltage driver the amplifier and (3.5), (3.6), (3.8); the others (3.16). All by the data in
+    ``parameters``, which a plant with the reduced driver does not read: it has its own ``gain``.
     """
     p = parameters
-    if p.driver == 'reduced':
+    if not p.is_electrical:
         return np.array([p.acceleration_constant]), np.array([1.0, 0.0, 0.0])
     if p.driver == 'current':
         return product(amplifier(p), current_driven_factored(p) if approximate else current_driven_exact(p))
@@ -111,14 +136,78 @@ def driven_actuator(parameters: ActuatorParameters, approximate: bool = False) -
     return product(amplifier(p), (np.ones(1), np.trim_zeros(denominator, 'f')))
 
 
+def driven_actuator_state_space(parameters: ActuatorParameters) -> StateSpace:
+    """
+    Return the state space of theta/u [rad/V] of :func:`driven_actuator`.
+
+    States: amplifier b and coil c of :mod:`~hdd_servo_ros.drive.electrical` [V], as far as the driver has them and they
+    are not instant; theta [rad], theta' [rad/s].
+    """
+    radian = parameters.arm_length * parameters.units_per_metre
+    a, b, driven = _driver(parameters, parameters.back_emf_resistance * radian, 2)
+    n = a.shape[0]
+    a[n - 2, n - 1] = 1.0
+    a[n - 1] += parameters.acceleration_constant * driven[:n]
+    b[n - 1, 0] += parameters.acceleration_constant * driven[n]
+    c = np.zeros((1, n))
+    c[0, n - 2] = 1.0
+    return a, b, c, np.zeros((1, 1))
+
+
+def _driver(parameters: ActuatorParameters, back_emf: float, rest: int) -> tuple[Array, Array, Array]:
+    """
+    Return A and B of a state space that begins with the driver's states, and its coil current by the states and u.
+
+    Parameters
+    ----------
+    parameters
+        The actuator.
+    back_emf
+        What the back-EMF takes from the coil's current, referred to the control, by the velocity [V per unit of it].
+    rest
+        Number of further states; the second of them is the velocity.
+    """
+    electrical = parameters.is_electrical
+    has_amplifier = electrical and parameters.amplifier_time_constant > 0.0
+    has_coil = electrical and parameters.electrical_time_constant > 0.0
+    n = int(has_amplifier) + int(has_coil) + rest
+    velocity = n - rest + 1
+    a = np.zeros((n, n))
+    b = np.zeros((n, 1))
+    output = np.zeros(n + 1)  # by the states and u
+    if has_amplifier:
+        a[0, 0] = -1.0 / parameters.amplifier_time_constant
+        b[0, 0] = 1.0 / parameters.amplifier_time_constant
+        output[0] = 1.0
+    else:
+        output[n] = 1.0
+    if electrical:
+        output *= parameters.current_ratio
+        output[velocity] -= back_emf
+    if has_coil:
+        # tau_e c' = r b - c - kappa v
+        coil = n - rest - 1
+        a[coil] = output[:n] / parameters.electrical_time_constant
+        b[coil, 0] = output[n] / parameters.electrical_time_constant
+        a[coil, coil] -= 1.0 / parameters.electrical_time_constant
+        output = np.zeros(n + 1)
+        output[coil] = 1.0
+    return a, b, output
+
+
 def tracks(parameters: ActuatorParameters, tracks_per_inch: float) -> TransferFunction:
-    """Return y/u [tracks/V] of the reduced model (3.17): k_v k_y/s^2."""
+    """
+    Return y/u [tracks/V] of the reduced model (3.17): k_v k_y/s^2.
+
+    k_v follows from the actuator's data, as it does in a plant with the driver ``rigid``; with ``reduced`` the plant
+    has its own ``gain``.
+    """
     k_y = parameters.position_gain(tracks_per_inch)
     return np.array([parameters.acceleration_constant * k_y]), np.array([1.0, 0.0, 0.0])
 
 
 def tracks_state_space(parameters: ActuatorParameters, tracks_per_inch: float) -> StateSpace:
-    """Return the state space (3.18) of (y [tracks], v [rad/s]), with y as the output."""
+    """Return the state space (3.18) of (y [tracks], v [rad/s]), with y as the output; k_v as of :func:`tracks`."""
     k_y = parameters.position_gain(tracks_per_inch)
     a = np.array([[0.0, k_y], [0.0, 0.0]])
     b = np.array([[0.0], [parameters.acceleration_constant]])
@@ -160,11 +249,40 @@ def resonance(parameters: ResonanceParameters) -> TransferFunction:
     return numerator, denominator
 
 
+def resonance_state_space(parameters: ResonanceParameters) -> StateSpace:
+    """
+    Return head over rigid body as a whole, in modal form: input and output a position [um].
+
+    States: w^2 q and w q' of each mode with its natural frequency w, q driven by the rigid body's position.
+    """
+    modal = modal_form(parameters)
+    n = 2 * len(modal.modes)
+    a = np.zeros((n, n))
+    b = np.zeros((n, 1))
+    c = np.zeros((1, n))
+    d = modal.r0
+    for i, mode in enumerate(modal.modes):
+        q = 2 * i
+        # s^2 (beta s + gamma)/(s^2 + a1 s + a0) = beta s + direct + (first s - direct a0)/(s^2 + a1 s + a0); the
+        # terms in s cancel with r1 s in the sum.
+        direct = mode.gamma - mode.beta * mode.a1
+        first = -direct * mode.a1 - mode.beta * mode.a0
+        w = np.sqrt(mode.a0)
+        a[q, q + 1] = w
+        a[q + 1, q] = -w
+        a[q + 1, q + 1] = -mode.a1
+        b[q + 1, 0] = w
+        c[0, q] = -direct
+        c[0, q + 1] = first / w
+        d += direct
+    return a, b, c, np.array([[d]])
+
+
 def head(parameters: PlantParameters) -> TransferFunction:
     """Return head position over control [um/V] of the drive without friction."""
     p = parameters.actuator
-    if p.driver == 'reduced':
-        rigid: TransferFunction = np.array([parameters.gain]), np.array([1.0, 0.0, 0.0])
+    if not p.is_electrical:
+        rigid: TransferFunction = np.array([parameters.rigid_gain]), np.array([1.0, 0.0, 0.0])
     else:
         numerator, denominator = driven_actuator(p)
         rigid = numerator * p.arm_length * p.units_per_metre, denominator
@@ -175,29 +293,19 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
     """
     Return the state space of the drive without friction, in modal form.
 
-    States: driver b, c (unless reduced), rigid body x, v, then q w and q' of each mode with its natural frequency w.
-    Outputs: head position [um] and head velocity [um/s]. Input: control [V].
+    States: driver b, c as far as the driver has them and they are not instant, rigid body x, v, then q w and q' of each
+    mode with its natural frequency w. Outputs: head position [um] and head velocity [um/s]. Input: control [V].
     """
-    actuator = parameters.actuator
-    gain = parameters.rigid_gain
     modal = modal_form(parameters.resonance)
-    electrical = 0 if actuator.driver == 'reduced' else 2
-    n = electrical + 2 + 2 * len(modal.modes)
-    x, v = electrical, electrical + 1
-    a = np.zeros((n, n))
-    b = np.zeros((n, 1))
+    a, b, current = _driver(parameters.actuator, parameters.actuator.back_emf_resistance, 2 + 2 * len(modal.modes))
+    n = a.shape[0]
+    x = n - 2 - 2 * len(modal.modes)
+    v = x + 1
     c = np.zeros((2, n))
     a[x, v] = 1.0
     c[0, x] = modal.r0
     c[0, v] = modal.r1
     c[1, v] = modal.r0
-    if electrical:
-        if actuator.amplifier_time_constant == 0.0 or actuator.electrical_time_constant == 0.0:
-            raise ValueError('a state space of the driver needs amplifier_time_constant and coil_inductance above 0')
-        a[0, 0] = -1.0 / actuator.amplifier_time_constant
-        b[0, 0] = 1.0 / actuator.amplifier_time_constant
-        a[1, [0, 1, v]] = np.array([actuator.current_ratio, -1.0, -actuator.back_emf_resistance])
-        a[1] /= actuator.electrical_time_constant
     driven = [v]
     for i, mode in enumerate(modal.modes):
         q = x + 2 + 2 * i
@@ -210,10 +318,8 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
         c[:, p] = np.array([mode.beta, mode.gamma - mode.beta * mode.a1])
         driven.append(p)
     for state in driven:
-        if electrical:
-            a[state, 1] = gain
-        else:
-            b[state, 0] = gain
+        a[state] += parameters.rigid_gain * current[:n]
+        b[state, 0] += parameters.rigid_gain * current[n]
     return a, b, c, np.zeros((2, 1))
 
 
@@ -221,8 +327,8 @@ def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) 
     """Return head position over control [um/V] of the drive without friction at frequencies [Hz]."""
     s = 2.0j * np.pi * np.asarray(frequencies, dtype=np.float64)
     actuator = parameters.actuator
-    if actuator.driver == 'reduced':
-        response = parameters.gain / (s * s)
+    if not actuator.is_electrical:
+        response = parameters.rigid_gain / (s * s)
     else:
         numerator, denominator = driven_actuator(actuator)
         response = (

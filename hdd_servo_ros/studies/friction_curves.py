@@ -89,7 +89,7 @@ def draw_static_friction() -> Figure:
             curve = friction_curve(replace(STATIC, model=model), velocity)
             axis.plot(velocity, curve, label=model.replace('_', ' '), linewidth=1.3)
         _label(axis, title, 'velocity', 'friction')
-    axes[2].legend(fontsize=7, loc='upper left')
+    axes[2].legend(fontsize=6.5, loc='lower right', handlelength=1.2)
     return figure
 
 
@@ -104,7 +104,8 @@ def draw_dahl() -> Figure:
     axes[1].plot(inner, friction_along(_dahl(1.0), inner, 1.0), linewidth=1.2)
     _label(axes[0], 'any exponent (2.16)', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
     _label(axes[1], 'inner loops, $\\alpha$ = 1', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
-    axes[0].legend(fontsize=8, loc='lower right')
+    axes[0].set_ylim(-1.1, 1.6)
+    axes[0].legend(fontsize=8, loc='upper center', ncols=4, columnspacing=1.0, handlelength=1.2)
     return figure
 
 
@@ -121,7 +122,7 @@ def draw_lugre_hysteresis() -> Figure:
         rows = simulate(amplitude * np.sin(2.0 * np.pi * 2.0 * SAMPLE_TIME * np.arange(15_000)))[5000:]
         axes[2].plot(1e6 * rows[:, 0], rows[:, 2], label=f'u = {amplitude} sin 4$\\pi$t', linewidth=1.0)
     _label(axes[2], 'presliding, below $f_s$ = 1.5 N', 'position [µm]', 'friction [N]')
-    axes[2].legend(fontsize=7)
+    axes[2].legend(fontsize=7, loc='upper left')
     return figure
 
 

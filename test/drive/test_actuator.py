@@ -10,11 +10,13 @@ from scipy import signal
 from hdd_servo_ros.drive import actuator as act
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.actuator import ActuatorParameters
-from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters, Section, sections_of
 from hdd_servo_ros.parameters import ParameterError
 
 CURRENT = ActuatorParameters(driver='current')
+NO_RESONANCE = ResonanceParameters(form='none')
 VOLTAGE = ActuatorParameters(driver='voltage', amplifier_gain=2.0)
 
 
@@ -116,7 +118,7 @@ def test_tracks_are_3_17_and_3_18() -> None:
     assert one[0].real == pytest.approx(-metres * 25.0e3 / 0.0254 / w[0] ** 2, rel=1e-8)
 
 
-@pytest.mark.parametrize('driver', ['reduced', 'current', 'voltage'])
+@pytest.mark.parametrize('driver', ['reduced', 'rigid', 'current', 'voltage'])
 @pytest.mark.parametrize(
     'resonance',
     [
@@ -155,7 +157,99 @@ def test_back_emf_cannot_exceed_the_torque_constant() -> None:
         ActuatorParameters(driver='current', back_emf_constant=0.1)
 
 
-def test_state_space_of_an_instant_driver_is_refused() -> None:
-    actuator = replace(CURRENT, amplifier_time_constant=0.0)
-    with pytest.raises(ValueError, match='amplifier_time_constant'):
-        transfer.head_state_space(PlantParameters(actuator=actuator))
+def response(space: transfer.StateSpace, s: complex) -> complex:
+    a, b, c, d = space
+    return complex((c @ np.linalg.solve(s * np.eye(a.shape[0]) - a, b) + d)[0, 0])
+
+
+INSTANT = [
+    {},
+    {'amplifier_time_constant': 0.0},
+    {'coil_inductance': 0.0},
+    {'amplifier_time_constant': 0.0, 'coil_inductance': 0.0},
+    {'back_emf_constant': 0.0},
+]
+
+
+@pytest.mark.parametrize('driver', ['reduced', 'rigid', 'current', 'voltage'])
+@pytest.mark.parametrize('changes', INSTANT)
+def test_state_spaces_are_the_transfer_functions(driver: str, changes: dict[str, float]) -> None:
+    """An instant amplifier or coil has no state."""
+    p = ActuatorParameters(driver=driver, **changes)  # type: ignore[arg-type]
+    states = 2 + 2 * (driver in ('current', 'voltage'))
+    states -= sum(name != 'back_emf_constant' for name in changes) * (driver in ('current', 'voltage'))
+    assert transfer.driven_actuator_state_space(p)[0].shape == (states, states)
+    parameters = PlantParameters(actuator=p)
+    for f in (2.0, 90.0, 3000.0, 2.0e4):
+        s = 2j * math.pi * f
+        for space, function in (
+            (transfer.coil_state_space(p), transfer.coil(p)),
+            (transfer.amplifier_state_space(p), transfer.amplifier(p)),
+            (transfer.driven_actuator_state_space(p), transfer.driven_actuator(p)),
+            (transfer.resonance_state_space(parameters.resonance), transfer.resonance(parameters.resonance)),
+            (transfer.head_state_space(parameters), transfer.head(parameters)),
+        ):
+            assert response(space, s) == pytest.approx(at(function, f), rel=1e-9)
+
+
+@pytest.mark.parametrize('changes', INSTANT)
+def test_approximations_hold_without_back_emf_or_inductance(changes: dict[str, float]) -> None:
+    p = replace(CURRENT, **changes)
+    exact = at(transfer.current_driven_exact(p), 700.0)
+    for function in (transfer.current_driven_approximate(p), transfer.current_driven_factored(p)):
+        assert at(function, 700.0) / exact == pytest.approx(1.0, abs=5e-3)
+    if p.back_emf_constant == 0.0:
+        assert p.mechanical_time_constant == math.inf
+
+
+@pytest.mark.parametrize('changes', INSTANT)
+@pytest.mark.parametrize('driver', ['rigid', 'current', 'voltage'])
+def test_sampled_response_of_instant_drivers_is_the_blocks(driver: str, changes: dict[str, float]) -> None:
+    actuator = ActuatorParameters(driver=driver, **changes)  # type: ignore[arg-type]
+    parameters = PlantParameters(
+        actuator=actuator, friction=FrictionParameters(model='viscous', viscous_coefficient=0.0), substeps=64
+    )
+    plant = Plant(parameters, 1.0e-4)
+    a, b, c, d = transfer.head_state_space(parameters)
+    discrete = signal.cont2discrete((a, b, c, d), 1.0e-4)
+    state = np.zeros((a.shape[0], 1))
+    control = np.random.default_rng(4).normal(size=200)
+    expected, measured = [], []
+    for tick, u in enumerate(control.tolist(), start=1):
+        state = discrete[0] @ state + discrete[1] * u
+        expected.append((c @ state)[:, 0])
+        measured.append(plant.step(tick, u)[:2])
+    error = np.abs(np.array(measured) - expected).max(axis=0) / np.abs(expected).max(axis=0)
+    assert np.all(error < 1e-4)
+    # The frequency response is that of these matrices.
+    z = np.exp(2j * np.pi * 900.0 * 1.0e-4)
+    value = (c[0] @ np.linalg.solve(z * np.eye(a.shape[0]) - discrete[0], discrete[1]))[0]
+    assert transfer.sampled_frequency_response(parameters, 1.0e-4, [900.0])[0] == pytest.approx(value, rel=1e-9)
+
+
+def test_rigid_driver_runs_3_16_and_reduced_its_own_gain() -> None:
+    heavy = ActuatorParameters(driver='rigid', inertia=2.0 * ActuatorParameters().inertia)
+    rigid = PlantParameters(actuator=heavy)
+    assert rigid.rigid_gain == pytest.approx(0.5 * 4.0968e7, rel=1e-8)
+    assert replace(rigid, actuator=replace(heavy, driver='reduced')).rigid_gain == 4.0968e7
+    plant = Plant(replace(rigid, friction=FrictionParameters(model='none'), resonance=NO_RESONANCE), 1.0e-4)
+    assert plant.step(1, 1.0)[1] == pytest.approx(rigid.rigid_gain * 1.0e-4)
+    # (3.17): k_y tracks a radian, of l_arm metres a radian
+    tracks = at(transfer.tracks(heavy, 25.0e3), 50.0) / heavy.position_gain(25.0e3) * heavy.arm_length * 1.0e6
+    assert tracks == pytest.approx(complex(transfer.frequency_response(replace(rigid, resonance=NO_RESONANCE), 50.0)))
+
+
+@pytest.mark.parametrize(
+    'parameters',
+    [
+        ResonanceParameters(form='none'),
+        ResonanceParameters(form='two_parameter', frequencies=(4e3, 9e3), damping_ratios=(0.01, 0.02)),
+        ResonanceParameters(form='parallel', frequencies=(4e3, 9e3), damping_ratios=(0.01, 0.02), residues=(-0.7, 0.2)),
+    ],
+)
+def test_state_space_of_resonances_as_a_whole(parameters: ResonanceParameters) -> None:
+    space = transfer.resonance_state_space(parameters)
+    assert isinstance(transfer.system(space), signal.StateSpace)
+    for f in (50.0, 3990.0, 9000.0, 3.0e4):
+        expected = at(transfer.resonance(parameters), f)
+        assert response(space, 2j * math.pi * f) == pytest.approx(expected, rel=1e-9)

@@ -35,10 +35,13 @@ def allocations(function: object, parameters: PlantParameters, count: int) -> in
     return int(rtsys.get_allocation_stats().alloc - before)
 
 
-@pytest.mark.parametrize('model', [model for model in MODELS if model != 'rbf_network'])
+NODES = {'node_positions': (0.0, 5.0), 'node_velocities': (0.0, 900.0), 'node_weights': (0.1, -0.1)}
+
+
+@pytest.mark.parametrize('model', MODELS)
 def test_a_thousand_steps_allocate_as_much_as_none(model: str) -> None:
     _nrt_python.memsys_enable_stats()
-    parameters = PlantParameters(friction=FrictionParameters(model=model))
+    parameters = PlantParameters(friction=FrictionParameters(model=model, **NODES))
     few = allocations(steps, parameters, 0)
     assert allocations(steps, parameters, 1000) == few
     # The count does see allocations.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hdd_servo_ros.drive.friction.curves import friction_along
-from hdd_servo_ros.drive.friction.dahl import dahl_force, dahl_slope
+from hdd_servo_ros.drive.friction.dahl import dahl_force, dahl_mean_force, dahl_slope
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 
 EXPONENTS = [0.0, 0.5, 1.0, 1.5, 2.0, 4.0]
@@ -73,3 +73,18 @@ def test_a_path_may_be_cut_anywhere(exponent: float, parts: list[float]) -> None
     for part in parts:
         force = dahl_force(force, part, 0.05, 0.1, exponent)
     assert force == pytest.approx(dahl_force(0.0, sum(parts), 0.05, 0.1, exponent), rel=1e-9)
+
+
+@given(
+    start=st.floats(-1.0, 1.0),
+    displacement=st.floats(-20.0, 20.0),
+    exponent=st.one_of(st.floats(0.0, 20.0), st.sampled_from([0.0, 1.0, 2.0, 2.0 + 1e-9])),
+)
+def test_mean_force_is_the_mean_of_the_closed_solution(start: float, displacement: float, exponent: float) -> None:
+    # Nodes that are dense at the start, where a large exponent falls fast.
+    part = np.linspace(0.0, 1.0, 1001) ** 3
+    force = np.array([dahl_force(start, displacement * x, 1.0, 1.0, exponent) for x in part])
+    trapezoids = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(part)))
+    mean = dahl_mean_force(start, displacement, force[-1], 1.0, 1.0, exponent)
+    assert mean == pytest.approx(trapezoids, abs=1e-3)
+    assert min(force) - 1e-12 <= mean <= max(force) + 1e-12

@@ -73,10 +73,11 @@ def test_bristle_stays_in_the_bound_of_lemma_4_1(
     for control in controls:
         mean, bristle, force = lugre_substep(
             substep, 1.0, velocity, bristle, force, control, 0.0,
-            stiffness, damping, 0.0, coulomb, coulomb * ratio, 1.0 / stribeck, 1.0, limit,
+            stiffness, damping, 0.0, coulomb, coulomb * ratio, 1.0 / stribeck, 1.0, math.inf,
         )  # fmt: skip
         velocity = 2.0 * mean - velocity
-        assert abs(bristle) <= limit
+        # Without the step's clamp: what it takes away is the error of the predicted rate.
+        assert abs(bristle) <= limit * (1.0 + 1.0e-5)
         assert math.isfinite(velocity)
         assert math.isfinite(force)
 

@@ -13,7 +13,7 @@ import pytest
 
 from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
-from hdd_servo_ros.drive.plant import DisturbanceParameters, Plant, PlantParameters
+from hdd_servo_ros.drive.plant import DEFLECTION, DisturbanceParameters, Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
 from hdd_servo_ros.parameters import ParameterError, from_mapping, to_mapping
 
@@ -114,6 +114,36 @@ def test_update_to_other_modes_and_another_friction_starts_those_anew() -> None:
     position, velocity = plant.state[0], plant.state[1]
     plant.update(replace(PlantParameters(), resonance=ResonanceParameters(form='none'), friction=RIGID.friction))
     assert plant.output() == (position, velocity, 0.0)
+
+
+@pytest.mark.parametrize(
+    ('model', 'level'),
+    [('dahl', 'coulomb_level'), ('complete', 'coulomb_level'), ('tangential_stiffness', 'static_level')],
+)
+def test_a_lowered_level_holds_from_the_update_on(model: str, level: str) -> None:
+    """The contact keeps its deflection, but none that the new level does not bear."""
+    friction = FrictionParameters(model=model, viscous_coefficient=0.0, drag_coefficient=0.0, coulomb_level=0.13)
+    friction = replace(friction, square_root_coefficient=0.0)
+    plant = Plant(replace(RIGID, friction=friction), T)
+    for tick in range(1, 60):
+        plant.step(tick, 0.12)
+    assert abs(plant.output()[2]) > 0.06
+    position, velocity, _ = plant.output()
+    plant.update(replace(RIGID, friction=replace(friction, **{level: 0.05})))
+    assert plant.output()[:2] == (position, velocity)
+    assert abs(plant.output()[2]) == pytest.approx(0.05, rel=1e-12)
+    for tick in range(60, 400):
+        assert abs(plant.step(tick, 0.12)[2]) <= 0.05 * (1.0 + 1e-12)
+
+
+def test_an_update_keeps_the_lugre_bristle_within_lemma_4_1() -> None:
+    plant = Plant(replace(RIGID, friction=FrictionParameters()), T)
+    for tick in range(1, 60):
+        plant.step(tick, 0.15)
+    changed = FrictionParameters(stiffness=0.1)
+    assert plant.state[DEFLECTION] > changed.static_level / changed.stiffness
+    plant.update(replace(RIGID, friction=changed))
+    assert plant.state[DEFLECTION] == changed.static_level / changed.stiffness
 
 
 def test_friction_at_the_pivot_does_not_see_the_resonances() -> None:

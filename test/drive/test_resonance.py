@@ -11,6 +11,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from hdd_servo_ros.drive import transfer
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import (
     Mode,
     ResonanceParameters,
@@ -115,6 +118,9 @@ def test_parallel_form_is_the_sum_of_its_modes() -> None:
 @pytest.mark.parametrize(
     ('values', 'name', 'allowed'),
     [
+        ({'numerators': ()}, 'numerators', 'not empty with resonance form sections'),
+        ({'form': 'two_parameter'}, 'frequencies', 'not empty with resonance form two_parameter'),
+        ({'form': 'parallel'}, 'frequencies', 'form none has no resonance'),
         ({'numerators': (1.0, 2.0, 3.0)}, 'denominators', 'a list of 3 numbers'),
         ({'numerators': (1.0,) * 4, 'denominators': (1.0,) * 4}, 'numerators', 'three numbers'),
         ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, -0.1, 1.0)}, 'denominators', 'section 1'),
@@ -143,4 +149,35 @@ def test_bad_parameters_are_named(values: dict[str, object], name: str, allowed:
 def test_lists_of_another_form_are_not_read() -> None:
     # A parameter file changes the form and leaves the default's lists alone.
     assert sections_of(ResonanceParameters(form='none')) == []
-    assert modal_form(ResonanceParameters(form='parallel')).modes == ()
+    parallel = ResonanceParameters(form='parallel', frequencies=(1e3,), damping_ratios=(0.1,), residues=(-1.0,))
+    assert len(modal_form(parallel).modes) == 1
+
+
+def cluster(count: int, spacing: float) -> ResonanceParameters:
+    frequencies = tuple(4000.0 * (1.0 + spacing * i) for i in range(count))
+    return ResonanceParameters(form='two_parameter', frequencies=frequencies, damping_ratios=(0.02,) * count)
+
+
+# The sum of modes loses about (count - 1) * 2 powers of the spacing over the damping to cancellation.
+@pytest.mark.parametrize(
+    ('count', 'spacing'), [(2, 1e-6), (3, 1.2e-5), (3, 1e-4), (4, 1.2e-5), (4, 1e-4), (5, 1.2e-5), (5, 1e-3)]
+)
+def test_poles_too_close_for_the_modal_form_are_refused(count: int, spacing: float) -> None:
+    with pytest.raises(ParameterError, match='distinct poles; with poles this close') as error:
+        cluster(count, spacing)
+    assert error.value.name == 'frequencies'
+
+
+@pytest.mark.parametrize(('count', 'spacing'), [(2, 2e-5), (2, 1e-3), (3, 1e-3), (4, 5e-3), (5, 1e-2)])
+def test_close_poles_that_are_accepted_run_as_their_product(count: int, spacing: float) -> None:
+    """The measured response, too: the error of the modal form is the step's."""
+    resonance = cluster(count, spacing)
+    plant = Plant(PlantParameters(friction=FrictionParameters(model='none'), resonance=resonance), 2.0e-5)
+    frequencies = np.array([100.0, 1000.0, 3900.0])
+    pulse = [1.0, -2.0, 1.0]
+    head = [plant.step(tick, pulse[tick - 1] if tick < 4 else 0.0)[0] for tick in range(1, 20_001)]
+    z = np.exp(-2j * np.pi * frequencies * 2.0e-5)
+    measured = (z[:, np.newaxis] ** np.arange(1, 20_001)) @ np.array(head) / np.polyval(pulse, z)
+    analytic = transfer.frequency_response(plant.parameters, frequencies)
+    hold = np.sinc(frequencies * 2.0e-5) * np.exp(-1j * np.pi * frequencies * 2.0e-5)
+    np.testing.assert_allclose(measured, analytic * hold, rtol=5e-5)  # some 1e-5 is folded back

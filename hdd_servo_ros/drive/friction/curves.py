@@ -69,32 +69,78 @@ def friction_curve(
 
 
 def friction_along(
-    parameters: FrictionParameters, position: npt.ArrayLike, sample_time: float
+    parameters: FrictionParameters,
+    position: npt.ArrayLike,
+    sample_time: float,
+    velocity: npt.ArrayLike | None = None,
 ) -> npt.NDArray[np.float64]:
     """
     Return the friction along a given motion, from an undeflected contact at its first sample.
 
-    Between two samples the velocity is constant, and the contact follows it exactly (Dahl, LuGre, elastoplastic). The
-    velocity at a sample is the one of the interval that ends there.
+    Between two samples the contact follows the motion at constant velocity, exactly (Dahl, LuGre, elastoplastic). The
+    friction at a sample is that of its own velocity: the one given, or the mean of the velocities of the intervals on
+    both sides (extrapolated at the last sample), so that the whole is of second order in the sample time.
 
     Parameters
     ----------
     parameters
         The model.
     position
-        x at equidistant times [um], at least one sample.
+        x at equidistant times [um], one-dimensional, at least one sample.
     sample_time
         Time between the samples [s].
+    velocity
+        v at the samples [um/s], if it was measured too; of the positions' length.
 
     Returns
     -------
     ndarray
         Friction [V] at each sample; 0 at the first.
+
+    Raises
+    ------
+    ValueError
+        If the sample time is not positive and finite, or an array is not one-dimensional, of equal length and finite.
     """
-    positions = np.ascontiguousarray(position, dtype=np.float64)
+    positions = checked_samples('position', position)
+    if not 0.0 < sample_time < math.inf:
+        raise ValueError(f'sample_time = {sample_time!r} is refused: above 0 and finite [s]')
+    if velocity is None:
+        velocities = _centred_velocity(positions, sample_time)
+    else:
+        velocities = checked_samples('velocity', velocity, positions.size)
     result = np.zeros(positions.size)
-    _fill_along(np.array(friction_constants(parameters)), positions, sample_time, result)
+    _fill_along(np.array(friction_constants(parameters)), positions, velocities, sample_time, result)
     return result
+
+
+def checked_samples(name: str, values: npt.ArrayLike, size: int | None = None) -> Array:
+    """
+    Return measured samples as an array.
+
+    Raises
+    ------
+    ValueError
+        If they are not a one-dimensional array of finite numbers, of ``size`` if that is given, or there are none.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if np.ndim(values) != 1 or array.size == 0:
+        raise ValueError(f'{name} has the shape {np.shape(values)}: a one-dimensional array of samples is needed')
+    if size is not None and array.size != size:
+        raise ValueError(f'{name} has {array.size} samples: {size} are needed, as many as of the others')
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name} has samples that are not finite, the first at {np.argmin(np.isfinite(array))}')
+    return array
+
+
+def _centred_velocity(positions: Array, sample_time: float) -> Array:
+    intervals = np.diff(positions) / sample_time
+    if intervals.size < 2:
+        return np.full(positions.size, intervals[0] if intervals.size else 0.0)
+    middle = 0.5 * (intervals[1:] + intervals[:-1])
+    first = 1.5 * intervals[0] - 0.5 * intervals[1]
+    last = 1.5 * intervals[-1] - 0.5 * intervals[-2]
+    return np.concatenate(([first], middle, [last]))
 
 
 @compiled
@@ -125,20 +171,23 @@ def _fill_curve(constants: Array, positions: Array, velocities: Array, result: A
 
 
 @compiled
-def _fill_along(constants: Array, positions: Array, sample_time: float, result: Array) -> None:
+def _fill_along(constants: Array, positions: Array, velocities: Array, sample_time: float, result: Array) -> None:
     model = int(constants[MODEL])
     stiffness: float = constants[STIFFNESS]
     deflection = 0.0
     force = 0.0
     for i in range(1, result.size):
         change = positions[i] - positions[i - 1]
-        velocity = change / sample_time
+        velocity = velocities[i]
         if model in (LUGRE, LUGRE_POSITION):
+            mean = change / sample_time
+            mean_level = lugre_level(mean, constants[COULOMB], constants[STATIC], constants[INVERSE_STRIBECK])
             level = lugre_level(velocity, constants[COULOMB], constants[STATIC], constants[INVERSE_STRIBECK])
             if model == LUGRE_POSITION:
                 middle = 0.5 * (positions[i] + positions[i - 1])
-                level *= position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
-            deflection, _ = lugre_bristle(sample_time, velocity, deflection, stiffness, level)
+                mean_level *= position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
+                level *= position_factor(positions[i], constants[RIPPLE], constants[INVERSE_PERIOD])
+            deflection, _ = lugre_bristle(sample_time, mean, deflection, stiffness, mean_level)
             force = lugre_friction(
                 velocity, deflection, stiffness, constants[BRISTLE_DAMPING], constants[VISCOUS], level
             )

@@ -12,9 +12,15 @@ The friction is thus a function of the path and not of its speed, and never leav
 
 import math
 
+from hdd_servo_ros.drive.friction.lugre import decay_functions
 from hdd_servo_ros.drive.friction.static import power
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp, log
+
+PASSES = 20
+"""Most passes over the mean velocity of a substep; three or four do unless the contact is stiff for the substep."""
+TOLERANCE = 1.0e-9
+"""Relative change of the mean velocity in the last pass; the passes converge quadratically."""
 
 
 @compiled
@@ -54,6 +60,35 @@ def dahl_force(force: float, displacement: float, stiffness: float, coulomb_leve
 
 
 @compiled
+def dahl_mean_force(
+    force: float, displacement: float, end: float, stiffness: float, coulomb_level: float, exponent: float
+) -> float:
+    """
+    Return the mean of the friction over a displacement of one direction [V], from its values at both ends [V].
+
+    With the equation's dl = -y^(-alpha) dy the integral of y over the path is closed,
+    (y0^(2-alpha) - y1^(2-alpha)) / (2 - alpha); where y hardly changes, the mean of the ends is used.
+    """
+    direction = math.copysign(1.0, displacement)
+    length = stiffness * abs(displacement) / coulomb_level
+    start = 1.0 - force * direction / coulomb_level
+    final = 1.0 - end * direction / coulomb_level
+    if start - final <= 1.0e-4 * start:
+        return 0.5 * (force + end)
+    if exponent == 1.0:
+        return direction * coulomb_level * (1.0 - start * decay_functions(length)[0])
+    rest = 2.0 - exponent
+    if final <= 0.0:
+        area = power(start, rest) / rest if rest > 0.0 else start * length
+    else:
+        fall = log(start / final)
+        # (y0^r - y1^r)/r = y0^r fall p1(r fall), or with y1 for r < 0, p1 being free of cancellation.
+        base = start if rest >= 0.0 else final
+        area = exp(rest * log(base)) * fall * decay_functions(abs(rest) * fall)[0]
+    return direction * coulomb_level * (1.0 - area / length)
+
+
+@compiled
 def dahl_slope(force: float, direction: float, stiffness: float, coulomb_level: float, exponent: float) -> float:
     """Return dF/dx [V/um] of (2.15) for a motion in ``direction`` (+1 or -1)."""
     y = 1.0 - force * direction / coulomb_level
@@ -80,8 +115,9 @@ def dahl_substep(
     """
     Advance a rigid body with Dahl friction by one substep.
 
-    The mean friction along the predicted displacement is taken from three points of the closed solution (Simpson's
-    rule); its secant makes the momentum equation linear. The friction at the end follows the displacement exactly.
+    The mean friction is that along the substep's own displacement, in closed form, and so its work is what the contact
+    stores and loses: without input the energy does not increase. The mean velocity is found by Newton's method; the
+    friction at the end follows the displacement exactly.
 
     Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the friction at the start and the
     mean friction of the substep before [V].
@@ -91,14 +127,27 @@ def dahl_substep(
     tuple
         Mean velocity [um/s], friction at the end [V], mean friction [V].
     """
-    mean = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
-    displacement = mean * substep
-    direction = math.copysign(1.0, mean)
-    secant = 0.5 * dahl_slope(force, direction, stiffness, coulomb_level, exponent) * substep
-    if stiffness * abs(displacement) > 1.0e-6 * coulomb_level:
-        middle = dahl_force(force, 0.5 * displacement, stiffness, coulomb_level, exponent)
-        end = dahl_force(force, displacement, stiffness, coulomb_level, exponent)
-        secant = (4.0 * (middle - force) + end - force) / (6.0 * mean)
-    mean = (2.0 * velocity + gain * substep * (applied - force)) / (2.0 + gain * substep * (secant + drag))
+    impulse = gain * substep
+    # The sum is zero at the mean velocity: sum(w) = 2 w - 2 v + k D (F(w) + drag w - u), increasing, and concave from
+    # w = 0 in the direction of -sum(0).
+    momentum = 2.0 * velocity + impulse * (applied - force)
+    mean = velocity + 0.5 * impulse * (applied - previous_force - drag * velocity)
+    end = force
+    average = force
+    for _ in range(PASSES):
+        if mean * momentum <= 0.0:
+            # The other direction: begin with the spring that the contact is at first.
+            slope = dahl_slope(force, math.copysign(1.0, momentum), stiffness, coulomb_level, exponent)
+            mean = momentum / (2.0 + impulse * (0.5 * slope * substep + drag))
+        end = dahl_force(force, mean * substep, stiffness, coulomb_level, exponent)
+        average = dahl_mean_force(force, mean * substep, end, stiffness, coulomb_level, exponent)
+        if mean == 0.0:
+            break
+        # d(mean force)/dw = (force at the end - mean force)/w
+        gradient = 2.0 + impulse * (drag + (end - average) / mean)
+        change = (2.0 * (velocity - mean) + impulse * (applied - average - drag * mean)) / gradient
+        mean += change
+        if abs(change) <= TOLERANCE * abs(mean):
+            break
     end = dahl_force(force, mean * substep, stiffness, coulomb_level, exponent)
-    return mean, end, force + secant * mean
+    return mean, end, applied - drag * mean - 2.0 * (mean - velocity) / impulse

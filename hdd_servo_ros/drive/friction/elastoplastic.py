@@ -47,6 +47,9 @@ def elastoplastic_substep(
     """
     Advance a rigid body on an elastoplastic contact by one substep, by the implicit midpoint rule.
 
+    Whether the contact carries or slips, the work of the mean friction is what the contact stores and what it loses,
+    exactly: without input the energy does not increase, however stiff the contact is for the substep.
+
     Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the deflection z [um] at the start
     and the mean friction of the substep before [V].
 
@@ -64,8 +67,26 @@ def elastoplastic_substep(
     )
     new_deflection = deflection + substep * mean
     if stiffness * abs(new_deflection) <= level:
-        return mean, new_deflection, stiffness * (deflection + 0.5 * substep * mean) + resistance * mean
-    # The contact slips in the direction in which the spring was being stretched.
-    slip = math.copysign(level, new_deflection)
-    mean = (2.0 * velocity + gain * substep * (applied - slip)) / total
-    return mean, slip / stiffness, slip + resistance * mean
+        force = stiffness * (deflection + 0.5 * substep * mean)
+    else:
+        # The contact slips in the direction in which it was being stretched. It first takes up what is left of its
+        # stretch, so that the friction's work is that of the spring and of the level over the rest of the way:
+        # mean friction = level - missing/(D w), which makes the momentum equation quadratic in w.
+        direction = math.copysign(1.0, new_deflection)
+        left = max(level / stiffness - direction * deflection, 0.0)
+        missing = 0.5 * stiffness * left * left
+        momentum = direction * (2.0 * velocity + gain * substep * applied) - gain * substep * level
+        if missing > 0.0:
+            # Of the two forms of the positive root, the one without cancellation.
+            root = math.sqrt(momentum * momentum + 4.0 * total * gain * missing)
+            forward = 0.5 * (momentum + root) / total if momentum > 0.0 else 2.0 * gain * missing / (root - momentum)
+            force = direction * (level - missing / (substep * forward))
+        else:
+            forward = momentum / total
+            force = direction * level
+        mean = direction * forward
+        new_deflection = direction * level / stiffness
+    # A level that falls with the speed takes the stretch along, down to that of v = 0 where the velocity passes zero.
+    end = 2.0 * mean - velocity
+    limit = slip_terms(constants, place, abs(end) if end * velocity > 0.0 else 0.0)[0] / stiffness
+    return mean, min(max(new_deflection, -limit), limit), force + resistance * mean

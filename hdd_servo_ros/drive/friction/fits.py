@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from hdd_servo_ros.drive.friction.curves import checked_samples
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 
 Array = npt.NDArray[np.float64]
@@ -89,11 +90,19 @@ def fit_linear(
     Raises
     ------
     ValueError
-        If the data do not determine the terms.
+        If a term is unknown, the data do not determine the terms, or are not one-dimensional, of equal length and
+        finite.
     """
+    for term in terms:
+        if term not in TERMS:
+            raise ValueError(f'unknown term {term!r}; there are {", ".join(TERMS)}')
+    force = checked_samples('friction', friction)
+    checked_samples('velocity', velocity, force.size)
+    if np.ndim(position) != 0:
+        checked_samples('position', position, force.size)
     columns = [TERMS.index(term) for term in terms]
     matrix = regressor(velocity, position, dead_band_velocity)[:, columns]
-    coefficients, rms = _least_squares(matrix, np.asarray(friction, dtype=np.float64), ', '.join(terms))
+    coefficients, rms = _least_squares(matrix, force, ', '.join(terms))
     return LinearFit({term: float(value) for term, value in zip(terms, coefficients, strict=True)}, rms)
 
 
@@ -119,10 +128,17 @@ def fit_network(
     Raises
     ------
     ValueError
-        If the data do not determine the weights.
+        If the data do not determine the weights, or are not one-dimensional, of equal length and finite; if there are
+        no centres, or not as many of velocity as of position.
     """
+    force = checked_samples('friction', friction)
+    checked_samples('velocity', velocity, force.size)
+    checked_samples('position', position, force.size)
+    centres = len(parameters.node_positions)
+    if centres == 0 or centres != len(parameters.node_velocities):
+        raise ValueError('node_positions and node_velocities need equally many numbers, at least one')
     matrix = network_basis(position, velocity, parameters)
-    weights, rms = _least_squares(matrix, np.asarray(friction, dtype=np.float64), 'the weights')
+    weights, rms = _least_squares(matrix, force, 'the weights')
     return replace(parameters, model='rbf_network', node_weights=tuple(weights.tolist())), rms
 
 

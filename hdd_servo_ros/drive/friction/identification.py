@@ -2,17 +2,17 @@
 Identification of the LuGre model from data: first its static map, then its presliding.
 
 The static map F(v) = [f_c + (f_s - f_c) exp(-(v/v_s)^2)] sgn v + sigma_2 v is linear in f_c, f_s - f_c and sigma_2
-once v_s is given, so that only v_s is searched for. With the map known, sigma_0 and sigma_1 are fitted to the friction
-along a motion that reverses, of which the presliding parts tell them.
+once v_s is given, so that only v_s is searched for; none of the three is let below zero. With the map known, sigma_0
+and sigma_1 are fitted to the friction along a motion that reverses, of which the presliding parts tell them.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares, minimize_scalar, nnls
 
-from hdd_servo_ros.drive.friction.curves import friction_along
+from hdd_servo_ros.drive.friction.curves import checked_samples, friction_along
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 
 Array = npt.NDArray[np.float64]
@@ -42,10 +42,11 @@ def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMa
     Raises
     ------
     ValueError
-        If a velocity is 0, or fewer than four samples are given.
+        If a velocity is 0, fewer than four samples are given, or an array is not one-dimensional, of equal length and
+        finite.
     """
-    v = np.asarray(velocity, dtype=np.float64)
-    f = np.asarray(friction, dtype=np.float64)
+    v = checked_samples('velocity', velocity)
+    f = checked_samples('friction', friction, v.size)
     if v.size < 4 or np.any(v == 0.0):
         raise ValueError('the static map needs at least four samples of steady sliding, none of them at rest')
     speeds = np.abs(v)
@@ -53,7 +54,7 @@ def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMa
     def solve(log_stribeck: float) -> tuple[Array, float]:
         falling = np.exp(-((v / np.exp(log_stribeck)) ** 2))
         matrix = np.stack([np.sign(v), falling * np.sign(v), v / speeds.max()], axis=-1)
-        solution, *_ = np.linalg.lstsq(matrix, f, rcond=None)
+        solution, _ = nnls(matrix, f)
         residual = matrix @ solution - f
         return solution, float(np.mean(residual * residual))
 
@@ -81,6 +82,7 @@ def identify_lugre(
     position: npt.ArrayLike,
     friction: npt.ArrayLike,
     sample_time: float,
+    motion_velocity: npt.ArrayLike | None = None,
 ) -> tuple[FrictionParameters, float]:
     """
     Identify the six parameters of the LuGre model.
@@ -93,6 +95,8 @@ def identify_lugre(
         x [um] and F [V] along a motion that reverses, from an undeflected contact, one-dimensional, of equal length.
     sample_time
         Time between the samples of the motion [s].
+    motion_velocity
+        v [um/s] along the motion, if it was measured too; else it follows from the positions.
 
     Returns
     -------
@@ -102,16 +106,17 @@ def identify_lugre(
     Raises
     ------
     ValueError
-        As of :func:`fit_static_map`, or if the motion never moves.
+        As of :func:`fit_static_map` and :func:`~hdd_servo_ros.drive.friction.curves.friction_along`, or if the motion
+        never moves.
     ParameterError
-        If the fitted static map is not that of a friction (f_s < f_c, say).
+        If the fitted static map is not that of a friction (no Coulomb level).
     """
     static = fit_static_map(velocity, sliding_friction)
-    x = np.asarray(position, dtype=np.float64)
-    f = np.asarray(friction, dtype=np.float64)
+    x = checked_samples('position', position)
+    f = checked_samples('friction', friction, x.size)
     # The steepest part of the friction over the position is the bristles' stiffness.
     dx = np.diff(x)
-    moving = np.abs(dx) > 1.0e-3 * np.abs(dx).max()
+    moving = np.abs(dx) > 1.0e-3 * np.abs(dx).max(initial=0.0)
     if not np.any(moving):
         raise ValueError('the motion does not move: no presliding to identify')
     stiffness = float(np.percentile(np.abs(np.diff(f)[moving] / dx[moving]), 90.0))
@@ -120,7 +125,7 @@ def identify_lugre(
         model='lugre',
         stiffness=stiffness,
         bristle_damping=damping,
-        viscous_coefficient=max(static.viscous_coefficient, 0.0),
+        viscous_coefficient=static.viscous_coefficient,
         coulomb_level=static.coulomb_level,
         static_level=static.static_level,
         stribeck_velocity=static.stribeck_velocity,
@@ -130,7 +135,7 @@ def identify_lugre(
         return replace(base, stiffness=stiffness * float(np.exp(scaled[0])), bristle_damping=damping * float(scaled[1]))
 
     result = least_squares(
-        lambda scaled: friction_along(at(scaled), x, sample_time)[1:] - f[1:],
+        lambda scaled: friction_along(at(scaled), x, sample_time, motion_velocity)[1:] - f[1:],
         x0=np.array([0.0, 1.0]),
         bounds=([-7.0, 0.0], [7.0, np.inf]),
         x_scale=np.array([1.0, 1.0]),

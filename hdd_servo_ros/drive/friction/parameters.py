@@ -141,6 +141,10 @@ class FrictionParameters(ParameterSet):
                 )
         if self.model == 'rbf_network':
             nodes = len(self.node_weights)
+            if nodes == 0:
+                raise ParameterError(
+                    'node_weights', (), 'not empty with friction model rbf_network (model none has no friction)'
+                )
             for name in ('node_positions', 'node_velocities'):
                 if len(getattr(self, name)) != nodes:
                     raise ParameterError(
