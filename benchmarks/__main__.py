@@ -257,7 +257,7 @@ def main():
     parser.add_argument('--quick', action='store_true', help='one repeat and short runs, to see that it works')
     parser.add_argument('--no-write', action='store_true', help='leave docs/performance.md as it is')
     options = parser.parse_args()
-    repeats = 1 if options.quick else 5
+    repeats = 1 if options.quick else 3
     ticks = 1000 if options.quick else 20_000
     with tempfile.TemporaryDirectory() as directory:
         bench = Bench(directory)
