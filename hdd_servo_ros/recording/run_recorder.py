@@ -1,5 +1,6 @@
 """One run going to disk: its folder, its bag, and how it ended."""
 
+import contextlib
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from hdd_servo_ros.topics import CONTROL, QUEUE_DEPTH, LoopTopic
 PARAMETER_EVENTS = '/parameter_events'
 PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
 _PARAMETER_EVENT_DEPTH = 1000
+_ATTEMPTS = 100
 
 
 class RunRecorder:
@@ -49,11 +51,9 @@ class RunRecorder:
         separate_process: bool,
     ) -> None:
         controller = controller_name(description['nodes'])
-        directory = Path(run_dir) if run_dir else default_run_directory(controller)
         names = {topic.name: full_name for topic, full_name in topics}
-        self._folder = RunFolder(
-            directory, {'controller': controller, 'storage': storage, 'topics': names, **description}
-        )
+        said = {'controller': controller, 'storage': storage, 'topics': names, **description}
+        self._folder = RunFolder(Path(run_dir), said) if run_dir else _default_folder(controller, said)
         listed = [(full_name, topic.type_name, QUEUE_DEPTH) for topic, full_name in topics]
         listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, _PARAMETER_EVENT_DEPTH))
         metadata = {
@@ -134,3 +134,11 @@ def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:
             name = full_name.rsplit('/', 1)[-1]
             return next((short for short, long in CONTROLLERS.items() if long == name), name)
     return 'no_controller'
+
+
+def _default_folder(controller: str, description: Mapping[str, Any]) -> RunFolder:
+    """Make a folder with a name of its own, also when two runs start in the same second."""
+    for _ in range(_ATTEMPTS):
+        with contextlib.suppress(FileExistsError):
+            return RunFolder(default_run_directory(controller), description)
+    raise FileExistsError(f'no free name for a run folder below {Path("runs").absolute()}')

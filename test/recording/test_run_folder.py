@@ -4,8 +4,9 @@ import sys
 import pytest
 
 import hdd_servo_ros
-from hdd_servo_ros.recording import run_folder
+from hdd_servo_ros.recording import run_folder, run_recorder
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory, read_run_yaml
+from hdd_servo_ros.recording.run_recorder import RunRecorder
 
 
 def test_opened_and_closed(tmp_path):
@@ -59,3 +60,14 @@ def test_another_checkout_is_not_ours(tmp_path, monkeypatch):
 def test_recording_needs_no_ros():
     code = 'import hdd_servo_ros.simulate, sys; sys.exit(any(m.startswith("rcl") for m in sys.modules))'
     assert subprocess.run([sys.executable, '-c', code]).returncode == 0
+
+
+def test_two_runs_that_start_at_once_get_a_folder_each(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = iter([tmp_path / 'a', tmp_path / 'a', tmp_path / 'b'])  # the other run was faster
+    monkeypatch.setattr(run_recorder, 'default_run_directory', lambda controller: next(names))
+    description = {'nodes': {}, 'sample_time': 1e-4}
+    recorders = [RunRecorder('', 'mcap', [], description, separate_process=False) for _ in range(2)]
+    assert [recorder.directory.name for recorder in recorders] == ['a', 'b']
+    for recorder in recorders:
+        recorder.finish('finished', '')
