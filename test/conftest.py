@@ -101,7 +101,7 @@ class Bench:
 
     def start_nodes(self, run: str, *ros_arguments: str, nodes: Sequence[str] = NODES) -> dict[str, Process]:
         """Start each node in a process of its own; the run goes into the folder ``run``."""
-        recorded = ('-p', f'bag_recorder:run_dir:={run}')
+        recorded = ('-p', f'run_dir:={run}')
         return {node: self.start(node, *recorded, *ros_arguments) for node in nodes}
 
     def run_yaml(self, run: str) -> dict:
