@@ -27,6 +27,8 @@ HOUSEKEEPING_PERIOD = 0.1
 """Wall time between two rounds of housekeeping while the loop runs [s]."""
 LONGEST_SLEEP = 0.05
 """Longest wait for a message before signals and housekeeping are looked at again [s]."""
+GATHERING_PERIOD = 0.02
+"""Wall time between two looks at the others before and after the loop [s]."""
 _CALLBACKS_A_ROUND = 20
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -132,7 +134,7 @@ class Lockstep:
     def _gather(self) -> None:
         while not self.peers.gather():
             self._housekeeping()
-            time.sleep(0.005)
+            time.sleep(GATHERING_PERIOD)
 
     def _loop(self) -> None:
         nodes = self._nodes
@@ -194,7 +196,7 @@ class Lockstep:
         while not self.peers.close_ranks():
             self._housekeeping()
             self.peers.watch()
-            time.sleep(0.005)
+            time.sleep(GATHERING_PERIOD)
 
 
 class _Interrupted(Exception):

@@ -42,6 +42,8 @@ _PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 _FOREIGN_AFTER = 2.0
 """How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s]."""
 _LAST_WORDS = 5
+_ACKNOWLEDGED_WITHIN = Duration(nanoseconds=300_000_000)
+"""How long to see that the last words arrive; a peer that died never says so."""
 _FRESH = 1.0
 """How long what a waiting process said holds; it speaks ten times as often [s]."""
 _LEASE = 25.0
@@ -439,7 +441,7 @@ class Peers:
             for _ in range(_LAST_WORDS):
                 time.sleep(_PERIODS[WAITING])
                 self._speak(outcome.reason)
-        self._publisher.wait_for_all_acked(Duration(seconds=1))
+        self._publisher.wait_for_all_acked(_ACKNOWLEDGED_WITHIN)
 
 
 class PeerEnded(Exception):
