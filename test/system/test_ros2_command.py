@@ -47,22 +47,27 @@ class Command:
 
     def __init__(self, arguments, directory, environment, log):
         self.line = ' '.join(['ros2', *arguments])
-        self._log = log
-        with log.open('w') as stream:
+        self._logs = (log.with_suffix('.out'), log.with_suffix('.err'))
+        with self._logs[0].open('w') as output, self._logs[1].open('w') as errors:
             self._popen = subprocess.Popen(
                 ['ros2', *arguments],
                 cwd=directory,
                 env=environment,
                 stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
+                stdout=output,
+                stderr=errors,
                 start_new_session=True,
             )
 
     @property
+    def answer(self):
+        """What it has printed so far on its standard output, which DDS keeps its own messages away from."""
+        return self._logs[0].read_text(errors='replace')
+
+    @property
     def output(self):
-        """What it has printed so far."""
-        return self._log.read_text(errors='replace')
+        """Everything that it has printed so far."""
+        return ''.join(log.read_text(errors='replace') for log in self._logs)
 
     def wait(self, timeout=TIME_LIMIT):
         """Return its exit code."""
@@ -104,7 +109,7 @@ class Ros2:
 
     def start(self, *arguments):
         """Start a command."""
-        log = self.directory / f'ros2-{len(self._commands)}.log'
+        log = self.directory / f'ros2-{len(self._commands)}'
         self._commands.append(Command(arguments, self.directory, self._environment, log))
         return self._commands[-1]
 
@@ -113,11 +118,15 @@ class Ros2:
         return self.start('run', PACKAGE, name, '--ros-args', *ros_arguments)
 
     def say(self, *lines):
-        """Run commands beside each other; return what each has printed."""
+        """Run commands beside each other; return their answers."""
+        return [command.answer for command in self.finish(*lines)]
+
+    def finish(self, *lines):
+        """Run commands beside each other to their good ends."""
         started = [self.start(*line.split(' ')) for line in lines]
         for command in started:
             assert command.wait() == 0, f'`{command.line}` said:\n{command.output}'
-        return [command.output for command in started]
+        return started
 
     def start_slow_rig(self, run, *ros_arguments):
         """Start a rig, and wait until the run is under way and the daemon knows all of it."""
@@ -250,14 +259,14 @@ def test_parameters_during_a_run(ros2):
     assert 'above 0' in described
     assert 'Read only: true' in fixed
 
-    low, unknown, read_only = ros2.say(
+    low, unknown, read_only = ros2.finish(
         'param set /reference_generator frequency -- -1.0',
         'param set /reference_generator waveform sawtooth',
         'param set /deterministic_timer sample_time 0.001',
     )
-    assert 'frequency = -1.0 is refused: a finite number at least 0 [Hz]' in low
-    assert "waveform = 'sawtooth' is refused: one of sine" in unknown
-    assert 'read-only' in read_only
+    assert 'frequency = -1.0 is refused: a finite number at least 0 [Hz]' in low.output
+    assert "waveform = 'sawtooth' is refused: one of sine" in unknown.output
+    assert 'read-only' in read_only.output
 
     changed = {'/reference_generator': {'ros__parameters': {'use_sim_time': False, 'frequency': 150.0}}}
     (ros2.directory / 'changed.yaml').write_text(yaml.safe_dump(changed, sort_keys=False))

@@ -47,7 +47,7 @@ def wait_for_ticks(bench, run='run'):
     while not (bench.directory / run / 'run.yaml').exists():
         assert time.monotonic() < deadline, [(p.name, p.output) for p in bench.processes]
         time.sleep(0.02)
-    time.sleep(0.5)
+    time.sleep(2.0)  # the folder is made before the processes have all begun
 
 
 def test_missing_peer(bench):
