@@ -154,14 +154,9 @@ class LoopNode(Node):
         self.parameters.on_change(self.update)
         self.inputs = tuple(inputs)
         self.optional_inputs = tuple(optional_inputs)
-        group = _TakenByLockstep()
-        for wire in (*self.inputs, *self.optional_inputs):
-            wire.connect(self, group)
         self.outputs = tuple(outputs)
-        self.loop_publishers: list[Publisher] = [
-            self.create_publisher(message_class(topic.type_name), topic.name, LOOP_QOS) for topic in self.outputs
-        ]
-        self._publish = [publisher.handle.publish_raw for publisher in self.loop_publishers]
+        self.loop_publishers: list[Publisher] = []
+        self._publish: list[Callable[[bytes], None]] = []
         self.tick = 0
         """The next tick that this node fires for."""
         self.last_tick = -1
@@ -222,6 +217,21 @@ class LoopNode(Node):
         return make(self.parameters[kind], _TRIAL_SAMPLE_TIME)
 
     # What the lockstep calls.
+
+    def connect(self) -> None:
+        """
+        Create the loop's publishers and subscriptions.
+
+        Only now, when the block is there and this process is about to say who it is: a publisher that stays unexplained
+        counts as a stranger's, and compiling a block takes long the first time.
+        """
+        group = _TakenByLockstep()
+        for wire in (*self.inputs, *self.optional_inputs):
+            wire.connect(self, group)
+        self.loop_publishers = [
+            self.create_publisher(message_class(topic.type_name), topic.name, LOOP_QOS) for topic in self.outputs
+        ]
+        self._publish = [publisher.handle.publish_raw for publisher in self.loop_publishers]
 
     def begin(self, run: Run) -> None:
         """Prepare for tick 0 of ``run``."""

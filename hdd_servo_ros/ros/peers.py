@@ -13,6 +13,7 @@ States of a process::
 
 import dataclasses
 import json
+import math
 import os
 import socket
 import time
@@ -63,6 +64,8 @@ class Peers:
 
     def __init__(self, nodes: Sequence[LoopNode]) -> None:
         self._nodes = nodes
+        for node in nodes:
+            node.connect()
         self.identifier = f'{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}'
         self.state = WAITING
         self.run: Run | None = None
@@ -235,7 +238,8 @@ class Peers:
                 if wire.subscription.get_publisher_count() == 0:
                     yield f'{wire.topic.published_by} (nobody publishes {wire.name})'
                 elif announced:
-                    self._unannounced_since.pop(wire.name, None)
+                    # From now on it is one of ours, also while it is too busy to speak.
+                    self._unannounced_since[wire.name] = math.inf
                 elif not self._is_foreign(wire.name):
                     yield f'the publisher of {wire.name} to say who it is'
             for wire in node.optional_inputs:
