@@ -123,7 +123,7 @@ def test_recorder_dies(bench):
 def test_two_publishers_from_the_start(bench):
     processes = bench.start_nodes('run', *PATIENCE)
     second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *PATIENCE)
-    expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=20.0)
+    expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=45.0)
 
 
 def test_second_publisher_during_the_run(bench):
@@ -138,7 +138,7 @@ def test_second_publisher_during_the_run(bench):
 @pytest.mark.parametrize('node', ['ldv_sensor', 'vcm_plant'])
 def test_mismatched_sample_time(bench, node):
     processes = bench.start_nodes('run', '-p', f'{node}:sample_time:=0.0002', *PATIENCE)
-    expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001', within=20.0)
+    expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001', within=45.0)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_misbehaving_controller(bench, fault, words):
     processes = bench.start_nodes('run', nodes=OTHERS)
     script = HERE / 'misbehaving_controller.py'
     processes['misbehaving'] = bench.start('misbehaving_controller', '-p', f'fault:={fault}', script=script)
-    expect_failure(bench, processes, *words, within=20.0)
+    expect_failure(bench, processes, *words, within=45.0)
     # With the clock ahead of the loop the other topics have a tick or two more; the bag ends with the last whole one.
     assert 297 <= expect_bag(bench)['last_tick'] <= 300
 
@@ -162,7 +162,7 @@ def test_misbehaving_controller(bench, fault, words):
 def test_controller_that_never_answers(bench):
     processes = bench.start_nodes('run', nodes=OTHERS)
     stuck = bench.start('misbehaving_controller', '-p', 'fault:=silence', script=HERE / 'misbehaving_controller.py')
-    expect_failure(bench, processes, 'misbehaving_controller', '/control is missing for tick 300', within=20.0)
+    expect_failure(bench, processes, 'misbehaving_controller', '/control is missing for tick 300', within=45.0)
     expect_bag(bench)
     for _ in range(2):  # the second one is for a node whose step never returns
         stuck.signal(signal.SIGTERM)
