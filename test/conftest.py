@@ -1,13 +1,16 @@
 """Real processes for the system tests: each test has its own ROS domain, and every process is ended by its pid."""
 
-import itertools
+import contextlib
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import IO
 
 import pytest
 import yaml
@@ -22,7 +25,7 @@ NODES = (
     'reference_generator',
     'deterministic_timer',
 )
-_domains = itertools.count(os.getpid())
+_DOMAINS = range(1, 101)
 
 
 class Process:
@@ -63,7 +66,7 @@ class Bench:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        self.domain = next(_domains) % 100 + 1
+        self.domain, self._domain_lock = _take_domain()
         self.processes: list[Process] = []
         self.environment = {
             **os.environ,
@@ -115,6 +118,18 @@ class Bench:
                 process.popen.send_signal(signal.SIGCONT)
                 process.popen.kill()
             process.popen.wait()
+        self._domain_lock.close()
+
+
+def _take_domain() -> tuple[int, IO[str]]:
+    """Return a ROS domain that no other test of this machine uses, and the open file that keeps it."""
+    for domain in _DOMAINS:
+        # An OSError says that another test has it, perhaps another user's.
+        with contextlib.suppress(OSError):
+            lock = (Path(tempfile.gettempdir()) / f'hdd_servo_ros-test-domain-{domain}').open('w')
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return domain, lock
+    raise RuntimeError('every ROS domain is taken by another test')
 
 
 @pytest.fixture
