@@ -46,3 +46,41 @@ def test_section_4_4():
     compared = tracking_metrics(pid.time, pid.reference[:, 0], pid.head[:, 0], pid.control[:, 0], 10.0, 1.0)
     assert compared.peak_control <= 1.001 * found.peak_control
     assert compared.rms_error > 20.0 * found.rms_error
+
+
+def overlaid(*names):
+    return read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *names)])
+
+
+def tracked(sections, frequency, seconds):
+    sine = {'waveform': 'sine', 'amplitude': 2.0, 'frequency': frequency}
+    experiment = Experiment(1e-4, 'adaptive_nn', {**sections, 'reference_generator': sine})
+    rows = experiment.run(0, round(seconds * 1e4) + 1)
+    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], seconds - 1.0)
+
+
+@pytest.mark.parametrize(('frequency', 'at_most'), [(20.0, 12.0), (50.0, 9.0), (100.0, 2.5), (200.0, 1.8)])
+def test_compensator_goes_below_the_third_harmonic_and_stays_there_for_a_minute(frequency, at_most):
+    sections = overlaid('step_references', 'hysteresis_compensator')
+    assert tracked(sections, frequency, 10.0).rms_error < at_most
+    assert tracked(sections, frequency, 60.0).rms_error < at_most
+
+
+def test_compensator_lag_keeps_500_hz_steady_where_the_leakage_is_weak():
+    weak = {'compensator.enabled': True, 'compensator.leakage': 20.0}
+    sections = overlaid('step_references', 'hysteresis_compensator')
+    nn = sections['adaptive_nn_controller']
+    errors = [
+        tracked({**sections, 'adaptive_nn_controller': {**nn, **weak, 'compensator.lag': lag}}, 500.0, 60.0).rms_error
+        for lag in (0.0, nn['compensator.lag'])
+    ]
+    assert errors[1] < 13.0 < 2.0 * 13.0 < errors[0]
+
+
+def test_thesis_gains_track_its_sines_and_the_printed_signs_do_not():
+    sections = overlaid('thesis_gains')
+    assert tracked(sections, 100.0, 10.0).rms_error < 6.0
+    assert tracked(sections, 200.0, 10.0).rms_error < 4.0
+    nn = sections['adaptive_nn_controller']
+    printed = {**nn, 'sigma.gain': -nn['sigma.gain'], 'mass.gain': -nn['mass.gain']}
+    assert tracked({**sections, 'adaptive_nn_controller': printed}, 100.0, 2.0).rms_error > 1e6

@@ -22,7 +22,7 @@ def decay_and_step(gain: float, leakage: float, sample_time: float) -> tuple[flo
         T [s].
     """
     x = gain * leakage * sample_time
-    if x < 1e-3:
+    if abs(x) < 1e-3:
         # (1 - exp(-x))/x by its series: the difference would cancel.
         return exp(-x), gain * sample_time * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))))
     a = exp(-x)

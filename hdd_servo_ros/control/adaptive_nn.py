@@ -108,15 +108,22 @@ class AdaptiveNn:
         return gain
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of these constants before a run: nothing, or that the loop is fragile."""
+        """Return what a user should be told of these constants before a run: what makes the loop fragile, if so."""
+        told = []
         safe, gain = self.parameters.safe_gain, self.gain_on_r
         if safe > 0.0 and gain > safe:
-            return (
+            told.append(
                 f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {gain:.3g} V s/um acts as one linear gain on "
                 f'r and exceeds safe_gain = {safe:.3g} V s/um; the loop may track at first and burst after seconds: '
-                'raise phi.leakage or network.leakage, or lower feedback_gain',
+                'raise phi.leakage or network.leakage, or lower feedback_gain'
             )
-        return ()
+        for name, law in (('sigma', self.parameters.sigma), ('mass', self.parameters.mass)):
+            if law.enabled and law.gain < 0.0:
+                told.append(
+                    f'{name}.gain = {law.gain:.3g} is negative: the law learns away from the error, and its leakage '
+                    f'makes the estimate grow by {-law.gain * law.leakage:.3g} 1/s'
+                )
+        return tuple(told)
 
     def update(self, parameters: AdaptiveNnParameters) -> None:
         """
@@ -209,6 +216,7 @@ class AdaptiveNn:
         a, b = decay_and_step(compensator.gain, compensator.leakage, self.sample_time)
         constants[kernel.COMPENSATOR_DECAY], constants[kernel.COMPENSATOR_STEP] = a, b
         centres = len(constants) - 2 * m
+        constants[kernel.COMPENSATOR_LAG] = compensator.lag
         constants[centres : centres + m] = lattice(compensator.position_minimum, compensator.position_maximum, m)
         constants[centres + m :] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
 

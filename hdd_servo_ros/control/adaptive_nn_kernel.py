@@ -21,8 +21,8 @@ LAW_SIZE = 5
 SIGMA_LAW, MASS_LAW, PHI_LAW, WIDTH_LAW = range(12, 12 + 4 * LAW_SIZE, LAW_SIZE)
 NETWORK, NODES, NETWORK_INPUT, POSITION_INVERSE, VELOCITY_INVERSE, WEIGHT_LIMIT = range(32, 38)
 COMPENSATOR, COMPENSATOR_NODES, COMPENSATOR_POSITION, COMPENSATOR_VELOCITY = range(38, 42)
-COMPENSATOR_DECAY, COMPENSATOR_STEP = range(42, 44)
-CENTRES = 44
+COMPENSATOR_DECAY, COMPENSATOR_STEP, COMPENSATOR_LAG = range(42, 45)
+CENTRES = 45
 # From CENTRES on: n position and n velocity centres, n^2 decays and n^2 steps of W, then the compensator's centres.
 
 # Where its state stands; then n + n activations, n^2 weights, and the same of the compensator.
@@ -149,14 +149,22 @@ def _adapt_weights(constants: NDArray[np.float64], state: NDArray[np.float64], r
 
 
 @compiled
-def _compensator_output(constants: NDArray[np.float64], state: NDArray[np.float64], x_d: float, dx_d: float) -> float:
-    """Fill the compensator's activations and return W_c'S_c of the reference."""
+def _activate_compensator(constants: NDArray[np.float64], state: NDArray[np.float64], x_d: float, dx_d: float) -> None:
+    """Fill the compensator's activations S_c at a point of the reference."""
     n = int(constants[NODES])
     m = int(constants[COMPENSATOR_NODES])
     centres = CENTRES + 2 * n + 2 * n * n
     activations = ACTIVATIONS + 2 * n + n * n
     fill_axis(constants, centres, m, constants[COMPENSATOR_POSITION], x_d, state, activations)
     fill_axis(constants, centres + m, m, constants[COMPENSATOR_VELOCITY], dx_d, state, activations + m)
+
+
+@compiled
+def _compensator_output(constants: NDArray[np.float64], state: NDArray[np.float64]) -> float:
+    """Return W_c'S_c."""
+    n = int(constants[NODES])
+    m = int(constants[COMPENSATOR_NODES])
+    activations = ACTIVATIONS + 2 * n + n * n
     return lattice_sum(state, activations + 2 * m, activations, m)
 
 
@@ -218,7 +226,8 @@ def adaptive_nn_step(
         u -= state[PHI] * sign
     compensator = 0.0
     if constants[COMPENSATOR] != 0.0:
-        compensator = _compensator_output(constants, state, x_d, dx_d)
+        _activate_compensator(constants, state, x_d, dx_d)
+        compensator = _compensator_output(constants, state)
         u += compensator
     limited = saturated(u, constants[CONTROL_LIMIT])
 
@@ -252,5 +261,9 @@ def adaptive_nn_step(
             _adapt_widths(constants, state, network_x, network_v, r)
         _adapt_weights(constants, state, r)
     if constants[COMPENSATOR] != 0.0:
+        lag = constants[COMPENSATOR_LAG]
+        if lag > 0.0:
+            # r answers to what the compensator did a lag ago.
+            _activate_compensator(constants, state, x_d - lag * dx_d, dx_d - lag * ddx_d)
         _adapt_compensator(constants, state, r)
     return limited, u, feedback

@@ -13,7 +13,9 @@ class SigmaParameters(ParameterSet):
     """The viscous estimate sigma_hat, (4.18)."""
 
     enabled: bool = parameter(True, 'whether sigma_hat takes part')
-    gain: float = parameter(7.56e-10, 'k_sigma of (4.18)', unit='V s^2/um^3', minimum=0.0)
+    gain: float = parameter(
+        7.56e-10, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
+    )
     leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
     initial: float = parameter(0.0, 'sigma_hat(0)', unit='V s/um')
     minimum: float = parameter(-1.0, 'smallest sigma_hat, where projection is on', unit='V s/um')
@@ -29,7 +31,9 @@ class MassParameters(ParameterSet):
     """The inertia estimate m_hat, (4.19). Below the presliding resonance it learns a negative, effective mass."""
 
     enabled: bool = parameter(True, 'whether m_hat takes part')
-    gain: float = parameter(1.91e-15, 'k_m of (4.19)', unit='V s^4/um^3', minimum=0.0)
+    gain: float = parameter(
+        1.91e-15, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
+    )
     leakage: float = parameter(1.57e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
     initial: float = parameter(0.0, 'm_hat(0)', unit='V s^2/um')
     minimum: float = parameter(-1.0, 'smallest m_hat, where projection is on', unit='V s^2/um')
@@ -126,7 +130,13 @@ class CompensatorParameters(ParameterSet):
     enabled: bool = parameter(False, 'whether the compensator takes part')
     nodes: int = parameter(7, 'nodes an axis', minimum=1, maximum=32, read_only=True)
     gain: float = parameter(1.0e-3, 'Gamma_c', unit='V/um', minimum=0.0)
-    leakage: float = parameter(500.0, 'sigma_c', unit='um/(V s)', minimum=0.0)
+    leakage: float = parameter(100.0, 'sigma_c', unit='um/(V s)', minimum=0.0)
+    lag: float = parameter(
+        3.0e-4,
+        'time by which r answers the compensator late: the law learns with S_c of the reference this long ago',
+        unit='s',
+        minimum=0.0,
+    )
     position_minimum: float = parameter(-3.0, 'first position centre', unit='um')
     position_maximum: float = parameter(3.0, 'last position centre', unit='um')
     velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')

@@ -8,11 +8,12 @@ The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonance
 delay), in presliding, where the friction is a spring, and in sliding, where it is gone.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
-max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda given, g gets the largest value that
-the rule allows, and is divided 80 : 10 : 10. The network and phi_hat get the small shares because they multiply sgn r,
-which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 6 1/s on the design reference, a 2 um
-sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times slower: fast enough
-to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625 times as fast.
+max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
+value that the rule allows, and is divided 80 : 10 : 10. The network and phi_hat get the small shares because they
+multiply sgn r, which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 6 1/s on the design
+reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times
+slower: fast enough to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625
+times as fast.
 
 PID controller. Among all k_d and corner frequencies of the derivative's filter, each with the largest k_p that the rule
 allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise. Then it
@@ -84,9 +85,16 @@ def largest(allowed: Any, start: float, factor: float = 1.1) -> float:
     return low
 
 
-def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float) -> float:
+def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0) -> float:
     """
     Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
+
+    Parameters
+    ----------
+    margins
+        The drive and T.
+    error_filter_lambda, integral_gain
+        lambda [1/s] and lambda_i [1/s^2] of r.
 
     Raises
     ------
@@ -95,7 +103,8 @@ def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float) -> float
     """
 
     def allowed(g: float) -> bool:
-        return margins.peak_sensitivity(LinearController(g * error_filter_lambda, g)) <= MAX_SENSITIVITY
+        law = LinearController(g * error_filter_lambda, g, g * integral_gain)
+        return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
     # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
     g = largest(allowed, max(2.0 * error_filter_lambda / margins.gain, 10.0 / margins.gain))
@@ -115,9 +124,10 @@ def tune_adaptive_nn(plant: PlantParameters, sample_time: float, base: AdaptiveN
     sample_time
         T [s].
     base
-        lambda, the lattice, and everything else that the rule leaves alone.
+        lambda, lambda_i, the lattice, and everything else that the rule leaves alone.
     """
-    g = round_down(largest_gain_on_r(LoopMargins(plant, sample_time), base.error_filter_lambda))
+    margins = LoopMargins(plant, sample_time)
+    g = round_down(largest_gain_on_r(margins, base.error_filter_lambda, base.integral_gain))
     # max(S'S) of the lattice: what a leakage of 1 adds to the gain.
     unit = dataclasses.replace(base.network, enabled=True, gain=(1.0,), leakage=1.0)
     lattice = dataclasses.replace(
@@ -305,7 +315,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'derivative_bandwidth': 0.0,
     }
     g = float(str(nn['safe_gain']))
-    print(f'\nMs of -g r:  {margins.peak_sensitivity(LinearController(g * base.error_filter_lambda, g)):.3f}')
+    law = LinearController(g * base.error_filter_lambda, g, g * base.integral_gain)
+    print(f'\nMs of -g r:  {margins.peak_sensitivity(law):.3f}')
     fair = LinearController(
         proportional=float(str(pid['proportional_gain'])),
         derivative=float(str(pid['derivative_gain'])),

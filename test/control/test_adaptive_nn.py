@@ -196,6 +196,51 @@ def test_compensator_learns_a_friction_on_the_reference():
     assert np.linalg.norm(controller.compensator_weights) > 0.0
 
 
+def test_compensator_learns_with_the_reference_of_a_lag_ago():
+    """Against its law written out slowly, on a reference of constant acceleration."""
+    lag = 0.3
+    values = {
+        **OFF,
+        'compensator.enabled': True,
+        'compensator.gain': 50.0,
+        'compensator.leakage': 1e-3,
+        'compensator.lag': lag,
+        'compensator.nodes': 3,
+        'compensator.width': 1.0,
+        'compensator.velocity_minimum': -50.0,
+        'compensator.velocity_maximum': 50.0,
+    }
+    controller = controller_of(**values)
+    p = controller.parameters.compensator
+    x_centres = np.linspace(p.position_minimum, p.position_maximum, 3)
+    v_centres = np.linspace(p.velocity_minimum, p.velocity_maximum, 3)
+
+    def activations(x, v):
+        s_x = np.exp(-(((x - x_centres) / (0.5 * p.width * (p.position_maximum - p.position_minimum))) ** 2))
+        s_v = np.exp(-(((v - v_centres) / (0.5 * p.width * (p.velocity_maximum - p.velocity_minimum))) ** 2))
+        return np.outer(s_x, s_v).ravel()
+
+    weights = np.zeros(9)
+    a = math.exp(-p.gain * p.leakage * T)
+    for k in range(500):
+        t = k * T
+        x_d, dx_d, ddx_d = -1.0 + 20.0 * t + 200.0 * t * t, 20.0 + 400.0 * t, 400.0
+        controller.step(k, 0.0, 0.0, x_d, dx_d, ddx_d)
+        assert named(controller)['compensator'] == pytest.approx(weights @ activations(x_d, dx_d), rel=1e-9, abs=1e-12)
+        r = named(controller)['r']
+        weights = a * weights - (1.0 - a) / p.leakage * r * activations(x_d - lag * dx_d, dx_d - lag * ddx_d)
+    np.testing.assert_allclose(controller.compensator_weights, weights, rtol=1e-9, atol=1e-12)
+    assert np.abs(weights).max() > 0.01
+
+
+@pytest.mark.parametrize('law', ['sigma', 'mass'])
+def test_a_negative_learning_gain_is_warned_of(law):
+    negative = {f'{law}.enabled': True, f'{law}.gain': -2.0, f'{law}.leakage': 0.5}
+    (warning,) = controller_of(**{**OFF, **negative, 'safe_gain': 0.0}).warnings()
+    assert f'{law}.gain = -2 is negative' in warning
+    assert 'grow by 1 1/s' in warning
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.floats(0.0, 1e20), min_size=8, max_size=8),

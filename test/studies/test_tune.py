@@ -23,7 +23,8 @@ from hdd_servo_ros.studies.tune import (
 )
 
 T = 1e-4
-SHIPPED = read_parameter_files([Path(__file__).parents[2] / 'params' / 'seagate_7200_10.yaml'])
+PARAMS = Path(__file__).parents[2] / 'params'
+SHIPPED = read_parameter_files([PARAMS / 'seagate_7200_10.yaml'])
 
 
 def test_rounding():
@@ -43,6 +44,18 @@ def test_shipped_adaptive_nn_is_the_rules_result():
     shipped = {name: SHIPPED['adaptive_nn_controller'][name] for name in found}
     assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
     assert shipped == pytest.approx(found, rel=1e-9)
+
+
+def test_step_references_are_the_rules_result():
+    overlaid = read_parameter_files([PARAMS / 'seagate_7200_10.yaml', PARAMS / 'step_references.yaml'])
+    base = from_mapping(AdaptiveNnParameters, overlaid['adaptive_nn_controller'])
+    found = tune_adaptive_nn(PlantParameters(), T, base)
+    shipped = {name: overlaid['adaptive_nn_controller'][name] for name in found}
+    assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
+    assert shipped == pytest.approx(found, rel=1e-9)
+    g = found['safe_gain']
+    law = LinearController(g * base.error_filter_lambda, g, g * base.integral_gain)
+    assert 1.9 < LoopMargins(PlantParameters(), T).peak_sensitivity(law) <= 2.0
 
 
 def test_shipped_pid_is_the_rules_result():
@@ -66,7 +79,7 @@ def test_the_rule_holds_for_both():
 
 def test_same_peak_finds_no_worse_than_shipped():
     """At T = 1 ms, for speed; the shipped gains are the result at 0.1 ms."""
-    sections = read_parameter_files([Path(__file__).parents[2] / 'params' / 'simulation_study.yaml'])
+    sections = read_parameter_files([PARAMS / 'simulation_study.yaml'])
 
     def metrics(controller, gains):
         node = f'{controller}_controller'
