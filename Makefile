@@ -18,11 +18,12 @@ unexport PYTHONPATH
 ARGS ?=
 PARAMS ?= params/seagate_7200_10.yaml
 
-.PHONY: help run simulate test lint bench ws clean
+.PHONY: help run simulate figures test lint bench ws clean
 
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
 	@echo 'make simulate  the same experiment without middleware'
+	@echo 'make figures   the experiments of chapter 4 by the graph, its figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff and mypy'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
@@ -34,6 +35,9 @@ run: $(VENV)/.run
 
 simulate: $(VENV)/.run
 	@$(BIN)/simulate --ros-args --params-file $(PARAMS) $(ARGS)
+
+figures: $(VENV)/.run
+	$(BIN)/study chapter4 $(ARGS)
 
 test: $(VENV)/.develop
 	$(BIN)/python -m pytest $(ARGS)

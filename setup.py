@@ -22,7 +22,7 @@ NODES = (
     'rig',
 )
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
-SCRIPTS += [f'simulate = {NAME}.simulate:main']
+SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
 
 
 def files(pattern):

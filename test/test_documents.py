@@ -27,6 +27,9 @@ def test_commands(bench, block):
     for command in commands(block):
         if command[:3] == ['ros2', 'run', 'hdd_servo_ros']:
             name, arguments = command[3], command[4:]
+            if name == 'study':
+                assert bench.python('-m', 'hdd_servo_ros.studies.main', *arguments, '--list').returncode == 0, command
+                continue
             paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
             assert paths.pop(0) == '--ros-args'
             started.append(bench.start(name, *paths, '-p', 'duration:=0.02', '-p', 'plot:=false', defaults=False))

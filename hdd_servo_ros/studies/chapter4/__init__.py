@@ -1,0 +1,6 @@
+"""
+The simulation study of section 4.4: one module a figure or table, ``cases.py`` what several of them run.
+
+To add a figure, add a module ``fig_*.py`` or ``table_*.py`` with ``CASES`` and ``make``; see
+:class:`~hdd_servo_ros.studies.chapter.Figure`.
+"""

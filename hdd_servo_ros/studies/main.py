@@ -1,0 +1,86 @@
+"""
+`study`: the thesis's experiments, run and recorded; its figures and tables, from the bags alone.
+
+    ros2 run hdd_servo_ros study chapter4 [--without-ros] [--only FIGURE ...] [--output DIRECTORY]
+"""
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+from hdd_servo_ros.parameter_files import ArgumentError
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
+from hdd_servo_ros.studies.runner import StudyError, run_cases
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='study',
+        description="Run the thesis's experiments, keep their bags, and make figures and tables from these.",
+        epilog='A run that is there already, finished and with equal parameters, is not made again.',
+    )
+    parser.add_argument('chapter', choices=CHAPTERS, help='which part of the thesis')
+    parser.add_argument(
+        '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'
+    )
+    parser.add_argument('--only', nargs='+', default=[], metavar='FIGURE', help='these figures and tables only')
+    parser.add_argument('--list', action='store_true', help='list the figures and tables with their runs, and end')
+    parser.add_argument(
+        '--output', type=Path, metavar='DIRECTORY', help='default runs/CHAPTER, or runs/CHAPTER-without-ros'
+    )
+    parser.add_argument(
+        '--sample-time',
+        type=float,
+        metavar='T',
+        help="T [s] instead of the parameter files', for a quick look; it goes into a folder of its own",
+    )
+    return parser
+
+
+def _default_output(options: argparse.Namespace) -> Path:
+    parts = [options.chapter]
+    parts += ['without-ros'] if options.without_ros else []
+    parts += [f'T{options.sample_time:g}'] if options.sample_time is not None else []
+    return Path('runs') / '-'.join(parts)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the study; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
+    options = _parser().parse_args(arguments)
+    defaults = {} if options.sample_time is None else {'deterministic_timer:sample_time': options.sample_time}
+    directory = options.output or _default_output(options)
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        wanted = figures(options.chapter, options.only)
+        if options.list:
+            for name, figure in wanted.items():
+                runs = ', '.join(case.name for case in figure.CASES)
+                print(f'{name}: {figure.__doc__.strip().splitlines()[0]}\n    {runs}')
+            return 0
+        cases = [case for figure in wanted.values() for case in figure.CASES]
+        run_cases(cases, directory, without_ros=options.without_ros, defaults=defaults)
+        for path in make_figures(wanted, directory):
+            print(path)
+    except (ParameterError, ArgumentError) as error:
+        print(f'study: {error}', file=sys.stderr)
+        return 2
+    except (StudyError, OSError) as error:
+        print(f'study: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('study: interrupted; what has finished stays, and the next call goes on from there', file=sys.stderr)
+        return 128 + signal.SIGINT
+    return 0
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    sys.exit(128 + number)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
