@@ -1,3 +1,22 @@
-"""A hard disk drive servo bench as a deterministic ROS 2 node graph."""
+"""
+A hard disk drive servo bench as a deterministic ROS 2 node graph.
+
+``hdd_servo_ros.Run.open(path)`` reads a recorded run; see ``docs/bag-assertions.md``.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.recording.recorded_run import Run as Run
 
 __version__ = '0.1.0'
+__all__ = ['Run']
+
+
+def __getattr__(name: str) -> Any:
+    """Import what the package offers when it is asked for: importing the package itself costs nothing."""
+    if name != 'Run':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from hdd_servo_ros.recording.recorded_run import Run
+
+    return Run

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hdd_servo_ros.recording.bag_reader import loop_topic_names, read_messages
 from hdd_servo_ros.recording.cdr import array_names_and_offset, unpack_vector
+from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
 
 _AXES = ('x', 'y', 'z')
@@ -55,9 +55,8 @@ def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:
 
 
 def _loop_messages(path: Path) -> dict[str, list[bytes]]:
-    messages = read_messages(path)
-    names = loop_topic_names(path, messages)
-    return {topic: messages[name][1] for topic, name in names.items() if name in messages}
+    run = Run.open(path)
+    return {topic: run.column(topic).as_bytes() for topic in run.counts}
 
 
 def _field(topic: LoopTopic, one: bytes, other: bytes) -> str:

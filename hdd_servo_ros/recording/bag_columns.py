@@ -1,0 +1,275 @@
+"""
+A rosbag2 bag read by topic, many messages at once.
+
+The messages of a loop topic all have one size, so that a topic of 100 000 ticks is one array of bytes. MCAP files are
+read through their message indexes, sqlite3 files by one query a topic; what else there is (compressed bags, files
+without an index) goes through the reader of `rosbags`, message by message.
+"""
+
+import contextlib
+import dataclasses
+import mmap
+import sqlite3
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+_YamlLoader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_MCAP_MAGIC = b'\x89MCAP0\r\n'
+_SCHEMA, _CHANNEL, _CHUNK_INDEX = 0x03, 0x04, 0x08
+_FOOTER_SIZE = 37
+"""Footer record and closing magic [bytes]."""
+_INDEX_HEAD = 15
+"""Opcode and length of a message index record, its channel, and the length of its entries [bytes]."""
+_MESSAGE_HEAD = 31
+"""Opcode and length of a message record, channel, sequence number and two times, before the payload [bytes]."""
+_INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
+
+
+class BagError(ValueError):
+    """A bag that cannot be read; says which and why."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """
+    The messages of one topic, ordered by time.
+
+    Attributes
+    ----------
+    times
+        Receive times [ns], shape (n,).
+    payloads
+        Serialized messages: an array of bytes of shape (n, size) where all have one size, else a list.
+    """
+
+    times: NDArray[np.int64]
+    payloads: NDArray[np.uint8] | list[bytes]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def as_bytes(self) -> list[bytes]:
+        """Return the payloads one by one."""
+        return self.payloads if isinstance(self.payloads, list) else [row.tobytes() for row in self.payloads]
+
+
+class Bag:
+    """
+    A closed rosbag2 bag.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``metadata.yaml``.
+
+    Raises
+    ------
+    BagError
+        If the metadata cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = (path / 'metadata.yaml').read_text('utf8')
+            metadata = yaml.load(text, _YamlLoader)['rosbag2_bagfile_information']
+            listed = metadata['topics_with_message_count']
+            topics = [(topic['topic_metadata'], topic['message_count']) for topic in listed]
+            self.types: dict[str, str] = {topic['name']: topic['type'] for topic, _ in topics}
+            """Type of each topic, by its full name."""
+            self.counts: dict[str, int] = {topic['name']: count for topic, count in topics}
+            """Number of messages of each topic."""
+            self.custom_data: dict[str, str] = dict(metadata.get('custom_data') or {})
+            """Texts that the recorder left in the bag."""
+            self._storage: str = metadata['storage_identifier']
+            self._compressed = bool(metadata.get('compression_mode')) and metadata['compression_mode'].lower() != 'none'
+            self._files = [path / Path(name).name for name in metadata['relative_file_paths']]
+        except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+            raise BagError(f'{path}: metadata.yaml cannot be read: {type(error).__name__}: {error}') from None
+
+    def column(self, topic: str) -> Column:
+        """
+        Return the messages of a topic, given by its full name.
+
+        Raises
+        ------
+        KeyError
+            If the bag has no such topic.
+        BagError
+            If a file is damaged.
+        """
+        if topic not in self.types:
+            raise KeyError(topic)
+        parts: list[Column] | None = None
+        if not self._compressed and self._storage in _BULK_READERS:
+            with contextlib.suppress(_NotInBulk):
+                parts = [_BULK_READERS[self._storage](file, topic) for file in self._files]
+        if parts is None:
+            parts = [self._read_one_by_one(topic)]
+        column = _joined(parts)
+        if len(column) != self.counts[topic]:
+            raise BagError(f'{self.path}: {topic} has {len(column)} messages, {self.counts[topic]} by metadata.yaml')
+        return column
+
+    def _read_one_by_one(self, topic: str) -> Column:
+        # Late: most bags are read without it, and it takes longer to import than they take to read.
+        from rosbags.rosbag2 import Reader, ReaderError
+
+        times, payloads = [], []
+        try:
+            with Reader(self.path) as reader:
+                connections = [connection for connection in reader.connections if connection.topic == topic]
+                for _, time, payload in reader.messages(connections):
+                    times.append(time)
+                    payloads.append(bytes(payload))
+        except ReaderError as error:
+            raise BagError(f'{self.path}: {error}') from None
+        return _column(times, payloads)
+
+
+class _NotInBulk(Exception):
+    """The file is of a kind that only the general reader reads."""
+
+
+def _column(times: Sequence[int], payloads: list[bytes]) -> Column:
+    stamps = np.array(times, dtype=np.int64)
+    sizes = set(map(len, payloads))
+    if len(sizes) != 1:
+        return Column(stamps, payloads)
+    return Column(stamps, np.frombuffer(b''.join(payloads), dtype=np.uint8).reshape(len(payloads), sizes.pop()))
+
+
+def _joined(parts: Sequence[Column]) -> Column:
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        return Column(np.zeros(0, dtype=np.int64), [])
+    times = np.concatenate([part.times for part in parts])
+    arrays = [part.payloads for part in parts if not isinstance(part.payloads, list)]
+    payloads: NDArray[np.uint8] | list[bytes]
+    if len(arrays) == len(parts) and len({array.shape[1] for array in arrays}) == 1:
+        payloads = np.concatenate(arrays)
+    else:
+        payloads = [payload for part in parts for payload in part.as_bytes()]
+    if np.any(times[1:] < times[:-1]):
+        order = np.argsort(times, kind='stable')
+        times = times[order]
+        payloads = [payloads[place] for place in order] if isinstance(payloads, list) else payloads[order]
+    return Column(times, payloads)
+
+
+def _read_sqlite3(path: Path, topic: str) -> Column:
+    try:
+        with contextlib.closing(sqlite3.connect(f'file:{path}?mode=ro', uri=True)) as connection:
+            rows = connection.execute(
+                'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) '
+                'ORDER BY timestamp, id',
+                (topic,),
+            ).fetchall()
+    except sqlite3.Error as error:
+        raise BagError(f'{path}: {error}') from None
+    return _column([time for time, _ in rows], [payload for _, payload in rows])
+
+
+def _read_mcap(path: Path, topic: str) -> Column:
+    try:
+        with path.open('rb') as file:
+            # Left to the garbage collector: it cannot be closed while an array still looks into it.
+            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        return _McapFile(path, content).column(topic)
+    except (OSError, ValueError, struct.error) as error:
+        if isinstance(error, BagError):
+            raise
+        raise BagError(f'{path}: {error}') from None
+
+
+class _McapFile:
+    """An MCAP file with a summary section; see https://mcap.dev/spec."""
+
+    def __init__(self, path: Path, content: mmap.mmap) -> None:
+        self._path = path
+        self._content = content
+        if len(content) < len(_MCAP_MAGIC) + _FOOTER_SIZE or content[-8:] != _MCAP_MAGIC:
+            raise BagError(f'{path}: the file does not end as an MCAP file does')
+        (self._summary,) = struct.unpack_from('<Q', content, len(content) - _FOOTER_SIZE + 9)
+        if not self._summary:
+            raise _NotInBulk
+        self._channels: dict[str, set[int]] = {}
+        self._chunks: list[tuple[int, dict[int, int]]] = []
+        self._read_summary()
+
+    def _read_summary(self) -> None:
+        place, end = self._summary, len(self._content) - _FOOTER_SIZE
+        while place < end:
+            opcode, size = struct.unpack_from('<BQ', self._content, place)
+            place += 9
+            if opcode == _CHANNEL:
+                channel, _, length = struct.unpack_from('<HHI', self._content, place)
+                name = self._content[place + 8 : place + 8 + length].decode()
+                self._channels.setdefault(name, set()).add(channel)
+            elif opcode == _CHUNK_INDEX:
+                start, _, map_size = struct.unpack_from('<QQI', self._content, place + 16)
+                entries = self._content[place + 36 : place + 36 + map_size]
+                indexes = dict(struct.iter_unpack('<HQ', entries))
+                (compression,) = struct.unpack_from('<I', self._content, place + 36 + map_size + 8)
+                if compression or not indexes:
+                    raise _NotInBulk
+                self._chunks.append((start, indexes))
+            place += size
+        if not self._chunks:
+            raise _NotInBulk
+
+    def column(self, topic: str) -> Column:
+        """Return the messages of a topic in this file."""
+        channels = self._channels.get(topic, set())
+        return _joined(
+            [
+                self._chunk_column(start, indexes[channel])
+                for start, indexes in self._chunks
+                for channel in sorted(channels & indexes.keys())
+            ]
+        )
+
+    def _chunk_column(self, start: int, index: int) -> Column:
+        """Return the messages of one channel in the chunk at ``start``, found by the index record at ``index``."""
+        size, crc, _, data_size = struct.unpack_from('<QIIQ', self._content, start + 25)
+        data = memoryview(self._content)[start + 49 : start + 49 + size]
+        if data_size != size or len(data) != size:
+            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
+        if crc and zlib.crc32(data) != crc:
+            raise BagError(f'{self._path}: the chunk at byte {start} is damaged: its checksum is wrong')
+        (length,) = struct.unpack_from('<I', self._content, index + _INDEX_HEAD - 4)
+        entries = np.frombuffer(self._content, _INDEX_ENTRY, length // _INDEX_ENTRY.itemsize, index + _INDEX_HEAD)
+        content = np.frombuffer(data, dtype=np.uint8)
+        offsets = entries['offset'].astype(np.int64)
+        if len(offsets) and int(offsets.max()) + _MESSAGE_HEAD > size:
+            raise BagError(f'{self._path}: the index at byte {index} points behind its chunk')
+        lengths = _gather(content, offsets + 1, 8).view('<u8')[:, 0].astype(np.int64) - (_MESSAGE_HEAD - 9)
+        starts = offsets + _MESSAGE_HEAD
+        if np.any(lengths < 0) or np.any(starts + lengths > size):
+            raise BagError(f'{self._path}: a message of the chunk at byte {start} is cut off')
+        times = entries['time'].astype(np.int64)
+        if len(lengths) and np.all(lengths == lengths[0]):
+            return Column(times, _gather(content, starts, int(lengths[0])))
+        return Column(times, [bytes(data[at : at + size]) for at, size in zip(starts, lengths, strict=True)])
+
+
+def _gather(content: NDArray[np.uint8], starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
+    """Return a copy of ``size`` bytes at each of ``starts``, shape (n, size); all must lie inside."""
+    steps = np.diff(starts)
+    if len(steps) and steps[0] > 0 and np.all(steps == steps[0]):
+        # Equally spaced, as a lockstep run has them: a view instead of indices.
+        windows = np.lib.stride_tricks.sliding_window_view(content, size)
+        copied: NDArray[np.uint8] = windows[starts[0] : starts[-1] + 1 : steps[0]].copy()
+    else:
+        copied = content[starts[:, None] + np.arange(size)]
+    return copied
+
+
+_BULK_READERS: dict[str, Callable[[Path, str], Column]] = {'mcap': _read_mcap, 'sqlite3': _read_sqlite3}
