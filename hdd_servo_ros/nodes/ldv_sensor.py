@@ -12,13 +12,15 @@ from hdd_servo_ros.topics import HEAD, LDV
 
 
 class LdvSensor(LoopNode):
-    """Publishes `/ldv` for every `/head`."""
+    """Publishes `/ldv` for every `/head`; warns once for each output that saturates."""
 
     def __init__(self) -> None:
         super().__init__('ldv_sensor', [LdvParameters], [Input(HEAD)], [LDV])
         self._codec = VectorCodec('')
         self._ldv = self.trial(Ldv, LdvParameters)
         self._ldv.step(0, 0.0, 0.0)
+        self._lowest, self._highest = self._ldv.parameters.levels()
+        self._told: set[str] = set()
 
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
@@ -27,10 +29,20 @@ class LdvSensor(LoopNode):
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         position, velocity, _ = unpack_vector(messages[0])
         x, v = self._ldv.step(tick, position, velocity)
+        lowest, highest = self._lowest, self._highest
+        if not (lowest < x < highest and lowest < v < highest):
+            self._warn()
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, 0.0), x, v, 0.0)
+
+    def _warn(self) -> None:
+        for output, warning in self._ldv.saturation_warnings().items():
+            if output not in self._told:
+                self._told.add(output)
+                self.get_logger().warning(warning)
 
     def update(self) -> None:
         self._ldv.update(self.parameters[LdvParameters])
+        self._lowest, self._highest = self._ldv.parameters.levels()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

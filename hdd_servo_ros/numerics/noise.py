@@ -163,6 +163,20 @@ def normal_quantile(p: float) -> float:
 
 
 @compiled
+def uniform_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
+    """Return two independent numbers uniform in (0, 1) for one tick of one noise source; see :func:`normal_pair`."""
+    t = np.uint64(tick)
+    s = np.uint64(seed)
+    word_0, word_1, word_2, word_3 = philox4x32(
+        t & MASK, t >> SHIFT, np.uint64(stream), np.uint64(0), s & MASK, s >> SHIFT
+    )
+    # 52 bits and a half step keep the uniform number strictly inside (0, 1).
+    uniform_0 = (float((word_0 << np.uint64(20)) | (word_1 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
+    uniform_1 = (float((word_2 << np.uint64(20)) | (word_3 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
+    return uniform_0, uniform_1
+
+
+@compiled
 def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
     """
     Return two independent standard normal deviates for one tick of one noise source.
@@ -176,12 +190,5 @@ def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
     tick
         Tick number, 0 to 2**63 - 1.
     """
-    t = np.uint64(tick)
-    s = np.uint64(seed)
-    word_0, word_1, word_2, word_3 = philox4x32(
-        t & MASK, t >> SHIFT, np.uint64(stream), np.uint64(0), s & MASK, s >> SHIFT
-    )
-    # 52 bits and a half step keep the uniform number strictly inside (0, 1).
-    uniform_0 = (float((word_0 << np.uint64(20)) | (word_1 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
-    uniform_1 = (float((word_2 << np.uint64(20)) | (word_3 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
+    uniform_0, uniform_1 = uniform_pair(seed, stream, tick)
     return normal_quantile(uniform_0), normal_quantile(uniform_1)
