@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.control.open_loop import OpenLoopParameters
@@ -28,15 +29,16 @@ CONTROLLERS = {
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
 
 _EVERY_NODE = (PeerParameters, SampleTimeParameters)
+_EVERY_CONTROLLER = (*_EVERY_NODE, ControllerOutputParameters)
 
 NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
     'deterministic_timer': (PeerParameters, TimerParameters),
     'reference_generator': (*_EVERY_NODE, ReferenceParameters),
     'vcm_plant': (*_EVERY_NODE, DriveNameParameters, PlantParameters),
     'ldv_sensor': (*_EVERY_NODE, LdvParameters),
-    'adaptive_nn_controller': (*_EVERY_NODE, AdaptiveNnParameters),
-    'pid_controller': (*_EVERY_NODE, PidParameters),
-    'open_loop_controller': (*_EVERY_NODE, OpenLoopParameters),
+    'adaptive_nn_controller': (*_EVERY_CONTROLLER, AdaptiveNnParameters),
+    'pid_controller': (*_EVERY_CONTROLLER, PidParameters),
+    'open_loop_controller': (*_EVERY_CONTROLLER, OpenLoopParameters),
     'bag_recorder': (*_EVERY_NODE, RecorderParameters),
     'rig': (RigParameters,),
     'simulate': (RigParameters,),

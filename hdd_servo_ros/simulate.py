@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.loop.experiment import Experiment, Rows
@@ -89,7 +90,7 @@ class Simulation:
             name: {
                 key: value
                 for kind, values in sets[name].items()
-                if kind is NODE_PARAMETERS[name][-1]
+                if kind in (NODE_PARAMETERS[name][-1], ControllerOutputParameters)
                 for key, value in to_mapping(values).items()
             }
             for name in names
@@ -209,6 +210,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
 
     previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     status, reason, exit_code = FINISHED, '', 0
+    warned: frozenset[str] = frozenset()
     try:
         packer = Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
         rows: Rows | None = None
@@ -218,6 +220,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         for first_tick in range(0, last_tick + 1, CHUNK):
             count = min(CHUNK, last_tick + 1 - first_tick)
             rows = simulation.experiment.run(first_tick, count, rows)
+            warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)
             if bad is not None:
                 status, reason, exit_code = FAILED, f'{bad[0]}: not finite at tick {bad[1]}', 1
@@ -245,6 +248,14 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     if status != FINISHED:
         print(f'simulate: run {status}: {reason}', file=sys.stderr)
     return exit_code, None if recorder is None else recorder.directory
+
+
+def _warn_of_saturation(experiment: Experiment, warned: frozenset[str]) -> frozenset[str]:
+    """Tell of vibrometer outputs that have saturated since, as the node does; return all those told of."""
+    warnings = experiment.ldv.saturation_warnings()
+    for output in sorted(warnings.keys() - warned):
+        print(f'simulate: warning: ldv_sensor: {warnings[output]}', file=sys.stderr)
+    return frozenset(warnings)
 
 
 def _cut(rows: Rows, tick: int) -> Rows:

@@ -64,6 +64,7 @@ class AdaptiveNn:
 
     def __init__(self, parameters: AdaptiveNnParameters, sample_time: float) -> None:
         self.sample_time = sample_time
+        self._output_limit = math.inf
         self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
         self._nodes = parameters.network.nodes
         self._compensator_nodes = parameters.compensator.nodes
@@ -142,6 +143,11 @@ class AdaptiveNn:
                 raise ParameterError(name, new, f'fixed at {old} for this run')
         self._take(parameters)
 
+    def limit_output(self, limit: float) -> None:
+        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        self._output_limit = limit
+        self._take(self.parameters)
+
     def _take(self, parameters: AdaptiveNnParameters) -> None:
         self.parameters = parameters
         network, compensator = parameters.network, parameters.compensator
@@ -168,7 +174,7 @@ class AdaptiveNn:
         constants[kernel.INTEGRAL_GAIN] = parameters.integral_gain
         constants[kernel.FEEDBACK_GAIN] = parameters.feedback_gain
         constants[kernel.BOUNDARY_LAYER] = parameters.boundary_layer
-        constants[kernel.CONTROL_LIMIT] = parameters.control_limit
+        constants[kernel.CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)
         constants[kernel.FREEZE] = float(parameters.freeze_when_saturated)
         constants[kernel.R_LIMIT] = parameters.r_limit
 

@@ -1,7 +1,7 @@
 """What every controller offers: the protocol that lets a new one into the loop without inheritance."""
 
 import math
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,14 @@ class Controller(Protocol):
             The voltage held until the next tick, the voltage before the limit, and its feedback part before any
             compensation [V]. If an input is not finite, neither is ``u``: a run that has diverged must be seen to.
         """
+
+
+@runtime_checkable
+class KnowsOutputLimit(Protocol):
+    """A controller that wants to know what comes out behind it, so that integrals and estimates rest in time."""
+
+    def limit_output(self, limit: float) -> None:
+        """Take note that at most +-``limit`` [V] comes out; called before tick 0 and after changes."""
 
 
 @compiled

@@ -59,14 +59,24 @@ class OpenLoop:
 
     def __init__(self, parameters: OpenLoopParameters, sample_time: float) -> None:
         self.sample_time = sample_time
+        self._output_limit = math.inf
         self.state: NDArray[np.float64] = np.zeros(1)
         self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
         self.update(parameters)
 
     def update(self, parameters: OpenLoopParameters) -> None:
         """Take other parameters from the next tick on."""
+        self._take(parameters)
+
+    def limit_output(self, limit: float) -> None:
+        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        self._output_limit = limit
+        self._take(self.parameters)
+
+    def _take(self, parameters: OpenLoopParameters) -> None:
         self.parameters = parameters
-        self.constants: NDArray[np.float64] = np.array([self.sample_time, parameters.control_limit])
+        limit = min(parameters.control_limit, self._output_limit)
+        self.constants: NDArray[np.float64] = np.array([self.sample_time, limit])
 
     def step(
         self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float

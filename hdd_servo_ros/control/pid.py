@@ -141,6 +141,7 @@ class Pid:
 
     def __init__(self, parameters: PidParameters, sample_time: float) -> None:
         self.sample_time = sample_time
+        self._output_limit = math.inf
         self.state: NDArray[np.float64] = np.zeros(STATES)
         self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
         self._take(parameters)
@@ -160,6 +161,11 @@ class Pid:
             self.state[INTEGRAL] = 0.0
         self._take(parameters)
 
+    def limit_output(self, limit: float) -> None:
+        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        self._output_limit = limit
+        self._take(self.parameters)
+
     def _take(self, parameters: PidParameters) -> None:
         self.parameters = parameters
         constants = np.zeros(CONSTANTS)
@@ -175,7 +181,7 @@ class Pid:
             constants[SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.derivative_bandwidth * self.sample_time)
         constants[WINDUP] = ANTI_WINDUP.index(parameters.anti_windup)
         constants[TRACKING] = 1.0 - exp(-self.sample_time / parameters.tracking_time)
-        constants[CONTROL_LIMIT] = parameters.control_limit
+        constants[CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)
         constants[VELOCITY_FEEDFORWARD] = parameters.velocity_feedforward
         constants[ACCELERATION_FEEDFORWARD] = parameters.acceleration_feedforward
         self.constants: NDArray[np.float64] = constants

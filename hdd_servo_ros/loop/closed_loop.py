@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.dsp import dsp_step
 from hdd_servo_ros.bench.ldv import ldv_step
 from hdd_servo_ros.control.adaptive_nn import adaptive_nn_step
 from hdd_servo_ros.control.open_loop import open_loop_step
@@ -28,6 +29,8 @@ def closed_loop(
     ldv_state: NDArray[np.float64],
     controller_constants: NDArray[np.float64],
     controller_state: NDArray[np.float64],
+    dsp_constants: NDArray[np.float64],
+    dsp_state: NDArray[np.float64],
     estimates: NDArray[np.float64],
     held: NDArray[np.float64],
     reference_out: NDArray[np.float64],
@@ -40,8 +43,8 @@ def closed_loop(
     Run ticks ``first_tick`` to ``first_tick + count - 1`` and write one row a tick.
 
     At tick k the head is where u_{k-1}, held over the last sample, has brought it; the vibrometer reads it, the
-    controller answers with u_k. The kernel calls the very kernels that the blocks' ``step`` calls, in the same order,
-    so its rows equal theirs to the bit.
+    controller answers, and the DSP makes u_k of it. The kernel calls the very kernels that the blocks' ``step`` calls,
+    in the same order, so its rows equal theirs to the bit.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def closed_loop(
         Which ticks; a run may be cut anywhere.
     controller_kind
         Index into ``CONTROLLERS``.
-    reference_constants ... controller_state
+    reference_constants ... dsp_state
         Constants and states of the blocks; the states are advanced.
     estimates
         The controller's array of estimates.
@@ -102,6 +105,7 @@ def closed_loop(
                 dx_d,
                 ddx_d,
             )
+        u, unsaturated, feedback = dsp_step(dsp_constants, dsp_state, u, unsaturated, feedback)
         held[0] = u
         reference_out[row, 0] = x_d
         reference_out[row, 1] = dx_d

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
-from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
@@ -47,8 +48,20 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
         if declared is not kind
         for declaration in declarations(declared)
     }
+    return _constructed(kind, node, {name: value for name, value in values.items() if name not in other})
+
+
+def dsp_parameters(node: str, values: Mapping[str, object]) -> DspParameters:
+    """Return the parameters of what lies behind a controller's law, from all that a file says of its node."""
+    own = {declaration.name for declaration in declarations(ControllerOutputParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    output: ControllerOutputParameters = _constructed(ControllerOutputParameters, node, given)
+    return output.dsp
+
+
+def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> Any:
     try:
-        return from_mapping(kind, {name: value for name, value in values.items() if name not in other})
+        return from_mapping(kind, values)
     except ParameterError as error:
         raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
 
@@ -112,6 +125,8 @@ class Experiment:
     parameters
         For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
         Sections of other nodes are passed over.
+    dsp
+        What lies between a controller that is given as an object and the drive; a named one has it in its section.
 
     Raises
     ------
@@ -124,6 +139,7 @@ class Experiment:
         sample_time: float,
         controller: str | Controller = 'adaptive_nn',
         parameters: Mapping[str, Mapping[str, object]] | None = None,
+        dsp: DspParameters | None = None,
     ) -> None:
         self.sample_time = sample_time
         sections = parameters or {}
@@ -136,9 +152,14 @@ class Experiment:
             if controller not in CONTROLLERS:
                 raise ParameterError('controller', controller, 'one of ' + ', '.join(CONTROLLERS))
             self._kind = CONTROLLERS.index(controller)
-            self.controller = self._block(f'{controller}_controller', sections)
+            node = f'{controller}_controller'
+            self.controller = self._block(node, sections)
+            dsp = dsp_parameters(node, sections.get(node, {}))
         else:
             self.controller = controller
+        self.dsp = Dsp(dsp or DspParameters(), sample_time)
+        if isinstance(self.controller, KnowsOutputLimit):
+            self.controller.limit_output(self.dsp.limit)
         self._held: NDArray[np.float64] = np.zeros(1)
         self._next_tick = 0
 
@@ -187,6 +208,8 @@ class Experiment:
                 self.ldv.state,
                 controller.constants,
                 controller.state,
+                self.dsp.constants,
+                self.dsp.state,
                 controller.estimates,
                 self._held,
                 rows.reference,
@@ -203,7 +226,7 @@ class Experiment:
             reference = self.reference.step(tick)
             head = self.plant.output() if tick == 0 else self.plant.step(tick, float(self._held[0]))
             ldv = self.ldv.step(tick, head[0], head[1])
-            control = self.controller.step(tick, *ldv, *reference)
+            control = self.dsp.step(*self.controller.step(tick, *ldv, *reference))
             self._held[0] = control[0]
             rows.reference[row] = reference
             rows.head[row] = head

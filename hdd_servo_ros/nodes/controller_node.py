@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
@@ -14,6 +15,9 @@ from hdd_servo_ros.topics import CONTROL, ESTIMATES, LDV, REFERENCE
 class ControllerNode(LoopNode):
     """
     Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`.
+
+    Between the controller's law and `/control` lies the DSP's output (:class:`~hdd_servo_ros.bench.dsp.Dsp`), whose
+    parameters every controller node has.
 
     Parameters
     ----------
@@ -26,26 +30,37 @@ class ControllerNode(LoopNode):
     """
 
     def __init__(self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]) -> None:
-        super().__init__(name, [kind], [Input(REFERENCE), Input(LDV)], [CONTROL, ESTIMATES])
+        super().__init__(name, [ControllerOutputParameters, kind], [Input(REFERENCE), Input(LDV)], [CONTROL, ESTIMATES])
         self._kind = kind
         self._make = make
         self._controller = self.trial(make, kind)
-        self._controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, 1.0)
+        self._dsp.step(*self._controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._codec = VectorCodec('')
         self._estimates = ArrayCodec(self._controller.estimate_names)
 
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
+        self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time)
+        self._tell_limit()
         for warning in getattr(self._controller, 'warnings', tuple)():
             self.get_logger().warning(warning)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])
         controller = self._controller
-        u, unsaturated, feedback = controller.step(tick, displacement, velocity, *unpack_vector(messages[0]))
+        u, unsaturated, feedback = self._dsp.step(
+            *controller.step(tick, displacement, velocity, *unpack_vector(messages[0]))
+        )
         self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
         self.publish_bytes(1, self._estimates.pack(controller.estimates.tolist()))
 
     def update(self) -> None:
         self._controller.update(self.parameters[self._kind])
+        self._dsp.update(self.parameters[ControllerOutputParameters].dsp)
+        self._tell_limit()
+
+    def _tell_limit(self) -> None:
+        if isinstance(self._controller, KnowsOutputLimit):
+            self._controller.limit_output(self._dsp.limit)

@@ -20,3 +20,11 @@ def test_update():
     controller = OpenLoop(OpenLoopParameters(), 1e-4)
     controller.update(OpenLoopParameters(control_limit=0.5))
     assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == 0.5
+
+
+def test_the_limit_of_what_comes_behind():
+    controller = OpenLoop(OpenLoopParameters(control_limit=0.5), 1e-4)
+    controller.limit_output(0.25)
+    assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0) == (0.25, 1.0, 0.0)
+    controller.limit_output(4.0)
+    assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0) == (0.5, 1.0, 0.0)

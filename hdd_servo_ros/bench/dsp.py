@@ -1,0 +1,147 @@
+"""What lies between a controller's law and the drive: the DSP's computation delay and digital-to-analog converter."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+# Where the constants of dsp_step stand.
+DELAY, LIMIT, STEP, LOWEST, HIGHEST = range(5)
+CONSTANTS = 5
+
+# Where its state stands: the last command, and how many were limited.
+COMMAND, UNSATURATED, FEEDBACK, SATURATED = range(4)
+STATES = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class DspParameters(ParameterSet):
+    """Parameters of :class:`Dsp`; with the defaults it passes every command on as it is."""
+
+    dac_bits: int = parameter(
+        0, 'resolution of the digital-to-analog converter, 0 for an ideal one', unit='bit', minimum=0, maximum=32
+    )
+    dac_range: float = parameter(
+        0.0,
+        'the converter covers -dac_range to +dac_range; 0 for no limit, which only an ideal converter can have',
+        unit='V',
+        minimum=0.0,
+    )
+    computation_delay: int = parameter(
+        0, 'samples by which the command comes late, since it has to be computed', unit='samples', minimum=0, maximum=1
+    )
+
+    def check_together(self) -> None:
+        """Refuse a resolution without a range, and a converter without a positive code."""
+        if self.dac_bits == 1:
+            raise ParameterError('dac_bits', self.dac_bits, '0 (ideal), or at least 2')
+        if self.dac_bits > 0 and self.dac_range == 0.0:
+            raise ParameterError('dac_range', self.dac_range, f'above 0 V with dac_bits = {self.dac_bits}')
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerOutputParameters(ParameterSet):
+    """What every controller's node has beside the parameters of its law."""
+
+    dsp: DspParameters = group(DspParameters)
+
+
+@compiled
+def dsp_step(
+    constants: NDArray[np.float64],
+    state: NDArray[np.float64],
+    u: float,
+    unsaturated: float,
+    feedback: float,
+) -> tuple[float, float, float]:
+    """Return what `/control` carries at the tick at which a law has computed (u, unsaturated, feedback)."""
+    if abs(u) < math.inf:
+        limit = constants[LIMIT]
+        if (
+            u != unsaturated
+            or abs(u) > limit
+            or beyond_codes(u, constants[STEP], constants[LOWEST], constants[HIGHEST])
+        ):
+            state[SATURATED] += 1.0
+        u = min(max(u, -limit), limit)
+        u = converted(u, constants[STEP], constants[LOWEST], constants[HIGHEST])
+    held = u, unsaturated, feedback
+    if constants[DELAY] > 0.0:
+        held = state[COMMAND], state[UNSATURATED], state[FEEDBACK]
+    state[COMMAND] = u
+    state[UNSATURATED] = unsaturated
+    state[FEEDBACK] = feedback
+    return held
+
+
+class Dsp:
+    """
+    The digital side's way out: saturation, quantisation and computation delay between any controller and `/control`.
+
+    The law's voltage is clipped to the converter's range, rounded to its step, and held from this tick on, or from the
+    next with a computation delay of one sample; before the first command is there, 0 V is held. What is returned
+    belongs together: with a delay, the voltage before the limit and the feedback part are those of the voltage that is
+    held now. Values that are not finite pass through.
+
+    Parameters
+    ----------
+    parameters
+        Converter and delay.
+    sample_time
+        T [s]; for likeness with the other blocks, the delay counts in samples.
+
+    Attributes
+    ----------
+    state
+        The last command (voltage, voltage before the limit, feedback part [V]) and the number of commands that were
+        limited, by the controller or here.
+    """
+
+    def __init__(self, parameters: DspParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state: NDArray[np.float64] = np.zeros(STATES)
+        self.update(parameters)
+
+    def update(self, parameters: DspParameters) -> None:
+        """Take other parameters from the next tick on; the command under way and the count stay."""
+        self.parameters = parameters
+        constants = np.zeros(CONSTANTS)
+        constants[DELAY] = parameters.computation_delay
+        constants[LIMIT] = parameters.dac_range if parameters.dac_range > 0.0 else math.inf
+        constants[STEP], constants[LOWEST], constants[HIGHEST] = converter_codes(
+            parameters.dac_bits, parameters.dac_range
+        )
+        self.constants: NDArray[np.float64] = constants
+
+    @property
+    def limit(self) -> float:
+        """The largest magnitude of voltage that comes out on both sides of zero [V], infinity if there is none."""
+        if self.parameters.dac_bits > 0:
+            return float(self.constants[HIGHEST] * self.constants[STEP])
+        return float(self.constants[LIMIT])
+
+    @property
+    def saturated_samples(self) -> int:
+        """How many commands so far were limited, by the controller or by the converter."""
+        return int(self.state[SATURATED])
+
+    def step(self, u: float, unsaturated: float, feedback: float) -> tuple[float, float, float]:
+        """
+        Take a law's output of this tick and return what is held from this tick on.
+
+        Parameters
+        ----------
+        u, unsaturated, feedback
+            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V].
+
+        Returns
+        -------
+        u, unsaturated, feedback
+            The voltage held until the next tick, the same command's voltage before any limit, its feedback part [V].
+        """
+        return dsp_step(self.constants, self.state, u, unsaturated, feedback)
