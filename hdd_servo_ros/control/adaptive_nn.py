@@ -167,6 +167,7 @@ class AdaptiveNn:
         constants[kernel.DISPLACEMENT_SCALE] = parameters.displacement_scale
         constants[kernel.VELOCITY_SCALE] = parameters.velocity_scale
         constants[kernel.VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
+        constants[kernel.FILTER_REFERENCE] = float(parameters.filter_reference)
         constants[kernel.SMOOTHING] = 1.0
         if parameters.velocity_bandwidth > 0.0:
             constants[kernel.SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.velocity_bandwidth * self.sample_time)

@@ -21,8 +21,8 @@ LAW_SIZE = 5
 SIGMA_LAW, MASS_LAW, PHI_LAW, WIDTH_LAW = range(12, 12 + 4 * LAW_SIZE, LAW_SIZE)
 NETWORK, NODES, NETWORK_INPUT, POSITION_INVERSE, VELOCITY_INVERSE, WEIGHT_LIMIT = range(32, 38)
 COMPENSATOR, COMPENSATOR_NODES, COMPENSATOR_POSITION, COMPENSATOR_VELOCITY = range(38, 42)
-COMPENSATOR_DECAY, COMPENSATOR_STEP, COMPENSATOR_LAG = range(42, 45)
-CENTRES = 45
+COMPENSATOR_DECAY, COMPENSATOR_STEP, COMPENSATOR_LAG, FILTER_REFERENCE = range(42, 46)
+CENTRES = 46
 # From CENTRES on: n position and n velocity centres, n^2 decays and n^2 steps of W, then the compensator's centres.
 
 # Where its state stands; then n + n activations, n^2 weights, and the same of the compensator.
@@ -66,6 +66,8 @@ def _tracking(
     state[LAST_REFERENCE] = x_d
     state[MEASURED_VELOCITY] = velocity
     state[REFERENCE_VELOCITY] = reference
+    if constants[FILTER_REFERENCE] == 0.0:
+        return velocity, dx_d
     return velocity, reference
 
 

@@ -172,6 +172,12 @@ class AdaptiveNnParameters(ParameterSet):
         'the reference then goes through the same filter',
         choices=VELOCITY_SOURCES,
     )
+    filter_reference: bool = parameter(
+        True,
+        'with velocity_source difference, whether the reference goes through the same filter; false takes its given '
+        'velocity, so that the filter delays the measurement alone: to show what that costs',
+        read_only=True,
+    )
     velocity_bandwidth: float = parameter(
         2000.0, 'corner frequency of the first-order low pass on the difference, 0 for none', unit='Hz', minimum=0.0
     )

@@ -19,12 +19,12 @@ CLAMPING, BACK_CALCULATION, OFF = range(len(ANTI_WINDUP))
 # Where the constants of pid_step stand.
 TIME_STEP, DISPLACEMENT_SCALE, VELOCITY_SCALE, VELOCITY_SOURCE = range(4)
 PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(4, 8)
-WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD = range(8, 13)
-CONSTANTS = 13
+WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD, FILTER_REFERENCE = range(8, 14)
+CONSTANTS = 14
 
 # Where its state stands.
-INTEGRAL, FILTERED, LAST_ERROR, STARTED = range(4)
-STATES = 4
+INTEGRAL, FILTERED, LAST_ERROR, STARTED, LAST_POSITION, MEASURED_VELOCITY = range(6)
+STATES = 6
 
 ESTIMATE_NAMES = ('t', 'e', 'integral', 'derivative')
 
@@ -43,6 +43,12 @@ class PidParameters(ParameterSet):
         'sensor',
         'where de/dt comes from: the velocity output of the sensor, or the difference of two errors over T',
         choices=VELOCITY_SOURCES,
+    )
+    filter_reference: bool = parameter(
+        True,
+        'whether the reference goes through the same difference and low pass as the measurement; false takes its given '
+        'velocity, so that the filter delays the measurement alone: to show what that costs',
+        read_only=True,
     )
     anti_windup: str = parameter(
         'clamping',
@@ -78,15 +84,28 @@ def pid_step(
     if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
         return math.nan, math.nan, math.nan
     time_step = constants[TIME_STEP]
-    error = displacement_volts * constants[DISPLACEMENT_SCALE] - x_d
-    if constants[VELOCITY_SOURCE] == SENSOR:
-        slope = velocity_volts * constants[VELOCITY_SCALE] - dx_d
-    elif state[STARTED] != 0.0:
-        slope = (error - state[LAST_ERROR]) / time_step
+    position = displacement_volts * constants[DISPLACEMENT_SCALE]
+    error = position - x_d
+    if constants[FILTER_REFERENCE] != 0.0:
+        if constants[VELOCITY_SOURCE] == SENSOR:
+            slope = velocity_volts * constants[VELOCITY_SCALE] - dx_d
+        elif state[STARTED] != 0.0:
+            slope = (error - state[LAST_ERROR]) / time_step
+        else:
+            slope = 0.0
+        if state[STARTED] != 0.0:
+            slope = state[FILTERED] + constants[SMOOTHING] * (slope - state[FILTERED])
     else:
-        slope = 0.0
-    if state[STARTED] != 0.0:
-        slope = state[FILTERED] + constants[SMOOTHING] * (slope - state[FILTERED])
+        velocity = dx_d
+        if constants[VELOCITY_SOURCE] == SENSOR:
+            velocity = velocity_volts * constants[VELOCITY_SCALE]
+        elif state[STARTED] != 0.0:
+            velocity = (position - state[LAST_POSITION]) / time_step
+        if state[STARTED] != 0.0:
+            velocity = state[MEASURED_VELOCITY] + constants[SMOOTHING] * (velocity - state[MEASURED_VELOCITY])
+        state[MEASURED_VELOCITY] = velocity
+        slope = velocity - dx_d
+    state[LAST_POSITION] = position
     integral = state[INTEGRAL] - constants[INTEGRAL_STEP] * error
     derivative = -constants[DERIVATIVE] * slope
     compensation = constants[VELOCITY_FEEDFORWARD] * dx_d + constants[ACCELERATION_FEEDFORWARD] * ddx_d
@@ -125,7 +144,8 @@ class Pid:
 
     The integral is the sum of T e, the present sample included, kept in volts. The derivative is the sensor's velocity
     less dx_d, or the difference of errors over T, behind a first-order low pass that a constant input passes exactly
-    as the continuous one (pole exp(-2 pi f T)).
+    as the continuous one (pole exp(-2 pi f T)). Both act on the error, so that the reference goes through the same as
+    the measurement; without ``filter_reference`` they act on the measurement alone.
 
     Estimates: t [s]; e [um]; integral and derivative, the integral's and the derivative's share of u [V].
 
@@ -173,6 +193,7 @@ class Pid:
         constants[DISPLACEMENT_SCALE] = parameters.displacement_scale
         constants[VELOCITY_SCALE] = parameters.velocity_scale
         constants[VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
+        constants[FILTER_REFERENCE] = float(parameters.filter_reference)
         constants[PROPORTIONAL] = parameters.proportional_gain
         constants[INTEGRAL_STEP] = parameters.integral_gain * self.sample_time
         constants[DERIVATIVE] = parameters.derivative_gain

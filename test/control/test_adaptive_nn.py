@@ -181,6 +181,34 @@ def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
     np.testing.assert_allclose(u, expected, rtol=1e-9, atol=1e-9)
 
 
+def test_without_the_reference_filter_the_filters_lag_is_an_error():
+    """On the reference r is zero with the filter on both, and the filter's lag alone without."""
+    values = {**OFF, 'velocity_source': 'difference', 'velocity_bandwidth': 500.0, 'error_filter_lambda': 0.0}
+    w, t = 2.0 * math.pi * 50.0, np.arange(3000) * T
+    x, v = np.sin(w * t), w * np.cos(w * t)
+    rows = {}
+    for filtered in (True, False):
+        controller = controller_of(**values, filter_reference=filtered)
+        rows[filtered] = np.array(
+            [controller.step(k, x[k], 0.0, x[k], v[k], 0.0) and controller.estimates[1] for k in range(len(t))]
+        )
+    assert np.all(rows[True] == 0.0)
+    z, pole = np.exp(1j * w * T), math.exp(-2.0 * math.pi * 500.0 * T)
+    response = (1.0 - pole) / (1.0 - pole / z) * (1.0 - 1.0 / z) / (1j * w * T)
+    expected = (w * (response - 1.0) * np.exp(1j * w * t)).real
+    np.testing.assert_allclose(rows[False][1000:], expected[1000:], atol=1e-6 * w)
+
+
+def test_the_estimates_rest_at_the_limit_of_what_comes_behind():
+    told, own = controller_of(), controller_of(control_limit=12.0)
+    told.limit_output(12.0)
+    inputs = signals(400, seed=4)
+    for k, row in enumerate(inputs):
+        assert told.step(k, *row) == own.step(k, *row)
+        assert told.estimates.tolist() == own.estimates.tolist()
+    assert told.step(400, 100.0, 0.0, 0.0, 0.0, 0.0)[0] == -12.0
+
+
 def test_compensator_learns_a_friction_on_the_reference():
     """Its law moves W_c against r, so that a constant lack of force is taken over from the feedback."""
     values = {**OFF, 'compensator.enabled': True, 'compensator.gain': 50.0, 'compensator.leakage': 1e-3}

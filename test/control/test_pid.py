@@ -67,6 +67,45 @@ def test_derivative_from_differences():
     np.testing.assert_allclose(-u[1:, 0], np.diff(errors) / T)
 
 
+@pytest.mark.parametrize('source', ['sensor', 'difference'])
+def test_the_reference_goes_through_the_filter(source):
+    """On the reference, however it moves, the filtered derivative of the error is zero; unfiltered it is the lag."""
+    f, w = 800.0, 2.0 * math.pi * 50.0
+    t = np.arange(3000) * T
+    for filter_reference in (True, False):
+        controller = pid(
+            proportional_gain=0.0,
+            integral_gain=0.0,
+            derivative_gain=1.0,
+            derivative_bandwidth=f,
+            velocity_source=source,
+            filter_reference=filter_reference,
+        )
+        x, v = np.sin(w * t), w * np.cos(w * t)
+        slope = -np.array([controller.step(k, x[k], v[k], x[k], v[k], 0.0)[0] for k in range(len(t))])
+        if filter_reference:
+            assert np.all(slope == 0.0)
+        else:
+            # The pole's lag, and half a sample of the difference.
+            z, pole = np.exp(1j * w * T), math.exp(-2.0 * math.pi * f * T)
+            response = (1.0 - pole) / (1.0 - pole / z)
+            if source == 'difference':
+                response *= (1.0 - 1.0 / z) / (1j * w * T)
+            expected = (w * (response - 1.0) * np.exp(1j * w * t)).real
+            np.testing.assert_allclose(slope[1000:], expected[1000:], atol=1e-6 * w)
+
+
+def test_the_limit_of_what_comes_behind_counts():
+    """The integral stops at the converter's limit, and leaves it at once, as with a limit of its own."""
+    told, own = (
+        pid(proportional_gain=1.0, integral_gain=1000.0, derivative_gain=0.0, control_limit=limit)
+        for limit in (1e9, 0.5)
+    )
+    told.limit_output(0.5)
+    errors = np.concatenate([np.full(500, -5.0), np.full(50, 0.5)])
+    np.testing.assert_array_equal(run(told, errors), run(own, errors))
+
+
 def test_feedforward_is_no_feedback():
     controller = pid(proportional_gain=1.0, integral_gain=0.0, velocity_feedforward=2.0, acceleration_feedforward=0.5)
     u, unsaturated, feedback = controller.step(0, 0.25, 3.0, 0.0, 3.0, 8.0)
