@@ -4,8 +4,9 @@ Tune both controllers for a drive by one rule, and print what belongs into the p
     python -m hdd_servo_ros.studies.tune [--params-file FILE ...] [--seconds 60]
     python -m hdd_servo_ros.studies.tune --params-file params/simulation_study.yaml --same-peak
 
-The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances and filters included, no spare
-delay), in presliding, where the friction is a spring, and in sliding, where it is gone.
+The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances, filters and the computation delay
+``dsp.computation_delay`` of the controller's section included, no spare delay), in presliding, where the friction is a
+spring, and in sliding, where it is gone.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
@@ -36,7 +37,7 @@ from scipy.optimize import minimize
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import Experiment, block_parameters
+from hdd_servo_ros.loop.experiment import Experiment, block_parameters, dsp_parameters
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.parameter_files import read_parameter_files
@@ -85,7 +86,9 @@ def largest(allowed: Any, start: float, factor: float = 1.1) -> float:
     return low
 
 
-def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0) -> float:
+def largest_gain_on_r(
+    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
+) -> float:
     """
     Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
 
@@ -95,6 +98,8 @@ def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float, integral
         The drive and T.
     error_filter_lambda, integral_gain
         lambda [1/s] and lambda_i [1/s^2] of r.
+    delay
+        Samples by which u comes late.
 
     Raises
     ------
@@ -103,7 +108,7 @@ def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float, integral
     """
 
     def allowed(g: float) -> bool:
-        law = LinearController(g * error_filter_lambda, g, g * integral_gain)
+        law = LinearController(g * error_filter_lambda, g, g * integral_gain, delay=delay)
         return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
     # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
@@ -113,7 +118,9 @@ def largest_gain_on_r(margins: LoopMargins, error_filter_lambda: float, integral
     return g
 
 
-def tune_adaptive_nn(plant: PlantParameters, sample_time: float, base: AdaptiveNnParameters) -> dict[str, object]:
+def tune_adaptive_nn(
+    plant: PlantParameters, sample_time: float, base: AdaptiveNnParameters, delay: int = 0
+) -> dict[str, object]:
     """
     Return the adaptive NN controller's gains by the rule above, under their ROS names.
 
@@ -125,9 +132,11 @@ def tune_adaptive_nn(plant: PlantParameters, sample_time: float, base: AdaptiveN
         T [s].
     base
         lambda, lambda_i, the lattice, and everything else that the rule leaves alone.
+    delay
+        Computation delay [samples].
     """
     margins = LoopMargins(plant, sample_time)
-    g = round_down(largest_gain_on_r(margins, base.error_filter_lambda, base.integral_gain))
+    g = round_down(largest_gain_on_r(margins, base.error_filter_lambda, base.integral_gain, delay))
     # max(S'S) of the lattice: what a leakage of 1 adds to the gain.
     unit = dataclasses.replace(base.network, enabled=True, gain=(1.0,), leakage=1.0)
     lattice = dataclasses.replace(
@@ -161,6 +170,11 @@ def round_up(value: float, digits: int = 3) -> float:
     return down if down >= value else float(f'{down + 10.0 ** (math.floor(math.log10(value)) - digits + 1):.{digits}g}')
 
 
+def computation_delay(sections: Sections, node: str) -> int:
+    """Return by how many samples a controller's command comes late."""
+    return dsp_parameters(node, sections.get(node, {})).computation_delay
+
+
 def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> dict[str, object]:
     """
     Return the PID controller's gains by the rule above, under their ROS names.
@@ -172,15 +186,16 @@ def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> 
     sample_time
         T [s].
     sections
-        Parameters of drive and vibrometer for the runs.
+        Parameters of drive and vibrometer for the runs, and of the PID controller its computation delay.
     """
     margins = LoopMargins(plant, sample_time)
+    delay = computation_delay(sections, 'pid_controller')
     # With hardly any k_p, k_d could reach this far.
-    reach = largest_gain_on_r(margins, 100.0)
+    reach = largest_gain_on_r(margins, 100.0, delay=delay)
 
     def candidate(derivative: float, integral: float, bandwidth: float) -> tuple[float, dict[str, object]]:
         def allowed(proportional: float) -> bool:
-            law = LinearController(proportional, derivative, integral, bandwidth)
+            law = LinearController(proportional, derivative, integral, bandwidth, delay)
             return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
         # Integral action needs some k_p to be stable at all, so the walk starts where sound loops lie.
@@ -303,7 +318,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     plant: PlantParameters = block_parameters('vcm_plant', sections.get('vcm_plant', {}))
     base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
-    nn = tune_adaptive_nn(plant, options.sample_time, base)
+    delays = {node: computation_delay(sections, node) for node in ('adaptive_nn_controller', 'pid_controller')}
+    nn = tune_adaptive_nn(plant, options.sample_time, base, delays['adaptive_nn_controller'])
     pid = tune_pid(plant, options.sample_time, sections)
     _print_section('adaptive_nn_controller', nn)
     _print_section('pid_controller', pid)
@@ -315,13 +331,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'derivative_bandwidth': 0.0,
     }
     g = float(str(nn['safe_gain']))
-    law = LinearController(g * base.error_filter_lambda, g, g * base.integral_gain)
+    law = LinearController(
+        g * base.error_filter_lambda, g, g * base.integral_gain, delay=delays['adaptive_nn_controller']
+    )
     print(f'\nMs of -g r:  {margins.peak_sensitivity(law):.3f}')
     fair = LinearController(
         proportional=float(str(pid['proportional_gain'])),
         derivative=float(str(pid['derivative_gain'])),
         integral=float(str(pid['integral_gain'])),
         bandwidth=float(str(pid['derivative_bandwidth'])),
+        delay=delays['pid_controller'],
     )
     print(f'Ms of PID:   {margins.peak_sensitivity(fair):.3f}')
     print(f'\n2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s:   rms / max error [nm], peak u [V]')

@@ -64,6 +64,20 @@ def test_shipped_pid_is_the_rules_result():
     assert shipped == pytest.approx(found, rel=1e-9)
 
 
+def test_shipped_gains_for_one_sample_of_delay_are_the_rules_result():
+    file = read_parameter_files([PARAMS / 'one_sample_delay.yaml'])
+    base = from_mapping(
+        AdaptiveNnParameters,
+        {name: value for name, value in file['adaptive_nn_controller'].items() if not name.startswith('dsp.')},
+    )
+    found = tune_adaptive_nn(PlantParameters(), T, base, delay=1)
+    shipped = {name: file['adaptive_nn_controller'][name] for name in found}
+    assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
+    assert shipped == pytest.approx(found, rel=1e-9)
+    found = tune_pid(PlantParameters(), T, file)
+    assert {name: file['pid_controller'][name] for name in found} == pytest.approx(found, rel=1e-9)
+
+
 def test_the_rule_holds_for_both():
     margins = LoopMargins(PlantParameters(), T)
     nn = from_mapping(AdaptiveNnParameters, SHIPPED['adaptive_nn_controller'])
