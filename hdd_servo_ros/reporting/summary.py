@@ -7,6 +7,7 @@ import numpy as np
 
 from hdd_servo_ros.loop.metrics import tracking_metrics
 from hdd_servo_ros.recording.bag_reader import Signals
+from hdd_servo_ros.reporting.saturation import saturation_line
 from hdd_servo_ros.topics import LOOP_TOPICS
 
 NOT_ADAPTED = ('t', 'r', 'e')
@@ -58,6 +59,9 @@ def summary(signals: Signals, run: dict[str, Any], directory: Path) -> str:
         ('ticks', f'{ticks} of {run["sample_time"]:g} s, 0 to {ticks - 1}'),
         ('messages', f'{ticks * len(LOOP_TOPICS)} on {len(LOOP_TOPICS)} topics, {ticks} each'),
     ]
+    saturation = saturation_line(signals, run)
+    if saturation:
+        lines.append(('saturation', saturation))
     if run.get('real_time_factor'):
         lines.append(('real-time factor', f'{run["real_time_factor"]:.3g}'))
     lines.append(('run folder', str(directory)))

@@ -1,0 +1,57 @@
+"""Saturation as a bag tells of it, against the blocks' own counts."""
+
+import numpy as np
+
+from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.parameters import to_mapping
+from hdd_servo_ros.recording.bag_reader import Signals
+from hdd_servo_ros.reporting.saturation import saturated_ticks, saturation_line
+
+T = 1e-4
+
+
+def run_of(ldv, output):
+    """Return signals and run.yaml of half a second under the PID controller, and the experiment."""
+    sections = {'ldv_sensor': ldv, 'pid_controller': output}
+    experiment = Experiment(T, 'pid', sections)
+    rows = experiment.run(0, 5000)
+    signals = Signals(
+        rows.time,
+        rows.reference,
+        rows.head,
+        np.column_stack((rows.ldv, np.zeros(5000))),
+        rows.control,
+        rows.estimates,
+        rows.estimate_names,
+    )
+    nodes = {
+        '/bench/ldv_sensor': {'parameters': {**to_mapping(experiment.ldv.parameters), 'sample_time': 0.0}},
+        '/bench/pid_controller': {'parameters': to_mapping(experiment.dsp.parameters, 'dsp.')},
+    }
+    return signals, {'nodes': nodes}, experiment
+
+
+def test_nothing_saturates_by_default():
+    signals, run, _ = run_of({}, {})
+    assert saturated_ticks(signals, run) == {}
+    assert saturation_line(signals, run) == ''
+
+
+def test_counts_and_first_ticks_are_those_of_the_blocks():
+    signals, run, experiment = run_of({'output_range': 0.23}, {'dsp.dac_bits': 10, 'dsp.dac_range': 0.09})
+    found = saturated_ticks(signals, run)
+    assert set(found) == {'displacement output', 'velocity output', 'control'}
+    for output, count in experiment.ldv.saturated_samples.items():
+        ticks = found[f'{output} output']
+        # Values that only round to the last code lie at the end as well.
+        assert count <= len(ticks) < 1.05 * count
+        assert ticks[0] == experiment.ldv.first_saturated_tick[output]
+    # A command less than a step beyond the limit is not told from a rounded one.
+    assert 0.8 * experiment.dsp.saturated_samples < len(found['control']) <= experiment.dsp.saturated_samples
+    assert f'control {len(found["control"])} of 5000 samples' in saturation_line(signals, run)
+
+
+def test_a_run_without_such_nodes():
+    signals, _, _ = run_of({}, {})
+    assert saturated_ticks(signals, {}) == {}
+    assert saturated_ticks(signals, {'nodes': {'/ordinary': {'parameters': {}}}}) == {}
