@@ -1,0 +1,110 @@
+"""
+What each instrument of the bench does to the tracking error, one effect at a time: the tables of docs/bench.md.
+
+    python -m hdd_servo_ros.studies.instruments [--params-file FILE ...] [--seconds 12]
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+
+from hdd_servo_ros.parameter_files import read_parameter_files
+from hdd_servo_ros.studies.tune import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
+
+CONTROLLERS = ('adaptive_nn', 'pid')
+
+LDV_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
+    ('default: 3 nm, 3 um/s, 16 bits', {}),
+    ('no noise', {'noise': False}),
+    ('ideal ADC', {'adc_bits': 0}),
+    ('no noise, ideal ADC', {'noise': False, 'adc_bits': 0}),
+    ('10 times the noise', {'displacement_noise': 0.03, 'velocity_noise': 30.0}),
+    ('noise below 1 kHz', {'noise_bandwidth': 1000.0}),
+    ('density, up to 20 kHz', {'noise_measure': 'density', 'noise_bandwidth': 20000.0}),
+    ('ADC of 12 bits', {'adc_bits': 12}),
+    ('demodulator delay 1 us', {'demodulator_delay': 1.0e-6}),
+    ('demodulator delay 10 us', {'demodulator_delay': 1.0e-5}),
+    ('low pass 100 kHz', {'demodulator_bandwidth': 1.0e5}),
+    ('low pass 20 kHz', {'demodulator_bandwidth': 2.0e4}),
+    ('drop-outs, 10 a second, held', {'dropout_rate': 10.0}),
+    ('drop-outs, 10 a second, zero', {'dropout_rate': 10.0, 'dropout_effect': 'zero'}),
+)
+DSP_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
+    ('DAC of 16 bits, 10 V', {'dsp.dac_bits': 16, 'dsp.dac_range': 10.0}),
+    ('DAC of 12 bits, 10 V', {'dsp.dac_bits': 12, 'dsp.dac_range': 10.0}),
+    ('computation delay of one sample', {'dsp.computation_delay': 1}),
+)
+# Noise of the sensor, filter on the reference.
+DIFFERENCES = ((True, True), (False, True), (True, False), (False, False))
+
+
+def errors(sections: Sections, sample_time: float, seconds: float) -> list[str]:
+    """
+    Return, for each controller and frequency, rms and largest error [nm] of a 2 um sine after the transient.
+
+    ``lost`` stands for an rms error that is no smaller than the sine.
+    """
+    texts = []
+    for controller in CONTROLLERS:
+        for frequency in FREQUENCIES:
+            found = track(controller, {}, sections, sample_time, frequency, seconds, TRANSIENT)
+            lost = not found.rms_error < 1e3 * AMPLITUDE
+            texts.append('lost' if lost else f'{found.rms_error:.1f} / {found.max_error:.1f}')
+    return texts
+
+
+def with_values(sections: Sections, **values: Mapping[str, object]) -> Sections:
+    """Return sections in which ``values`` of some nodes stand over what was there."""
+    return {**sections, **{node: {**sections.get(node, {}), **own} for node, own in values.items()}}
+
+
+def _with_controllers(sections: Sections, values: Mapping[str, object]) -> Sections:
+    return with_values(sections, **{f'{controller}_controller': values for controller in CONTROLLERS})
+
+
+def _print_row(cells: Sequence[str]) -> None:
+    print('| ' + ' | '.join(cells) + ' |', flush=True)
+
+
+def _print_head(first: str) -> None:
+    names = [f'{name} {f:g} Hz' for name in ('adaptive NN', 'PID') for f in FREQUENCIES]
+    _print_row([first, *names])
+    _print_row(['---'] * (1 + len(names)))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(
+        prog='python -m hdd_servo_ros.studies.instruments',
+        description='Tabulate what each instrument of the bench does to the tracking error of a 2 um sine.',
+    )
+    parser.add_argument('--params-file', nargs='*', default=[], help='parameter files, later ones win')
+    parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
+    parser.add_argument('--seconds', type=float, default=12.0, help='length of the runs [s]')
+    options = parser.parse_args(arguments)
+    sections = read_parameter_files(options.params_file)
+
+    print(f'2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s: rms / max error of the head [nm]\n')
+    _print_head('effect')
+    for name, values in LDV_EFFECTS:
+        cells = errors(with_values(sections, ldv_sensor=values), options.sample_time, options.seconds)
+        _print_row([name, *cells])
+    for name, values in DSP_EFFECTS:
+        _print_row([name, *errors(_with_controllers(sections, values), options.sample_time, options.seconds)])
+
+    print('\nVelocity from differences of displacement behind a low pass of 2 kHz\n')
+    _print_head('noise, reference')
+    for noise, filter_reference in DIFFERENCES:
+        values = {'velocity_source': 'difference', 'filter_reference': filter_reference}
+        own = with_values(
+            sections,
+            ldv_sensor={'noise': noise},
+            adaptive_nn_controller={**values, 'velocity_bandwidth': 2000.0},
+            pid_controller={**values, 'derivative_bandwidth': 2000.0},
+        )
+        name = f'{"with" if noise else "without"} noise, reference {"filtered" if filter_reference else "as given"}'
+        _print_row([name, *errors(own, options.sample_time, options.seconds)])
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
