@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -45,8 +46,13 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
     return run_nodes(name, lambda: [make()], arguments)
 
 
-def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequence[str] | None = None) -> int:
-    """Run several loop nodes in this process; see :func:`run_node`."""
+def run_nodes(
+    name: str,
+    make: Callable[[], Sequence[LoopNode]],
+    arguments: Sequence[str] | None = None,
+    others: Sequence[Node] = (),
+) -> int:
+    """Run several loop nodes in this process, and serve the ``others`` that ``make`` adds; see :func:`run_node`."""
     command_line = list(sys.argv if arguments is None else arguments)
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', TRANSPORTS)
     try:
@@ -64,7 +70,7 @@ def run_nodes(name: str, make: Callable[[], Sequence[LoopNode]], arguments: Sequ
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
         _refuse_unknown_nodes(name, command_line, [node.get_name() for node in nodes])
-        return Lockstep(nodes).run().exit_code
+        return Lockstep(nodes, others).run().exit_code
     except (ParameterError, ArgumentError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2

@@ -17,6 +17,7 @@ from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
+from hdd_servo_ros.registry import refuse_unknown
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_parameters import NodeParameters
@@ -32,8 +33,11 @@ class Rig:
     """The nodes of the graph, in the order in which data flows through a tick."""
 
     def __init__(self) -> None:
-        node = Node('rig', automatically_declare_parameters_from_overrides=True)
-        self.parameters: RigParameters = NodeParameters(node, [RigParameters])[RigParameters]
+        # It has no part in the loop; its parameters can be asked for like any node's.
+        self.node = Node('rig')
+        given = NodeParameters(self.node, [RigParameters])
+        refuse_unknown(given.unknown, given.as_mapping())
+        self.parameters: RigParameters = given[RigParameters]
         timer = DeterministicTimer()
         self.nodes: list[LoopNode] = [
             timer,
@@ -46,8 +50,6 @@ class Rig:
         if timer.parameters[TimerParameters].record:
             self.recorder = BagRecorder(separate_process=True)
             self.nodes.append(self.recorder)
-        # Kept alive, so that its parameters can be asked for like any node's.
-        self._node = node
 
     def show(self) -> None:
         """Sum up and draw the run that has ended."""
@@ -64,12 +66,14 @@ class Rig:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the whole graph, then say how it went."""
     rigs: list[Rig] = []
+    others: list[Node] = []
 
     def make() -> Sequence[LoopNode]:
         rigs.append(Rig())
+        others.append(rigs[0].node)
         return rigs[0].nodes
 
-    exit_code = run_nodes('rig', make, arguments)
+    exit_code = run_nodes('rig', make, arguments, others)
     if exit_code == 0:
         rigs[0].show()
     return exit_code

@@ -17,6 +17,7 @@ from types import FrameType
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
 
 from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
@@ -41,14 +42,16 @@ class Lockstep:
     ----------
     nodes
         The nodes, best in the order in which data flows through a tick: one pass is then one tick.
+    others
+        Nodes of this process that take no part in the loop, and whose services shall answer all the same.
     """
 
-    def __init__(self, nodes: Sequence[LoopNode]) -> None:
+    def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = ()) -> None:
         self._nodes = tuple(nodes)
         self.peers = Peers(self._nodes)
         self._executor = SingleThreadedExecutor()
-        for node in self._nodes:
-            self._executor.add_node(node)
+        for served in (*self._nodes, *others):
+            self._executor.add_node(served)
         self._signal = 0
         self._firing = self._nodes[0]
         self._wait_set: _rclpy.WaitSet | None = None

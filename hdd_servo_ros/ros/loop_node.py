@@ -149,7 +149,7 @@ class LoopNode(Node):
         sample_time_kind: type[ParameterSet] = SampleTimeParameters,
         optional_inputs: Sequence[Input] = (),
     ) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        super().__init__(name)
         self.parameters = NodeParameters(self, [PeerParameters, sample_time_kind, *kinds])
         self.parameters.on_change(self.update)
         self.inputs = tuple(inputs)
@@ -164,7 +164,9 @@ class LoopNode(Node):
         self._arrived = 0
         self._messages: list[bytes] = []
         self._ros_clock: Any = self.get_clock()
-        # What a TimeSource does on /clock: here the lockstep knows the time better.
+        # What a TimeSource does on /clock, if use_sim_time says so: here the lockstep knows the time better, always.
+        self._time_source.detach_node()
+        self._time_source._associated_clocks.clear()
         self._ros_clock._set_ros_time_is_active(True)  # type: ignore[attr-defined,unused-ignore]
 
     # What a subclass provides.

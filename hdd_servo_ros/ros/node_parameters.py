@@ -52,8 +52,7 @@ class NodeParameters:
     Parameters
     ----------
     node
-        Node that declares them, constructed with ``automatically_declare_parameters_from_overrides``, so that what
-        parameter files and the command line say can be read before it is declared in its proper type.
+        Node that declares them.
     kinds
         Parameter dataclasses; their names must not overlap.
 
@@ -68,12 +67,11 @@ class NodeParameters:
         self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self._kinds}
         self._on_change: Callable[[], None] | None = None
         given: dict[str, Any] = {
-            name: _plain(found.value)  # type: ignore[union-attr]  # they are Parameters
-            for name, found in node.get_parameters_by_prefix('').items()
+            name: _plain(found.value)
+            # Not automatically_declare_parameters_from_overrides: it raises for an empty list, which has no type there.
+            for name, found in node._parameter_overrides.items()
             if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
         }
-        for name in given:
-            node.undeclare_parameter(name)
         known = set().union(*self._names.values())
         self.unknown = {name: value for name, value in given.items() if name not in known}
         """What was given for this node, perhaps as for all nodes, that it does not have."""
@@ -81,10 +79,9 @@ class NodeParameters:
         values = self.as_mapping()
         for kind in self._kinds:
             for declaration in declarations(kind):
-                value = _declared_value(declaration, values[declaration.name])
-                if value is not None and values[declaration.name] == () and declaration.default != ():
+                if values[declaration.name] == () and declaration.default != ():
                     raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
-                node.declare_parameter(declaration.name, value, descriptor(declaration), ignore_override=True)
+                _declare(node, declaration, values[declaration.name])
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(self._take_change)
 
@@ -136,8 +133,16 @@ def _plain(value: Any) -> Any:
     return tuple(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
 
 
-def _declared_value(declaration: Declaration, value: Value) -> object:
+def _declare(node: Node, declaration: Declaration, value: Value) -> None:
+    name, message = declaration.name, descriptor(declaration)
     if value == ():
-        # rclpy takes an empty list for bytes; the type alone leaves the parameter unset, which we read as empty.
-        return _ARRAY_TYPES[declaration.element_type]
-    return list(value) if isinstance(value, tuple) else value
+        # rclpy takes an empty list for bytes, so the type is declared first; left unset, one such parameter makes
+        # the node answer a request for all of them (`ros2 param dump`) with none.
+        element_type = _ARRAY_TYPES[declaration.element_type]
+        node.declare_parameter(name, element_type, ignore_override=True)
+        node.set_parameters([Parameter(name, element_type, [])])
+        message.type = element_type.value
+        node.set_descriptor(name, message)
+    else:
+        given = list(value) if isinstance(value, tuple) else value
+        node.declare_parameter(name, given, message, ignore_override=True)

@@ -1,16 +1,13 @@
 """The graph as a ROS user meets it: topics, namespaces, parameters, outside nodes."""
 
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import Vector3Stamped
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
@@ -18,46 +15,6 @@ from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.topics import LOOP_TOPICS
 
 HERE = Path(__file__).parent
-
-
-@pytest.fixture
-def outside(bench, monkeypatch):
-    """An ordinary node of another process: this one."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=bench.domain)
-    node = rclpy.create_node('outside', context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    node.spin_for = lambda seconds: _spin_for(executor, seconds)
-    node.spin_until = lambda condition: _spin_until(executor, condition)
-    yield node
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-
-
-def _spin_for(executor, seconds):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.05)
-
-
-def _spin_until(executor, condition, timeout=40.0):
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, 'nothing came'
-        executor.spin_once(timeout_sec=0.05)
-
-
-def call(node, service_type, name, request):
-    """Call a service, and return its answer and how long it took [s]."""
-    client = node.create_client(service_type, name)
-    assert client.wait_for_service(timeout_sec=20.0)
-    started = time.monotonic()
-    future = client.call_async(request)
-    node.spin_until(future.done)
-    return future.result(), time.monotonic() - started
 
 
 def double(name, value):
@@ -128,20 +85,18 @@ def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed
     outside.create_subscription(Vector3Stamped, '/reference', heard.append, 10)
     outside.spin_until(lambda: heard)
 
-    answer, _ = call(
-        outside, DescribeParameters, '/vcm_plant/describe_parameters', DescribeParameters.Request(names=['gain'])
+    answer, _ = outside.call(
+        DescribeParameters, '/vcm_plant/describe_parameters', DescribeParameters.Request(names=['gain'])
     )
     assert 'um/s^2/V' in answer.descriptors[0].description
-    refused, _ = call(
-        outside,
+    refused, _ = outside.call(
         SetParameters,
         '/reference_generator/set_parameters',
         SetParameters.Request(parameters=[double('frequency', -1.0)]),
     )
     assert not refused.results[0].successful
     assert 'frequency = -1.0 is refused' in refused.results[0].reason
-    fixed, _ = call(
-        outside,
+    fixed, _ = outside.call(
         SetParameters,
         '/deterministic_timer/set_parameters',
         SetParameters.Request(parameters=[double('sample_time', 1e-3)]),
@@ -149,16 +104,14 @@ def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed
     assert not fixed.results[0].successful
     # Two together, or none.
     for frequency, successful in ((-1.0, False), (150.0, True)):
-        answer, seconds = call(
-            outside,
+        answer, seconds = outside.call(
             SetParametersAtomically,
             '/reference_generator/set_parameters_atomically',
             SetParametersAtomically.Request(parameters=[double('amplitude', 1.0), double('frequency', frequency)]),
         )
         assert answer.result.successful == successful
         assert seconds < 1.0
-    answer, _ = call(
-        outside,
+    answer, _ = outside.call(
         GetParameters,
         '/reference_generator/get_parameters',
         GetParameters.Request(names=['amplitude', 'frequency']),

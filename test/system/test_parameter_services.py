@@ -1,0 +1,137 @@
+"""The parameter services of every node, as the `ros2 param` command uses them, during a run of 10 kHz."""
+
+import math
+import statistics
+
+import pytest
+from geometry_msgs.msg import Vector3Stamped
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.serialization import deserialize_message
+
+from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, node_declarations
+
+LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())]
+NODES = ['rig', *LOOP_NODES, CONTROLLERS['adaptive_nn']]
+RUN = ('-p', 'deterministic_timer:duration:=3.0', '-p', 'vcm_plant:substeps:=3')
+SCALARS = {
+    bool: ParameterType.PARAMETER_BOOL,
+    int: ParameterType.PARAMETER_INTEGER,
+    float: ParameterType.PARAMETER_DOUBLE,
+    str: ParameterType.PARAMETER_STRING,
+}
+LISTS = {
+    bool: ParameterType.PARAMETER_BOOL_ARRAY,
+    int: ParameterType.PARAMETER_INTEGER_ARRAY,
+    float: ParameterType.PARAMETER_DOUBLE_ARRAY,
+    str: ParameterType.PARAMETER_STRING_ARRAY,
+}
+FIELDS = {
+    ParameterType.PARAMETER_BOOL: 'bool_value',
+    ParameterType.PARAMETER_INTEGER: 'integer_value',
+    ParameterType.PARAMETER_DOUBLE: 'double_value',
+    ParameterType.PARAMETER_STRING: 'string_value',
+}
+
+
+def ros_type(declaration):
+    return (LISTS if declaration.is_sequence else SCALARS)[declaration.element_type]
+
+
+def parameter(name, value, kind=ParameterType.PARAMETER_DOUBLE):
+    return Parameter(name=name, value=ParameterValue(type=kind, **{FIELDS[kind]: value}))
+
+
+def service(node, kind):
+    name = kind.__name__
+    return f'/{node}/' + ''.join('_' + letter.lower() if letter.isupper() else letter for letter in name).lstrip('_')
+
+
+@pytest.fixture
+def run(bench, outside):
+    """A slow run that has begun; returns how to ask its nodes, and the seconds that each answer took."""
+    process = bench.start('rig', *RUN, '-p', 'deterministic_timer:rate:=0.3', '-p', 'bag_recorder:run_dir:=run')
+    heard = []
+    outside.create_subscription(Vector3Stamped, '/reference', heard.append, 10)
+    outside.spin_until(lambda: heard)
+    process.seconds = []
+
+    def ask(node, kind, **request):
+        answer, seconds = outside.call(kind, service(node, kind), kind.Request(**request))
+        process.seconds.append(seconds)
+        return answer
+
+    process.ask = ask
+    return process
+
+
+def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
+    simulated = bench.start('simulate', *RUN, '-p', 'bag_recorder:run_dir:=simulated')
+    for node in NODES:
+        declared = {declaration.name: declaration for declaration in node_declarations(node)}
+        listed = run.ask(node, ListParameters).result.names
+        assert declared.keys() <= set(listed)
+        values = dict(zip(listed, run.ask(node, GetParameters, names=listed).values, strict=True))
+        described = dict(zip(listed, run.ask(node, DescribeParameters, names=listed).descriptors, strict=True))
+        for name, declaration in declared.items():
+            # Of an unset one the answer would hold none of the values: `ros2 param dump` wants them all.
+            assert values[name].type == described[name].type == ros_type(declaration), name
+            assert described[name].read_only == declaration.read_only, name
+            assert described[name].description.startswith(declaration.description), name
+            assert declaration.unit in described[name].description, name
+            assert described[name].additional_constraints == declaration.allowed, name
+
+        # What can be changed alone cannot be changed beside something that is refused.
+        good = next((d for d in declared.values() if not d.read_only and d.element_type is float), None)
+        if good is not None and not good.is_sequence:
+            changes = [parameter(good.name, values[good.name].double_value / 2), parameter('no_such_parameter', 1.0)]
+            result = run.ask(node, SetParametersAtomically, parameters=changes).result
+            assert not result.successful
+            assert 'undeclared' in result.reason
+        result = run.ask(node, SetParameters, parameters=[parameter('no_such_parameter', 1.0)]).results[0]
+        assert not result.successful
+        assert run.ask(node, GetParameters, names=listed).values == list(values.values())
+
+    for refused, reason in {
+        ('reference_generator', 'frequency', -1.0): 'frequency = -1.0 is refused: a finite number at least 0 [Hz]',
+        ('reference_generator', 'frequency', math.nan): 'a finite number at least 0 [Hz]',
+        ('vcm_plant', 'gain', 0.0): 'gain = 0.0 is refused: a finite number above 0',
+        ('deterministic_timer', 'sample_time', 1e-3): 'read-only',
+    }.items():
+        node, name, value = refused
+        result = run.ask(node, SetParameters, parameters=[parameter(name, value)]).results[0]
+        assert not result.successful, refused
+        assert reason in result.reason, refused
+    kind = ParameterType.PARAMETER_STRING
+    change = parameter('waveform', 'sawtooth', kind)
+    result = run.ask('reference_generator', SetParameters, parameters=[change]).results[0]
+    assert "waveform = 'sawtooth' is refused: one of sine" in result.reason
+
+    for process in (run, simulated):
+        assert process.wait() == 0, process.output
+    assert statistics.median(run.seconds) < 1.0
+    assert len(read_signals(bench.directory / 'run').time) == 30_001
+    assert first_difference(bench.directory / 'simulated', bench.directory / 'run') is None
+
+
+def test_whatever_clock_a_user_chooses_the_bag_shows_the_tick(bench, run):
+    for name, value, kind in (
+        ('use_sim_time', True, ParameterType.PARAMETER_BOOL),
+        ('use_sim_time', False, ParameterType.PARAMETER_BOOL),
+        ('frequency', 150.0, ParameterType.PARAMETER_DOUBLE),
+    ):
+        changes = [parameter(name, value, kind)]
+        assert run.ask('reference_generator', SetParameters, parameters=changes).results[0].successful
+    assert run.wait() == 0, run.output
+    stamps, events = read_messages(bench.directory / 'run')['/parameter_events']
+    names = [deserialize_message(event, ParameterEvent).changed_parameters[0].name for event in events]
+    assert names == ['use_sim_time', 'use_sim_time', 'frequency']
+    assert all(0 < stamp < 3 * 10**9 for stamp in stamps)
