@@ -31,6 +31,8 @@ LONGEST_SLEEP = 0.05
 GATHERING_PERIOD = 0.02
 """Wall time between two looks at the others before and after the loop [s]."""
 _CALLBACKS_A_ROUND = 20
+_PATIENCE = 2.0
+"""A signal within this time after the first one is the same wish: `ros2 launch` repeats what the terminal sent [s]."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -53,6 +55,7 @@ class Lockstep:
         for served in (*self._nodes, *others):
             self._executor.add_node(served)
         self._signal = 0
+        self._signal_at = 0.0
         self._firing = self._nodes[0]
         self._wait_set: _rclpy.WaitSet | None = None
         self._waited_for: tuple[Input, ...] = ()
@@ -103,11 +106,12 @@ class Lockstep:
         return f'in {self._firing.get_name()} at tick {self._firing.tick}'
 
     def _take_signal(self, number: int, frame: FrameType | None) -> None:
-        if self._signal:
+        if not self._signal:
+            self._signal, self._signal_at = number, time.monotonic()
+        elif time.monotonic() - self._signal_at > _PATIENCE:
             # Asked twice: a step that never returns keeps the first from being looked at.
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
-        self._signal = number
 
     def _check_signal(self) -> None:
         if self._signal:
