@@ -108,7 +108,7 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
             parsed.overrides += read_parameter_file(Path(_value_of(argument, rest)))
         elif argument in ('-r', '--remap'):
             _parse_remap(_value_of(argument, rest), parsed)
-        elif argument in ('--log-level', '--log-config-file', '-e', '--enclave'):
+        elif argument in ('--log-level', '--log-config-file', '--log-file-name', '-e', '--enclave'):
             _value_of(argument, rest)
         elif not argument.startswith(('--disable-', '--enable-')):
             raise ArgumentError(f'unknown ROS argument {argument!r}')

@@ -108,7 +108,9 @@ class Simulation:
             for kind in NODE_PARAMETERS[node]:
                 known = {declaration.name for declaration in declarations(kind)}
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
-            values.pop('use_sim_time', None)
+            # What every ROS node has, and `ros2 param dump` writes.
+            for name in ('use_sim_time', 'start_type_description_service'):
+                values.pop(name, None)
             refuse_unknown(values)
         except ParameterError as error:
             raise with_node(error, node) from None

@@ -23,6 +23,14 @@ def test_later_wins(tmp_path):
     assert parsed.parameters_of('sensor') == {'gain': 5}
 
 
+def test_arguments_that_concern_rclpy_alone_are_passed_over():
+    parsed = parse_ros_arguments(
+        ['--ros-args', '--log-level', 'info', '--log-file-name', 'run', '--disable-rosout-logs', '-p', 'gain:=5']
+    )
+    assert parsed.parameters_of('plant') == {'gain': 5}
+    assert parsed.others == []
+
+
 @pytest.mark.parametrize(
     ('pattern', 'matches'),
     [('/**', True), ('/**/plant', True), ('/*/plant', True), ('/bench1/plant', True), ('plant', False), ('/*', False)],
