@@ -40,8 +40,12 @@ DONE = 'done'
 RECORDER = 'bag_recorder'
 _PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 """How often a process speaks in each state [s]."""
-_FOREIGN_AFTER = 2.0
-"""How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s]."""
+_FOREIGN_AFTER = 5.0
+"""
+How long a publisher may be silent before it counts as an ordinary ROS node that keeps the protocol of stamps [s].
+
+DDS repeats a lost announcement after 3 s, so that one topic of a node may be known that much before another.
+"""
 _LAST_WORDS = 5
 _ACKNOWLEDGED_WITHIN = Duration(nanoseconds=300_000_000)
 """How long to see that the last words arrive; a peer that died never says so."""
