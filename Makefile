@@ -51,7 +51,7 @@ bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
 
 ws: $(VENV)/.develop
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
+	AMENT_PREFIX_PATH= PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
 		--base-paths . --build-base build --install-base install
 	@ls install/hdd_servo_ros/lib/hdd_servo_ros
 
