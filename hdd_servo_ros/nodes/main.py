@@ -17,12 +17,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.registry import NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
-
-TRANSPORTS = 'UDPv4'
-"""
-Fast DDS would use shared memory beside UDP. When an outside subscriber is killed, it then tries to open that one's dead
-port anew at every sample until the participant's lease ends, which slows a run ten times. Over UDP the loop is as fast.
-"""
+from hdd_servo_ros.ros.transport import use_udp_alone
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -54,7 +49,7 @@ def run_nodes(
 ) -> int:
     """Run several loop nodes in this process, and serve the ``others`` that ``make`` adds; see :func:`run_node`."""
     command_line = list(sys.argv if arguments is None else arguments)
-    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', TRANSPORTS)
+    use_udp_alone(os.environ)
     try:
         parse_help(name, remove_ros_args(command_line)[1:])
         # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.

@@ -1,0 +1,58 @@
+import contextlib
+from pathlib import Path
+
+import pytest
+
+from hdd_servo_ros.ros.transport import LOCALHOST_PROFILE, use_udp_alone
+
+SHARED_MEMORY = Path('/dev/shm')
+
+
+@pytest.mark.parametrize(
+    ('given', 'profile'),
+    [
+        ({}, False),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, True),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp'}, True),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, False),
+    ],
+)
+def test_udp_unless_the_user_says_otherwise(given, profile):
+    environment = dict(given)
+    use_udp_alone(environment)
+    assert environment.pop('FASTDDS_BUILTIN_TRANSPORTS') == 'UDPv4'
+    if profile:
+        assert environment.pop('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE)
+        assert environment.pop('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'SYSTEM_DEFAULT'
+        given.pop('ROS_AUTOMATIC_DISCOVERY_RANGE')
+    assert environment == given
+
+
+@pytest.mark.parametrize(
+    'name', ['FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY']
+)
+def test_what_the_user_says_stays(name):
+    environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
+    use_udp_alone(environment)
+    assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
+
+
+@pytest.mark.parametrize('discovery_range', ['LOCALHOST', 'SUBNET'])
+def test_a_segment_left_half_made_by_a_killed_process_holds_nobody_up(bench, discovery_range):
+    """With shared memory a node waits for ever for such a segment."""
+    bench.environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = discovery_range
+    # The port of the first participants of a ROS domain, by the rule of RTPS.
+    ports = [7400 + 250 * bench.domain + 11 + 2 * participant for participant in range(3)]
+    segments = [SHARED_MEMORY / f'fastrtps_port{port}' for port in ports]
+    made = []
+    try:
+        for segment in segments:
+            with contextlib.suppress(FileExistsError):
+                segment.touch(exist_ok=False)
+                made.append(segment)
+        bench.run('rig', '-p', 'duration:=0.02', '-p', 'plot:=false')
+        assert [segment.stat().st_size for segment in made] == [0] * len(made)
+    finally:
+        for segment in made:
+            segment.unlink(missing_ok=True)
