@@ -15,6 +15,9 @@ from typing import IO
 import pytest
 import yaml
 
+from hdd_servo_ros.loop.closed_loop import CONTROLLERS
+from hdd_servo_ros.loop.experiment import Experiment
+
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'
 NODES = (
@@ -132,6 +135,16 @@ def _take_domain() -> tuple[int, IO[str]]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return domain, lock
     raise RuntimeError('every ROS domain is taken by another test')
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Compile the kernels before any test that starts processes: their time limits are for running, not for that."""
+    if not any('bench' in getattr(item, 'fixturenames', ()) for item in session.items):
+        return
+    for name in CONTROLLERS:
+        whole = Experiment(1e-4, name)
+        whole.run(0, 2)
+        Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do
 
 
 @pytest.fixture
