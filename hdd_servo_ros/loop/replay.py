@@ -1,0 +1,72 @@
+"""What the adaptive NN controller held at every tick of a recorded run, by replaying it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.control.adaptive_nn import ESTIMATE_NAMES, AdaptiveNn, AdaptiveNnParameters
+
+Array = NDArray[np.float64]
+
+_PIECE = 8192
+
+
+class ReplayError(ValueError):
+    """A replay that does not give what was recorded."""
+
+
+def replay_weights(
+    parameters: AdaptiveNnParameters,
+    sample_time: float,
+    reference: Array,
+    ldv: Array,
+    control: Array,
+    estimates: Array,
+) -> Iterator[tuple[slice, Array, Array]]:
+    """
+    Iterate over a run in pieces: the ticks, W_hat and the compensator's weights as used at each.
+
+    The weights are too many for a topic, but the controller is a function of its inputs: fed with the recorded ones it
+    goes through the same states, to the bit. That it does is checked at every tick, on everything that was recorded.
+
+    Parameters
+    ----------
+    parameters
+        The controller.
+    sample_time
+        T [s].
+    reference, ldv
+        Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are passed over).
+    control, estimates
+        What was recorded of the controller: u, u before the limit and its feedback part; the estimates.
+
+    Raises
+    ------
+    ReplayError
+        If the replay differs from the record; says where and what.
+    """
+    controller = AdaptiveNn(parameters, sample_time)
+    replayed = np.empty((min(_PIECE, len(ldv)), len(ESTIMATE_NAMES) + 3))
+    recorded = np.column_stack((estimates, control))
+    inputs = np.column_stack((ldv[:, :2], reference))
+    if recorded.shape[1] != replayed.shape[1]:
+        raise ReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(ESTIMATE_NAMES)}')
+    for start in range(0, len(inputs), _PIECE):
+        piece = slice(start, min(start + _PIECE, len(inputs)))
+        weights = np.empty((piece.stop - start, len(controller.weights)))
+        compensator = np.empty((piece.stop - start, len(controller.compensator_weights)))
+        for row, values in enumerate(inputs[piece].tolist()):
+            weights[row] = controller.weights
+            compensator[row] = controller.compensator_weights
+            replayed[row, -3:] = controller.step(start + row, *values)
+            replayed[row, :-3] = controller.estimates
+        wrong = np.argwhere(replayed[: piece.stop - start] != recorded[piece])
+        if len(wrong):
+            row, column = (int(index) for index in wrong[0])
+            name = (*ESTIMATE_NAMES, 'u', 'u before the limit', '-k r')[column]
+            raise ReplayError(
+                f'replayed from the bag, the controller does not do what was recorded: at tick {start + row} {name} is '
+                f'{float(replayed[row, column])!r}, but {float(recorded[start + row, column])!r} was recorded'
+            )
+        yield piece, weights, compensator
