@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
+from hdd_servo_ros.loop.certificate import certify, conditions
 from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.parameter_files import parse_ros_arguments, read_parameter_files
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulate import Simulation, simulate
-from hdd_servo_ros.studies.certificate import certify, conditions, main
+from hdd_servo_ros.studies.certificate import main
 
 T = 1e-4
 SECTION_4_4 = Path(__file__).parents[2] / 'params' / 'simulation_study.yaml'
@@ -76,8 +77,8 @@ DRIVES = st.fixed_dictionaries(
 )
 @settings(max_examples=30, deadline=None)
 def test_random_designs_keep_both_certificates(controller, drive, reference):
-    # A design that is too fast for the sample time may let V grow, as the laws hold r for a sample; the theorem is about
-    # continuous time, so that the bounds must hold once the samples are short.
+    # The laws hold r for a sample, so that V of a design too fast for it may grow. The theorem is about continuous
+    # time: its bounds must hold once the samples are short.
     for ticks in (15_000, 150_000):
         certificates, _ = run(ticks, controller, drive, reference, sample_time=0.15 / ticks)
         if not any(certificate.violations for certificate in certificates):
