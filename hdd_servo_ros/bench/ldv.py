@@ -266,7 +266,7 @@ class Ldv:
         self.update(parameters)
 
     def update(self, parameters: LdvParameters) -> None:
-        """Take other parameters from the next tick on; counts, filters and a drop-out under way go on."""
+        """Take other parameters from the next tick on; counts and what filters, noise and delay remember go on."""
         self.parameters = parameters
         constants = np.zeros(CONSTANTS)
         constants[DISPLACEMENT_GAIN] = 1.0 / parameters.displacement_scale
