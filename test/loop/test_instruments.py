@@ -43,6 +43,12 @@ def test_one_sample_of_delay(frequency, gains):
     assert found.rms_error < 1.5 * error('adaptive_nn', frequency, 12.0).rms_error
 
 
+def test_the_overlay_holds_where_the_effective_mass_learns_fastest():
+    """At 500 Hz, where the gains for no delay let m_hat burst in the late loop."""
+    assert error('adaptive_nn', 500.0, 20.0, gains=OVERLAY['adaptive_nn_controller']).rms_error < 15.0
+    assert error('adaptive_nn', 500.0, 20.0, gains=LATE).rms_error > 50.0
+
+
 def test_with_the_delay_the_pid_controller_needs_the_overlay():
     margins = LoopMargins(PlantParameters(), T)
     default, tuned = PidParameters(), OVERLAY['pid_controller']
