@@ -23,6 +23,7 @@ NODES = (
 )
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
 SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
+SCRIPTS += [f'report = {NAME}.reporting.report:main']
 
 
 def files(pattern):
@@ -34,7 +35,7 @@ setup(
     name=NAME,
     version=VERSION,
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'ros/localhost.xml']},
+    package_data={NAME: ['py.typed', 'reporting/page.html', 'ros/localhost.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -48,6 +49,7 @@ setup(
         'numba>=0.58',
         'rosbags>=0.10.11',
         'matplotlib>=3.6',
+        'plotly>=5.15',
         'PyYAML>=6.0.1',
         'tqdm>=4.64',
     ],
@@ -67,5 +69,9 @@ setup(
     maintainer_email='hdd_servo_ros@example.org',
     description='A hard disk drive servo bench as a deterministic ROS 2 node graph.',
     license='Apache-2.0',
-    entry_points={'console_scripts': SCRIPTS},
+    entry_points={
+        'console_scripts': SCRIPTS,
+        # Named as its module, so that `-p hdd_servo_ros.testing.plugin` and this are one plugin.
+        'pytest11': [f'{NAME}.testing.plugin = {NAME}.testing.plugin'],
+    },
 )

@@ -1,22 +1,19 @@
 """Real processes for the system tests: each test has its own ROS domain, and every process is ended by its pid."""
 
-import contextlib
-import fcntl
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import IO
 
 import pytest
 import yaml
 
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS
 from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.testing.domain import take_domain
 
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'
@@ -28,7 +25,6 @@ NODES = (
     'reference_generator',
     'deterministic_timer',
 )
-_DOMAINS = range(1, 101)
 
 
 class Process:
@@ -69,7 +65,7 @@ class Bench:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        self.domain, self._domain_lock = _take_domain()
+        self.domain, self._domain_lock = take_domain()
         self.processes: list[Process] = []
         self.environment = {
             **os.environ,
@@ -124,19 +120,6 @@ class Bench:
         self._domain_lock.close()
 
 
-def _take_domain() -> tuple[int, IO[str]]:
-    """Return a ROS domain that no other test of this machine uses, and the open file that keeps it."""
-    # Not always the lowest: what a killed process leaves behind in one domain should not meet every test.
-    start = os.getpid()
-    for domain in (_DOMAINS[(start + i) % len(_DOMAINS)] for i in range(len(_DOMAINS))):
-        # An OSError says that another test has it, perhaps another user's.
-        with contextlib.suppress(OSError):
-            lock = (Path(tempfile.gettempdir()) / f'hdd_servo_ros-test-domain-{domain}').open('w')
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return domain, lock
-    raise RuntimeError('every ROS domain is taken by another test')
-
-
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile the kernels before any test that starts processes: their time limits are for running, not for that."""
     if not any('bench' in getattr(item, 'fixturenames', ()) for item in session.items):
@@ -155,3 +138,17 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield made
     finally:
         made.end()
+
+
+@pytest.fixture(scope='session')
+def simulated() -> Callable[..., Path]:
+    """Record a run without middleware, in this process: ``simulated(directory, '-p', 'duration:=0.2', ...)``."""
+    from hdd_servo_ros.parameter_files import parse_ros_arguments
+    from hdd_servo_ros.simulate import Simulation, simulate
+
+    def run(directory: Path, *ros_arguments: str) -> Path:
+        arguments = ['--ros-args', '--params-file', str(DEFAULT), '-p', f'run_dir:={directory}', *ros_arguments]
+        assert simulate(Simulation(parse_ros_arguments(arguments)), progress=False)[0] == 0
+        return directory
+
+    return run

@@ -231,6 +231,8 @@ def step_response(
     """
     Return how the head answers the edges of a step or square reference.
 
+    A last edge of several is left out where the record ends before half the time between edges is over.
+
     Parameters
     ----------
     time, reference, position
@@ -254,10 +256,14 @@ def step_response(
     first = x_d[0] - x[0]
     if abs(first) > 0.1 * np.abs(heights).max(initial=0.0):
         rows, heights = np.append(0, rows), np.append(first, heights)
+    ends = np.append(rows[1:], len(x))
+    # The record may end just behind an edge, as a whole number of periods does.
+    if len(rows) > 1 and len(x) - rows[-1] < 0.5 * (rows[-1] - rows[-2]):
+        rows, heights, ends = rows[:-1], heights[:-1], ends[:-1]
     if not len(rows):
         raise ValueError('the reference has no edge')
     overshoot, settling, steady = (np.empty(len(rows)) for _ in range(3))
-    for place, (row, end, height) in enumerate(zip(rows, np.append(rows[1:], len(x)), heights, strict=True)):
+    for place, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
         error = x[row:end] - x_d[row]
         overshoot[place] = 100.0 * max(0.0, float((error / height).max()))
         outside = np.flatnonzero(np.abs(error) > band * abs(height))

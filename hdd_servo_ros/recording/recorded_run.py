@@ -5,7 +5,7 @@ import difflib
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from hdd_servo_ros.topics import (
     REFERENCE,
     VECTOR_TYPE,
 )
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.testing.checks import Checks
 
 PARAMETER_EVENTS = '/parameter_events'
 _TICK_TYPES = (CLOCK_TYPE, VECTOR_TYPE, ARRAY_TYPE)
@@ -407,6 +410,14 @@ class Run:
             if (change.node, change.name) == (full_name, name) and (tick is None or change.tick <= tick):
                 value = change.value
         return value
+
+    @property
+    def check(self) -> 'Checks':
+        """Assertions about the run, for tests; see ``docs/bag-assertions.md``."""
+        # Late, as this is the one thing here that draws: on failure.
+        from hdd_servo_ros.testing.checks import Checks
+
+        return Checks(self)
 
     # Decoding.
 

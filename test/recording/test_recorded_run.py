@@ -1,7 +1,5 @@
 """A run read in bulk is what an independent reader reads message by message."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import yaml
@@ -12,18 +10,15 @@ from rosbags.typesys import Stores, get_typestore
 
 import hdd_servo_ros
 from hdd_servo_ros import Run
-from hdd_servo_ros.parameter_files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
 from hdd_servo_ros.recording.run_recorder import RunRecorder
-from hdd_servo_ros.simulate import Simulation, simulate
 from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import LOOP_TOPICS
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 TICKS = Ticks(1e-4)
 COUNT = 2001
-DEFAULT = str(Path(__file__).parents[2] / 'params' / 'seagate_7200_10.yaml')
 ARGUMENTS = {
     'mcap': [],
     'sqlite3': ['-p', 'storage:=sqlite3'],
@@ -32,21 +27,10 @@ ARGUMENTS = {
 
 
 @pytest.fixture(scope='module', params=ARGUMENTS)
-def directory(request, tmp_path_factory):
+def directory(request, simulated, tmp_path_factory):
     """A run of 0.2 s, recorded in each way."""
     path = tmp_path_factory.mktemp('runs') / request.param
-    given = [
-        '--ros-args',
-        '--params-file',
-        DEFAULT,
-        '-p',
-        f'run_dir:={path}',
-        '-p',
-        'duration:=0.2',
-        *ARGUMENTS[request.param],
-    ]
-    assert simulate(Simulation(parse_ros_arguments(given)), progress=False)[0] == 0
-    return path
+    return simulated(path, '-p', 'duration:=0.2', *ARGUMENTS[request.param])
 
 
 def test_every_array_is_what_an_independent_reader_reads(directory):

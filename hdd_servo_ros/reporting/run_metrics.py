@@ -1,0 +1,180 @@
+"""The figures that a report gives of a run, from its bag."""
+
+import dataclasses
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from hdd_servo_ros.drive.misregistration import misregistration_from_spectrum
+from hdd_servo_ros.loop.metrics import (
+    control_effort,
+    is_stepwise,
+    loop_area,
+    power_spectral_density,
+    repeatable_parts,
+    step_response,
+    tracking_metrics,
+)
+from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.reporting.summary import transient_of
+
+REFERENCE_GENERATOR = 'reference_generator'
+
+
+@dataclasses.dataclass(frozen=True)
+class Metric:
+    """One figure of a run."""
+
+    name: str
+    label: str
+    value: float
+    unit: str
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit as it is written for people."""
+    return unit.replace('um', 'µm')
+
+
+def reference_period(run: Run) -> float | None:
+    """Return the period of the reference at the end of the run [samples], None if it is not periodic or not known."""
+    if not run.description:
+        return None
+
+    def said(name: str) -> Any:
+        return run.parameter(REFERENCE_GENERATOR, name)
+
+    try:
+        waveform, frequency = said('waveform'), float(said('frequency'))
+        if waveform == 'multisine':
+            ratios = [Fraction(ratio).limit_denominator(1000) for ratio in said('component_frequencies') if ratio > 0.0]
+            # The greatest common divisor of fractions.
+            frequency *= math.gcd(*(ratio.numerator for ratio in ratios)) / math.lcm(
+                *(ratio.denominator for ratio in ratios)
+            )
+        elif waveform not in ('sine', 'square'):
+            return None
+    except LookupError:
+        # A reference from a node that is not ours.
+        return None
+    return 1.0 / (frequency * run.sample_time) if frequency > 0.0 else None
+
+
+def steady_start(run: Run, after: float | None = None) -> int:
+    """
+    Return the row from which the run counts as steady.
+
+    Parameters
+    ----------
+    run
+        The run.
+    after
+        Time before which nothing counts [s]; None for the first half of the run, 2 s at most.
+    """
+    start = run.since(transient_of(run.duration) if after is None else after).start
+    changes = [change.tick for change in run.parameter_changes if change.node.endswith(f'/{REFERENCE_GENERATOR}')]
+    # A reference that was changed later starts anew then.
+    return max(start, int(np.searchsorted(run.ticks, changes[-1]))) if changes and after is None else int(start)
+
+
+def run_metrics(run: Run, after: float | None = None) -> list[Metric]:
+    """
+    Return the metrics of a run; those that its reference or its topics do not allow are left out.
+
+    Parameters
+    ----------
+    run
+        The run.
+    after
+        As of :func:`steady_start`.
+
+    Raises
+    ------
+    ValueError
+        If nothing lies after that time.
+    """
+    start = steady_start(run, after)
+    if start >= len(run.ticks):
+        raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
+    found: list[Metric] = []
+    if 'head' in run and 'reference' in run:
+        found += _tracking(run, start)
+        if is_stepwise(run.desired_position):
+            found += _steps(run)
+    if 'control' in run:
+        found += _control(run, start)
+    return found
+
+
+def _tracking(run: Run, start: int) -> list[Metric]:
+    unit, factor = run.error_unit, run.error_factor
+    control = run.command if 'control' in run else np.zeros(len(run.ticks))
+    tracking = tracking_metrics(
+        run.time, run.desired_position, run.position, control, transient=float(run.time[start]), unit=factor
+    )
+    error = factor * run.error[start:]
+    found = [
+        Metric('rms_error', 'rms error', tracking.rms_error, unit),
+        Metric('max_error', 'max error', tracking.max_error, unit),
+        Metric('mean_error', 'mean error', tracking.mean_error, unit),
+        Metric('tmr', 'TMR, 3 sigma', tracking.tmr, unit),
+    ]
+    if len(error) > 2:
+        tmr = misregistration_from_spectrum(*power_spectral_density(error, run.sample_time))
+        found.append(Metric('tmr_of_spectrum', 'TMR from the spectrum', tmr, unit))
+    period = reference_period(run)
+    if period is not None and len(error) >= 2.0 * period:
+        try:
+            parts = repeatable_parts(error, period)
+        except ValueError:
+            # A frequency for which many periods make a whole number of samples, in a short run.
+            return found
+        found.append(Metric('repeatable_error', 'repeatable error, rms', parts.repeatable_rms, unit))
+        found.append(Metric('non_repeatable_error', 'non-repeatable error, rms', parts.non_repeatable_rms, unit))
+    return found
+
+
+def _steps(run: Run) -> list[Metric]:
+    try:
+        response = step_response(run.time, run.desired_position, run.position)
+    except ValueError:
+        # A reference that stands still.
+        return []
+    worst, median = response.worst(), response.median()
+    found = [Metric('edges', 'edges of the reference', float(len(response)), '')]
+    for name, label, unit, factor in (
+        ('overshoot', 'overshoot', '%', 1.0),
+        ('settling_time', '2 % settling time', 'ms', 1e3),
+        ('steady_error', 'steady error', run.error_unit, run.error_factor),
+    ):
+        found.append(Metric(f'worst_{name}', f'{label}, worst', factor * worst[name], unit))
+        if len(response) > 1:
+            found.append(Metric(f'median_{name}', f'{label}, median', factor * median[name], unit))
+    return found
+
+
+def _control(run: Run, start: int) -> list[Metric]:
+    unit = run.control_unit
+    effort = control_effort(run.command[start:])
+    seconds = max(len(run.command) - 1 - start, 1) * run.sample_time
+    found = [
+        Metric('peak_control', 'peak control, whole run', float(np.abs(run.command).max()), unit),
+        Metric('rms_control', 'rms control', effort.rms, unit),
+        Metric('control_variation', 'variation of the control', effort.total_variation / seconds, f'{unit}/s'),
+    ]
+    period = reference_period(run)
+    waveform = None if period is None else run.parameter(REFERENCE_GENERATOR, 'waveform')
+    if waveform == 'sine' and period is not None and 'head' in run:
+        samples = Fraction(period).limit_denominator(1000)
+        cycles = (len(run.ticks) - start) // samples.numerator * samples.denominator
+        if cycles:
+            rows = slice(len(run.ticks) - cycles // samples.denominator * samples.numerator, None)
+            area_unit = f'{run.length_unit} {unit}'
+            for name, label, force in (
+                ('control_loop_area', 'area of the control over the position', run.command[rows]),
+                ('feedback_loop_area', "area of the control's feedback part", run.feedback[rows]),
+            ):
+                found.append(Metric(name, label, loop_area(run.position[rows], force, cycles), area_unit))
+    return found

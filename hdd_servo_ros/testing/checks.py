@@ -1,0 +1,274 @@
+"""What a test may ask of a run; a failed check tells value, limit and tick, and leaves a picture."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.loop.metrics import rms, step_response
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.recording.recorded_run import Run
+
+plot_directory: Path | None = None
+"""Where pictures of failed checks go; None for the run's own folder. The pytest plugin sets it."""
+
+_CLOSE_UP_ROWS = 250
+_BUCKETS = 2000
+
+
+class CheckFailed(AssertionError):
+    """A run is not what a test asks for."""
+
+
+class Checks:
+    """
+    Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
+
+    Errors are those of the head's true position, in ``run.error_unit``: nm for a drive in um. Times are in s.
+
+    Parameters
+    ----------
+    run
+        The run.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+
+    # How the run went.
+
+    def finished(self) -> Checks:
+        """Assert that the run came to its planned end, with every sample of every topic."""
+        __tracebackhide__ = True
+        run = self._run
+        if run.status != 'finished':
+            raise CheckFailed(f'run {run.status}{f": {run.reason}" if run.reason else ""}\n{self._where()}')
+        planned = run.description.get('last_tick_planned')
+        return self.samples(None if planned is None else planned + 1)
+
+    def samples(self, count: int | None = None) -> Checks:
+        """Assert that every topic of the loop holds ``count`` messages, of ticks 0 to count - 1; None: as the last."""
+        __tracebackhide__ = True
+        run = self._run
+        wanted = run.last_tick + 1 if count is None else count
+        for topic, found in run.counts.items():
+            if found != wanted:
+                raise CheckFailed(f'{topic} has {found} messages, {wanted} are expected\n{self._where()}')
+            run[topic]  # refuses stamps that are not those of the ticks
+        gaps = np.flatnonzero(run.ticks != np.arange(len(run.ticks)))
+        if len(gaps):
+            raise CheckFailed(f'tick {gaps[0]} is missing: tick {run.ticks[gaps[0]]} is in its place\n{self._where()}')
+        return self
+
+    def parameter(self, node: str, name: str, equals: Any, tick: int | None = None) -> Checks:
+        """Assert that a parameter had a value at a tick, the last one if None; see :meth:`Run.parameter`."""
+        __tracebackhide__ = True
+        value = self._run.parameter(node, name, tick)
+        expected = list(equals) if isinstance(equals, tuple) else equals
+        if value != expected:
+            at = self._run.last_tick if tick is None else tick
+            since = [
+                change.tick
+                for change in self._run.parameter_changes
+                if change.node.endswith(node) and change.name == name and change.tick <= at
+            ]
+            origin = f'changed at tick {since[-1]}' if since else 'from the start'
+            raise CheckFailed(f'{node} {name} is {value!r} at tick {at} ({origin}), not {equals!r}\n{self._where()}')
+        return self
+
+    # Errors and signals.
+
+    def rms_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
+        """Assert the root mean square of the tracking error between two times."""
+        __tracebackhide__ = True
+        error, rows = self._error(after, before)
+        return self._compare('rms error', rms(error[rows]), at_most, self._run.error_unit, 'error', error, rows)
+
+    def max_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
+        """Assert the largest magnitude of the tracking error between two times."""
+        __tracebackhide__ = True
+        error, rows = self._error(after, before)
+        value = float(np.abs(error[rows]).max())
+        return self._compare('max error', value, at_most, self._run.error_unit, 'error', error, rows)
+
+    def mean_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
+        """Assert the magnitude of the mean of the tracking error between two times."""
+        __tracebackhide__ = True
+        error, rows = self._error(after, before)
+        value = abs(float(error[rows].mean()))
+        return self._compare('magnitude of the mean error', value, at_most, self._run.error_unit, 'error', error, rows)
+
+    def peak_control(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
+        """Assert the largest magnitude of the command between two times."""
+        __tracebackhide__ = True
+        return self.bounded('command', at_most, after, before)
+
+    def bounded(self, signal: str, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
+        """
+        Assert that a signal is finite and its magnitude within a bound between two times.
+
+        Parameters
+        ----------
+        signal
+            ``error``, ``position``, ``command``, ``feedback``, the name of an estimate such as ``m_hat``, or a topic
+            with a column, such as ``head.y``. The error counts in ``run.error_unit``, all else in the topic's unit.
+        at_most
+            The bound.
+        after, before
+            Between which times [s] it must hold; ``before`` is None for the end of the run.
+
+        Raises
+        ------
+        LookupError
+            If the run has no such signal.
+        """
+        __tracebackhide__ = True
+        values, unit = self._signal(signal)
+        rows = self._rows(after, before)
+        value = float(np.abs(values[rows]).max()) if np.isfinite(values[rows]).all() else math.inf
+        return self._compare(f'largest |{signal}|', value, at_most, unit, signal, values, rows)
+
+    # Steps.
+
+    def overshoot(self, at_most: float) -> Checks:
+        """Assert the overshoot of the worst edge of a step or square reference [% of its height]."""
+        __tracebackhide__ = True
+        return self._compare_edges('overshoot', at_most, '%', 1.0)
+
+    def settling_time(self, at_most: float, band: float = 0.02) -> Checks:
+        """Assert the time [s] after which the worst edge stays within ``band`` times its height."""
+        __tracebackhide__ = True
+        return self._compare_edges('settling_time', at_most, 's', 1.0, band)
+
+    def steady_error(self, at_most: float) -> Checks:
+        """Assert the mean error over the last half of what follows the worst edge."""
+        __tracebackhide__ = True
+        return self._compare_edges('steady_error', at_most, self._run.error_unit, self._run.error_factor)
+
+    # How it is done.
+
+    def _rows(self, after: float, before: float | None) -> slice:
+        rows = self._run.since(after)
+        end = len(self._run.ticks) if before is None else self._run.since(before).start
+        if rows.start >= end:
+            until = self._run.duration if before is None else before
+            raise ValueError(
+                f'{self._run.path}: no tick between {after:g} s and {until:g} s; it ends at {self._run.duration:g} s'
+            )
+        return slice(rows.start, end)
+
+    def _error(self, after: float, before: float | None) -> tuple[NDArray[np.float64], slice]:
+        return self._run.error_factor * self._run.error, self._rows(after, before)
+
+    def _signal(self, name: str) -> tuple[NDArray[np.float64], str]:
+        run = self._run
+        if name == 'error':
+            return run.error_factor * run.error, run.error_unit
+        units = {'position': run.length_unit, 'command': run.control_unit, 'feedback': run.control_unit}
+        if name in units:
+            return getattr(run, name), units[name]
+        topic, _, column = name.partition('.')
+        if topic in run and column in ('x', 'y', 'z'):
+            return run[topic][:, 'xyz'.index(column)], ''
+        if 'estimates' in run and name in run.estimates:
+            return run.estimates[name], ''
+        known = ['error', *units, *(run.estimates if 'estimates' in run else ()), 'head.x']
+        raise LookupError(f'{run.path}: no signal {name!r}; there are {", ".join(known)} and so on')
+
+    def _compare(
+        self, what: str, value: float, at_most: float, unit: str, signal: str, values: NDArray[np.float64], rows: slice
+    ) -> Checks:
+        __tracebackhide__ = True
+        if value <= at_most:
+            return self
+        run, part = self._run, values[rows]
+        bad = np.flatnonzero(~np.isfinite(part))
+        row = (rows.start or 0) + int(bad[0] if len(bad) else np.abs(part).argmax())
+        plot = self._plot(what, signal, unit, values, at_most, row)
+        raise CheckFailed(
+            f'{what} is {_text(value, unit)}, above {_text(at_most, unit)}, '
+            f'from {run.time[rows][0]:g} to {run.time[rows][-1]:g} s; '
+            f'{signal} is largest at tick {run.ticks[row]} ({run.time[row]:g} s): {_text(values[row], unit)}\n'
+            f'{self._where()}\nplot: {plot}'
+        )
+
+    def _compare_edges(self, name: str, at_most: float, unit: str, factor: float, band: float = 0.02) -> Checks:
+        __tracebackhide__ = True
+        run = self._run
+        response = step_response(run.time, run.desired_position, run.position, band)
+        values = factor * np.abs(getattr(response, name))
+        worst = int(values.argmax())
+        if values[worst] <= at_most:
+            return self
+        row, what = int(response.row[worst]), name.replace('_', ' ')
+        height = _text(response.height[worst], run.length_unit)
+        plot = self._plot(what, 'position', run.length_unit, run.position, None, row, run.desired_position)
+        raise CheckFailed(
+            f'{what} is {_text(values[worst], unit)}, above {_text(at_most, unit)}, after the edge of {height} at tick '
+            f'{run.ticks[row]} ({run.time[row]:g} s), {worst + 1} of {len(values)}; '
+            f'the median of all is {_text(float(np.median(values)), unit)}\n'
+            f'{self._where()}\nplot: {plot}'
+        )
+
+    def _where(self) -> str:
+        run = self._run
+        return f'run: {run.path} ({run.controller} on {run.frame_id}, {run.status})'
+
+    def _plot(
+        self,
+        what: str,
+        name: str,
+        unit: str,
+        values: NDArray[np.float64],
+        limit: float | None,
+        row: int,
+        reference: NDArray[np.float64] | None = None,
+    ) -> Path:
+        """Draw the signal, whole and about a row, and return the picture's path."""
+        # Late: only a test that fails waits for matplotlib.
+        from hdd_servo_ros.reporting.decimation import rows_to_draw
+        from hdd_servo_ros.reporting.panels import COLOURS, GREY, Panel, Trace, run_name
+        from hdd_servo_ros.reporting.picture import write_picture
+
+        run = self._run
+        panels = []
+        nearby = np.arange(max(0, row - _CLOSE_UP_ROWS), min(len(values), row + _CLOSE_UP_ROWS))
+        for title, shown in (('whole run', rows_to_draw(values, _BUCKETS)), (f'about tick {run.ticks[row]}', nearby)):
+            time = run.time[shown]
+            traces = [] if reference is None else [Trace('reference', time, reference[shown], GREY, wide=True)]
+            traces.append(Trace(name, time, values[shown], COLOURS[0]))
+            if limit is not None:
+                ends = time[[0, -1]]
+                label = f'limit {limit:g} {unit}'
+                traces += [Trace(label, ends, np.full(2, sign * limit), COLOURS[1]) for sign in (1.0, -1.0)]
+            traces.append(Trace('this tick', run.time[[row]], values[[row]], COLOURS[3], marked=True))
+            panels.append(Panel(name, title, 'time [s]', f'{name} [{unit}]' if unit else name, tuple(traces)))
+        stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'
+        path = _free_path(plot_directory or run.path, stem)
+        write_picture(panels, f'{what}: {run_name(run)}', path)
+        return path
+
+
+def _text(value: float, unit: str) -> str:
+    return f'{value:.4g} {unit}'.rstrip()
+
+
+def _free_path(directory: Path, stem: str) -> Path:
+    """Return a name for a picture that is not taken, in the directory or, if it cannot be written, elsewhere."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+    except OSError:
+        directory = Path(tempfile.mkdtemp(prefix='hdd_servo_ros-'))
+    path, number = directory / f'{stem}.png', 1
+    while path.exists():
+        number += 1
+        path = directory / f'{stem}-{number}.png'
+    return path

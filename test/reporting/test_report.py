@@ -1,0 +1,193 @@
+"""What a report says is what the bag holds, and its page needs nothing but itself."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import matplotlib.image
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+import yaml
+
+from hdd_servo_ros import Run
+from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.cdr import VectorCodec
+from hdd_servo_ros.reporting.panels import comparison_panels, run_panels
+from hdd_servo_ros.reporting.report import main
+from hdd_servo_ros.reporting.run_metrics import reference_period, run_metrics
+from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.topics import HEAD, REFERENCE
+
+LARGEST_PAGE = 6_000_000
+
+
+@pytest.fixture(scope='module')
+def runs(simulated, tmp_path_factory):
+    """A sine under two controllers, and a square wave."""
+    directory = tmp_path_factory.mktemp('runs')
+    arguments = {
+        'nn': ['-p', 'duration:=1.0'],
+        'pid': ['-p', 'duration:=0.5', '-p', 'controller:=pid', '-r', '__ns:=/bench1'],
+        'square': ['-p', 'duration:=0.2', '-p', 'waveform:=square', '-p', 'frequency:=20.0'],
+    }
+    return {name: simulated(directory / name, *given) for name, given in arguments.items()}
+
+
+def numbers(coded):
+    """Return what the page's own script makes of coded samples."""
+    kind = '<i4' if 'i4' in coded else '<f4'
+    values = np.frombuffer(base64.b64decode(coded[kind[1:]]), kind).astype(float)
+    return values * coded.get('scale', 1.0)
+
+
+def figures(page):
+    coded = json.loads(re.search(r'^const figures = (.*);$', page, re.MULTILINE).group(1))
+    for figure in coded:
+        for line in figure['data']:
+            line['x'], line['y'] = numbers(line['x']), numbers(line['y'])
+    return coded
+
+
+class References(HTMLParser):
+    """Collects whatever a page would load, and the text of its cells."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.loaded, self.cells, self.open = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.open.append(tag)
+        self.loaded += [value for name, value in attributes if name in ('src', 'href', 'srcset', 'data', 'action')]
+        if tag in ('link', 'img', 'iframe', 'object'):
+            self.loaded.append(tag)
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ('td', 'th'):
+            self.cells.append(data)
+
+
+def test_a_report_of_one_run(runs, tmp_path, capsys):
+    assert main([str(runs['nn']), '--output', str(tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out
+    run = Run.open(runs['nn'])
+    late = run.time >= 0.5 - 1e-9
+    rms = 1e3 * np.sqrt(np.mean(run.error[late] ** 2))
+
+    content = yaml.safe_load((tmp_path / 'out' / 'metrics.yaml').read_text())
+    assert content['errors_from'] == 0.5
+    assert content['metrics']['rms_error'] == {'value': pytest.approx(rms), 'unit': 'nm'}
+    assert f'{rms:.4g}' in said
+    assert matplotlib.image.imread(tmp_path / 'out' / 'report.png').shape[1] == 1300
+
+    page = (tmp_path / 'out' / 'report.html').read_text('utf8')
+    assert len(page.encode()) < LARGEST_PAGE
+    parsed = References(page)
+    assert parsed.loaded == []
+    assert f'{rms:.4g} nm' in parsed.cells
+    assert 'error_filter_lambda' in parsed.cells
+    assert 'url(' not in page.split('<script>')[0]
+
+    time_figure, *others = figures(page)
+    for figure in (time_figure, *others):
+        go.Figure(figure)  # refuses a property that plotly does not know
+    lines = {line['name']: line for line in time_figure['data']}
+    assert {'reference', 'head', 'total', 'feedback part'} < lines.keys()
+    head = lines['head']
+    rows = np.rint(head['x'] / 1e-4).astype(int)
+    np.testing.assert_array_equal(head['y'], run.position[rows].astype(np.float32))
+    assert (rows[0], rows[-1]) == (0, run.last_tick)
+    assert {*range(500), *range(len(run.ticks) - 500, len(run.ticks))} <= {*rows.tolist()}
+    error = next(line for line in time_figure['data'] if line['yaxis'] == 'y2')
+    assert np.abs(error['y']).max() == np.float32(1e3 * np.abs(run.error).max())
+    spectrum = others[0]['data'][0]
+    assert spectrum['x'][np.argmax(spectrum['y'])] == pytest.approx(300.0, abs=3.0)  # friction's third harmonic
+    assert others[1]['layout']['annotations'][0]['text'] == '<b>Hysteresis, last periods</b>'
+
+
+def test_a_run_is_reported_in_its_own_folder(runs):
+    assert main([str(runs['square']), '--after', '0.1']) == 0
+    assert yaml.safe_load((runs['square'] / 'metrics.yaml').read_text())['errors_from'] == 0.1
+    page = (runs['square'] / 'report.html').read_text('utf8')
+    edges = figures(page)[2]
+    assert edges['layout']['annotations'][0]['text'] == '<b>Answers to the edges</b>'
+    assert len(edges['data']) == 8
+
+
+def test_several_runs_are_compared(runs, tmp_path, capsys):
+    assert main([str(runs['nn']), str(runs['pid'] / 'bag'), '--output', str(tmp_path)]) == 0
+    head, *lines = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith(' '))
+    assert head == ['nn', 'pid']
+    assert ['controller', 'adaptive_nn', 'pid'] in lines
+    assert (tmp_path / 'pid' / 'report.html').is_file()
+    assert (tmp_path / 'comparison.png').is_file()
+    time_figure, *others = figures((tmp_path / 'comparison.html').read_text('utf8'))
+    assert [line['name'] for line in time_figure['data']] == ['nn', 'pid', 'nn', 'pid']
+    titles = [figure['layout']['annotations'][0]['text'] for figure in others]
+    assert titles[:2] == ['<b>Tracking error, last periods</b>', '<b>Control, last periods</b>']
+    # The last periods of the shorter run, sample by sample, of both.
+    for line in others[0]['data']:
+        assert line['x'][[0, -1]].tolist() == pytest.approx([0.47, 0.5])
+        assert len(line['x']) == 301
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['nowhere'], 'report: nowhere is neither a run folder nor a closed bag'),
+        (['{nn}', '--after', '3'], 'nothing after 3.0 s: the run ends at 1 s'),
+        (['{nn}', '{study}'], 'runs in different units cannot be compared'),
+        (['{nn}', '--output', '{file}'], 'report: '),
+    ],
+)
+def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, arguments, words):
+    (tmp_path / 'file').write_text('')
+    names = {**runs, 'file': tmp_path / 'file'}
+    if '{study}' in arguments:
+        names['study'] = simulated(tmp_path / 'study', '-p', 'duration:=0.1', '-p', 'length_unit:=m')
+    assert main([argument.format(**names) for argument in arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_metrics_of_a_square_wave(runs):
+    found = {metric.name: metric for metric in run_metrics(Run.open(runs['square']))}
+    # Eight edges of 25 ms; the one at the very end of the record has no answer.
+    assert found['edges'].value == 8
+    assert found['worst_steady_error'].value >= found['median_steady_error'].value > 0.0
+    assert 'control_loop_area' not in found
+
+
+def test_a_bag_of_another_recorder_with_two_topics(tmp_path):
+    """Without run.yaml, without /control and /estimates: what can be said is said."""
+    writer = BagWriter(
+        tmp_path / 'bag', 'mcap', [(f'/x/{topic.name}', topic.type_name, 10) for topic in (REFERENCE, HEAD)], {}
+    )
+    codec, ticks = VectorCodec('drive'), Ticks(1e-3)
+    for tick in range(1000):
+        for place, x in enumerate((0.0, 0.02)):
+            writer.write((place,), (10**9 + tick,), (codec.pack(ticks.stamp(tick), x, 0.0, 0.0),))
+    writer.close()
+    run = Run.open(tmp_path / 'bag')
+    found = {metric.name: metric.value for metric in run_metrics(run)}
+    assert found['rms_error'] == pytest.approx(20.0)
+    assert not {'peak_control', 'repeatable_error'} & found.keys()
+    assert [panel.name for panel in run_panels(run)][:3] == ['tracking', 'error', 'spectrum']
+    assert [panel.name for panel in comparison_panels([run, run])] == ['error', 'spectrum']
+    assert main([str(tmp_path / 'bag'), '--output', str(tmp_path / 'out')]) == 0
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'samples'),
+    [
+        ({'waveform': 'sine', 'frequency': 150.0}, 10_000 / 150.0),
+        ({'waveform': 'multisine', 'frequency': 100.0, 'component_frequencies': [1.5, 2.0]}, 200.0),
+        ({'waveform': 'chirp', 'frequency': 100.0}, None),
+        ({'waveform': 'sine', 'frequency': 0.0}, None),
+    ],
+)
+def test_period_of_the_reference(runs, parameters, samples):
+    run = Run.open(runs['nn'])
+    run.description['nodes']['/reference_generator']['parameters'].update(parameters)
+    assert reference_period(run) == (samples if samples is None else pytest.approx(samples))

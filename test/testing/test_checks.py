@@ -1,0 +1,161 @@
+"""A check passes at its limit, fails below it, and then tells value, limit and tick, and leaves a picture."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros import Run
+from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.testing import checks
+from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.topics import LOOP_TOPICS
+
+T = 1e-4
+TICKS = Ticks(T)
+COUNT = 1001
+
+
+def record(path, position, reference=None, *, planned=COUNT - 1, ended=('finished', ''), estimate=0.0):
+    """Record a run with a given head position [um]; the command is a tenth of it [V]."""
+    nodes = {'/pid_controller': {'outputs': ['/control'], 'parameters': {'kp': 1.5, 'weights': [1.0, 2.0]}}}
+    description = {'sample_time': T, 'last_tick_planned': planned, 'frame_id': 'drive', 'nodes': nodes}
+    topics = [(topic, f'/{topic.name}') for topic in LOOP_TOPICS]
+    recorder = RunRecorder(str(path), 'mcap', topics, description, separate_process=False)
+    vector, array = VectorCodec('drive'), ArrayCodec(['t', 'm_hat'])
+    for tick, x in enumerate(position):
+        stamp = TICKS.stamp(tick)
+        x_d = 0.0 if reference is None else reference[tick]
+        messages = [
+            ClockCodec.pack(stamp),
+            vector.pack(stamp, x_d, 0.0, 0.0),
+            vector.pack(stamp, x, 2.0 * x, 0.0),
+            vector.pack(stamp, 0.0, 0.0, 0.0),
+            vector.pack(stamp, 0.1 * x, 0.1 * x, 0.05 * x),
+            array.pack([tick * T, estimate]),
+        ]
+        recorder.write_tick(tick, TICKS.nanoseconds(tick), messages)
+    recorder.finish(*ended)
+    return Run.open(path)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """An error of 3 nm, but for -50 nm at tick 100 and 8 nm at tick 700."""
+    position = np.full(COUNT, 0.003)
+    position[100], position[700] = -0.050, 0.008
+    return record(tmp_path / 'run', position)
+
+
+def failure(check, *arguments, **options):
+    """Return the message of a check that fails, and the picture that it leaves."""
+    with pytest.raises(AssertionError) as caught:
+        check(*arguments, **options)
+    text = str(caught.value)
+    plot = re.search(r'^plot: (.+)$', text, re.MULTILINE)
+    return text, None if plot is None else Path(plot.group(1))
+
+
+def test_checks_that_hold_can_be_chained(run):
+    rms_after = np.sqrt((500 * 9.0 + 64.0) / 501)
+    checked = (
+        run.check.finished()
+        .samples(COUNT)
+        .rms_error(at_most=rms_after * (1 + 1e-12), after=0.05)
+        .max_error(at_most=8.0 + 1e-9, after=0.0101)
+        .max_error(at_most=3.0 + 1e-9, before=0.01)
+        .mean_error(at_most=3.1)
+        .peak_control(at_most=0.005 + 1e-12)
+        .bounded('head.y', at_most=0.1)
+        .bounded('m_hat', at_most=0.0)
+        .bounded('feedback', at_most=0.0025 + 1e-12)
+        .parameter('pid_controller', 'kp', 1.5)
+        .parameter('/pid_controller', 'weights', (1.0, 2.0), tick=0)
+    )
+    assert isinstance(checked, checks.Checks)
+    assert list(run.path.glob('*.png')) == []
+
+
+def test_a_failed_check_tells_value_limit_and_tick_and_leaves_a_picture(run):
+    text, plot = failure(run.check.max_error, at_most=7.0, after=0.05)
+    assert 'max error is 8 nm, above 7 nm, from 0.05 to 0.1 s; error is largest at tick 700 (0.07 s): 8 nm' in text
+    assert f'run: {run.path} (pid on drive, finished)' in text
+    assert plot.parent == run.path
+    assert plot.read_bytes().startswith(b'\x89PNG')
+    again = failure(run.check.max_error, at_most=7.0, after=0.05)[1]
+    assert again != plot
+
+
+@pytest.mark.parametrize(
+    ('name', 'options', 'words'),
+    [
+        ('rms_error', {'at_most': 2.9}, ['rms error is 3.', 'above 2.9 nm', 'tick 100 (0.01 s): -50 nm']),
+        ('mean_error', {'at_most': 2.9}, ['magnitude of the mean error is 2.952 nm, above 2.9 nm']),
+        ('peak_control', {'at_most': 0.004}, ['largest |command| is 0.005 V, above 0.004 V', 'tick 100', '-0.005 V']),
+    ],
+)
+def test_what_other_checks_say(run, name, options, words):
+    text, plot = failure(getattr(run.check, name), **options)
+    for word in words:
+        assert word in text
+    assert plot.is_file()
+
+
+def test_what_is_not_finite_is_not_bounded(tmp_path):
+    run = record(tmp_path / 'run', np.zeros(10), estimate=np.nan)
+    text, _ = failure(run.check.bounded, 'm_hat', at_most=1.0)
+    assert 'largest |m_hat| is inf, above 1, ' in text
+    assert 'at tick 0 (0 s): nan' in text
+
+
+def test_a_run_that_did_not_finish(tmp_path):
+    run = record(tmp_path / 'a', np.zeros(11), planned=10, ended=('failed', 'ldv: expected tick 11'))
+    assert 'run failed: ldv: expected tick 11' in failure(run.check.finished)[0]
+    short = record(tmp_path / 'b', np.zeros(10), planned=10)
+    assert 'clock has 10 messages, 11 are expected' in failure(short.check.finished)[0]
+    short.check.samples()
+    assert 'reference has 10' not in failure(short.check.samples, 9)[0]
+
+
+def test_a_parameter_that_is_another(run):
+    assert (
+        'pid_controller kp is 1.5 at tick 1000 (from the start), not 2.0'
+        in failure(run.check.parameter, 'pid_controller', 'kp', 2.0)[0]
+    )
+
+
+def test_steps(tmp_path):
+    reference = np.where(np.arange(COUNT) // 250 % 2 == 0, 1.0, -1.0)
+    position = reference.copy()
+    position[0] = 0.0
+    position[250:290] = 0.0  # 4 ms late
+    position[500] = 1.2  # 10 % of the height beyond
+    position[900:1000] = -0.99  # 10 nm beside
+    run = record(tmp_path / 'run', position, reference)
+    run.check.overshoot(at_most=10.1).settling_time(at_most=0.0041).steady_error(at_most=8.1)
+    text, plot = failure(run.check.settling_time, at_most=0.003)
+    assert 'settling time is 0.004 s, above 0.003 s, after the edge of -2 um at tick 250 (0.025 s), 2 of 4' in text
+    assert 'the median of all is' in text
+    assert plot.is_file()
+    assert 'overshoot is 10 %, above 5 %, after the edge of 2 um at tick 500' in failure(run.check.overshoot, 5.0)[0]
+    assert 'steady error is 8 nm, above 7 nm' in failure(run.check.steady_error, 7.0)[0]
+
+
+def test_pictures_go_where_they_are_wanted(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(checks, 'plot_directory', tmp_path / 'plots' / 'new')
+    plot = failure(run.check.rms_error, at_most=1.0)[1]
+    assert plot == tmp_path / 'plots' / 'new' / 'run-rms_error.png'
+    (tmp_path / 'a file').write_text('')
+    monkeypatch.setattr(checks, 'plot_directory', tmp_path / 'a file')
+    assert failure(run.check.rms_error, at_most=1.0)[1].is_file()
+
+
+def test_questions_that_make_no_sense(run):
+    with pytest.raises(LookupError, match=r"no signal 'm_cap'; there are error, .*m_hat"):
+        run.check.bounded('m_cap', at_most=1.0)
+    with pytest.raises(ValueError, match='no tick between 1 s and '):
+        run.check.rms_error(at_most=1.0, after=1.0)
+    with pytest.raises(ValueError, match='has no edge'):
+        record(run.path.parent / 'still', np.zeros(10)).check.overshoot(at_most=1.0)
