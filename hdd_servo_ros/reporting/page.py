@@ -32,7 +32,7 @@ def write_page(
     table: tuple[Sequence[str], Sequence[Sequence[str]]],
     panels: Sequence[Panel],
     sample_time: float,
-    details: Mapping[str, Sequence[tuple[str, str]]],
+    details: Mapping[str, Sequence[Sequence[str]]],
 ) -> None:
     """
     Write the page.
@@ -50,7 +50,7 @@ def write_page(
     sample_time
         T [s], the step of the times.
     details
-        Tables of two columns behind the diagrams, each folded away under its title.
+        Tables behind the diagrams, each folded away under its title.
     """
     template = string.Template((files(__package__) / 'page.html').read_text('utf8'))
     text = template.substitute(
@@ -140,13 +140,16 @@ def _base64(values: NDArray[np.float64], kind: str) -> str:
 
 def _table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     cells = ''.join(f'<th>{html.escape(text)}</th>' for text in head)
-    rows = ''.join(
+    return f'<table class="metrics"><thead><tr>{cells}</tr></thead><tbody>{_rows(lines)}</tbody></table>'
+
+
+def _details(name: str, lines: Sequence[Sequence[str]]) -> str:
+    return f'<details><summary>{html.escape(name)}</summary><table>{_rows(lines)}</table></details>'
+
+
+def _rows(lines: Sequence[Sequence[str]]) -> str:
+    """Return the lines of a table; the first cell of each names it."""
+    return ''.join(
         f'<tr><th>{html.escape(line[0])}</th>{"".join(f"<td>{html.escape(text)}</td>" for text in line[1:])}</tr>'
         for line in lines
     )
-    return f'<table class="metrics"><thead><tr>{cells}</tr></thead><tbody>{rows}</tbody></table>'
-
-
-def _details(name: str, lines: Sequence[tuple[str, str]]) -> str:
-    rows = ''.join(f'<tr><th>{html.escape(key)}</th><td>{html.escape(value)}</td></tr>' for key, value in lines)
-    return f'<details><summary>{html.escape(name)}</summary><table>{rows}</table></details>'

@@ -73,11 +73,7 @@ def compare_runs(runs: Sequence[Run], directory: Path, after: float | None = Non
     picture, page = directory / 'comparison.png', directory / 'comparison.html'
     names = run_names(runs)
     write_picture(panels, ', '.join(names), picture)
-    details = {
-        f'{name}: {title}': lines
-        for name, run in zip(names, runs, strict=True)
-        for title, lines in _details(run).items()
-    }
+    details = {'what differs in run.yaml': _differences(runs)}
     table = comparison_table(runs, after)
     write_page(page, f'Comparison of {len(runs)} runs', ', '.join(names), table, panels, runs[0].sample_time, details)
     return [picture, page]
@@ -134,6 +130,19 @@ def _details(run: Run) -> dict[str, list[tuple[str, str]]]:
     if changes:
         details['parameters changed during the run'] = changes
     return details
+
+
+def _differences(runs: Sequence[Run]) -> list[list[str]]:
+    """Return what ``run.yaml`` says differently of the runs, a line each; nodes go by their names without namespace."""
+    said = []
+    for run in runs:
+        flat = dict(_flat({name: value for name, value in run.description.items() if name != 'nodes'}, ''))
+        for node, entries in run.description.get('nodes', {}).items():
+            flat.update(_flat(entries['parameters'], f'{node.rsplit("/", 1)[-1]} '))
+        said.append(flat)
+    names = dict.fromkeys(name for flat in said for name in flat)
+    lines = [[name, *(flat.get(name, '') for flat in said)] for name in names]
+    return [['', *run_names(runs)], *(line for line in lines if len(set(line[1:])) > 1)]
 
 
 def _flat(values: dict[str, Any], prefix: str) -> list[tuple[str, str]]:
