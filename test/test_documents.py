@@ -23,12 +23,20 @@ def commands(block):
 @pytest.mark.parametrize('block', BLOCKS)
 def test_commands(bench, block):
     """The `ros2 run` of a block together, shortened; of the others, that they would run."""
-    started = []
+    started, reported = [], set()
     for command in commands(block):
         if command[:3] == ['ros2', 'run', 'hdd_servo_ros']:
             name, arguments = command[3], command[4:]
             if name == 'study':
                 assert bench.python('-m', 'hdd_servo_ros.studies.main', *arguments, '--list').returncode == 0, command
+                continue
+            if name == 'report':
+                # On runs of the names that the document gives.
+                for word in {word for word in arguments if word.startswith('runs/')} - reported:
+                    reported.add(word)
+                    bench.run('simulate', '-p', f'run_dir:={word}', '-p', 'duration:=0.02', '-p', 'plot:=false')
+                answer = bench.python('-m', 'hdd_servo_ros.reporting.report', *arguments)
+                assert answer.returncode == 0, answer.stderr
                 continue
             paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
             assert paths.pop(0) == '--ros-args'

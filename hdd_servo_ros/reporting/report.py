@@ -16,6 +16,7 @@ from tqdm import tqdm
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.panels import comparison_panels, run_name, run_names, run_panels
 from hdd_servo_ros.reporting.run_metrics import Metric, run_metrics, shown_unit, steady_start
+from hdd_servo_ros.reporting.saturation import saturation_line
 
 
 def report_run(run: Run, directory: Path, after: float | None = None) -> list[Path]:
@@ -112,9 +113,11 @@ def _number(value: float) -> str:
 def _subtitle(run: Run, after: float | None) -> str:
     ended = run.status + (f': {run.reason}' if run.reason else '')
     since = float(run.time[steady_start(run, after)])
+    saturation = saturation_line(run, run.description) if 'ldv' in run and 'control' in run else ''
+    clipped = f'; clipped: {saturation}' if saturation else ''
     return (
         f'{ended}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
-        f'errors and spectrum from {since:g} s on'
+        f'errors and spectrum from {since:g} s on{clipped}'
     )
 
 

@@ -10,16 +10,17 @@ from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
 from hdd_servo_ros.parameters import declarations, from_mapping
 from hdd_servo_ros.recording.bag_reader import Signals
+from hdd_servo_ros.recording.recorded_run import Run
 
 
-def saturated_ticks(signals: Signals, run: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
+def saturated_ticks(signals: Signals | Run, run: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
     """
     Find the samples that an instrument has clipped.
 
     Parameters
     ----------
     signals
-        From :func:`read_signals`.
+        From :func:`read_signals`, or the run itself.
     run
         Content of ``run.yaml``; the parameters are those at the start of the run.
 
@@ -43,7 +44,7 @@ def saturated_ticks(signals: Signals, run: Mapping[str, Any]) -> dict[str, NDArr
     return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
 
 
-def saturation_line(signals: Signals, run: Mapping[str, Any]) -> str:
+def saturation_line(signals: Signals | Run, run: Mapping[str, Any]) -> str:
     """Return in one line which signals were clipped, how often and from which tick on; empty if none was."""
     return '; '.join(
         f'{name} {len(ticks)} of {len(signals.time)} samples, first at tick {ticks[0]}'

@@ -134,6 +134,22 @@ class Checks:
         value = float(np.abs(values[rows]).max()) if np.isfinite(values[rows]).all() else math.inf
         return self._compare(f'largest |{signal}|', value, at_most, unit, signal, values, rows)
 
+    def unsaturated(self, after: float = 0.0) -> Checks:
+        """Assert that from a time on neither an output of the vibrometer nor the drive voltage was clipped."""
+        __tracebackhide__ = True
+        # Late: it brings the instruments' parameters with it.
+        from hdd_servo_ros.reporting.saturation import saturated_ticks
+
+        run, first = self._run, self._rows(after, None).start
+        for name, ticks in saturated_ticks(run, run.description).items():
+            late = ticks[ticks >= first]
+            if len(late):
+                raise CheckFailed(
+                    f'{name} is clipped at {len(late)} of {len(run.ticks) - first} samples from {after:g} s on, '
+                    f'first at tick {late[0]} ({run.time[late[0]]:g} s)\n{self._where()}'
+                )
+        return self
+
     # Steps.
 
     def overshoot(self, at_most: float) -> Checks:
@@ -244,9 +260,10 @@ class Checks:
             traces = [] if reference is None else [Trace('reference', time, reference[shown], GREY, wide=True)]
             traces.append(Trace(name, time, values[shown], COLOURS[0]))
             if limit is not None:
-                ends = time[[0, -1]]
-                label = f'limit {limit:g} {unit}'
-                traces += [Trace(label, ends, np.full(2, sign * limit), COLOURS[1]) for sign in (1.0, -1.0)]
+                # One line with a gap: both limits go by one name.
+                corners = np.array([time[0], time[-1], np.nan, time[0], time[-1]])
+                limits = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])
+                traces.append(Trace(f'limit {_text(limit, unit)}', corners, limits, COLOURS[1]))
             traces.append(Trace('this tick', run.time[[row]], values[[row]], COLOURS[3], marked=True))
             panels.append(Panel(name, title, 'time [s]', f'{name} [{unit}]' if unit else name, tuple(traces)))
         stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'

@@ -159,3 +159,14 @@ def test_questions_that_make_no_sense(run):
         run.check.rms_error(at_most=1.0, after=1.0)
     with pytest.raises(ValueError, match='has no edge'):
         record(run.path.parent / 'still', np.zeros(10)).check.overshoot(at_most=1.0)
+
+
+def test_what_is_clipped(simulated, tmp_path):
+    """A vibrometer of 1 um range sees a sine of 2 um for a third of its time; 16 um are enough."""
+    wide = Run.open(simulated(tmp_path / 'wide', '-p', 'duration:=0.05'))
+    wide.check.unsaturated()
+    narrow = Run.open(simulated(tmp_path / 'narrow', '-p', 'duration:=0.05', '-p', 'adc_range:=0.125'))
+    clipped = np.flatnonzero(np.abs(narrow.ldv[:, 0]) >= 0.125 * (1 - 2.0**-14))
+    text, _ = failure(narrow.check.unsaturated)
+    assert f'displacement output is clipped at {len(clipped)} of 501 samples from 0 s on' in text
+    assert f'first at tick {clipped[0]} ' in text

@@ -1,27 +1,15 @@
 """The plugin in a pytest of its own: the fixture makes runs, and costs a session that does not use it nothing."""
 
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'
 HEAVY = ('numpy', 'scipy', 'yaml', 'rosbags', 'matplotlib', 'numba', 'rclpy', 'plotly')
-KERNELS = os.environ.get('XDG_CACHE_HOME') or str(Path.home() / '.cache')
 
 pytest_plugins = ['pytester']
-
-
-@pytest.fixture
-def run_pytest(pytester, monkeypatch):
-    """Run pytest with the plugin on what pytester has made."""
-    # pytester gives its sessions another home, and the compiled kernels lie in this one's.
-    monkeypatch.setenv('XDG_CACHE_HOME', KERNELS)
-    return lambda *arguments: pytester.runpytest_subprocess('-p', 'hdd_servo_ros.testing.plugin', *arguments)
 
 
 def test_runs_are_made_and_checked(pytester, run_pytest):
