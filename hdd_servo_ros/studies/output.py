@@ -32,11 +32,17 @@ def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **s
     axes.plot(time, values, **{'linewidth': 1.0, **style})
 
 
+def legend_above(*axes: Axes) -> None:
+    """Give axes their legend above the frame, where it hides nothing."""
+    for axis in axes:
+        axis.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False, borderaxespad=0.2)
+
+
 def save(figure: Figure, path: Path) -> Path:
     """Give all axes a grid, write the figure as PNG, and return its file."""
     for axes in figure.axes:
         axes.grid(alpha=0.3)
-        axes.margins(x=0.01)
+        axes.margins(x=0.02)
     file = path.with_suffix('.png')
     figure.savefig(file, dpi=100)
     return file

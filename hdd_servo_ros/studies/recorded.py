@@ -4,6 +4,8 @@ import functools
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.recording.bag_reader import Signals, read_signals
 from hdd_servo_ros.recording.run_folder import read_run_yaml
@@ -56,3 +58,9 @@ class RecordedRuns:
                 signals.time, signals.reference[:, 0], signals.head[:, 0], signals.control[:, 0], transient, unit
             )
         return self._metrics[key]
+
+    def chatter(self, case: Case, transient: float) -> float:
+        """Return the rms change of the control from one tick to the next, after the transient [s]."""
+        signals = self.signals(case)
+        control = signals.control[signals.time >= transient, 0]
+        return float(np.sqrt(np.mean(np.diff(control) ** 2)))

@@ -1,12 +1,14 @@
 """Runs the cases of a study, through the graph or without middleware, and keeps what is there already."""
 
+import contextlib
+import fcntl
 import os
 import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from tqdm import tqdm
@@ -54,19 +56,34 @@ def run_cases(
     ParameterError, ArgumentError
         If a case's parameters are not allowed; nothing has run then.
     StudyError
-        If a run fails, or something that is no run stands in its place.
+        If a run fails, something that is no run stands in its place, or another study is at work in the folder.
     """
     by_name: dict[str, Case] = {}
     for case in cases:
         if by_name.setdefault(case.name, case) != case:
             raise StudyError(f'two different cases have the name {case.name!r}')
     planned = [PlannedRun(case, defaults or {}, directory) for case in by_name.values()]
-    due = [run for run in planned if not _is_there(run, say)]
-    if len(due) < len(planned):
-        say(f'{len(planned) - len(due)} of {len(planned)} runs are in {directory} already, with these parameters')
-    if due:
-        directory.mkdir(parents=True, exist_ok=True)
-        _Runner(due, without_ros, say).run()
+    directory.mkdir(parents=True, exist_ok=True)
+    with _alone_in(directory):
+        due = [run for run in planned if not _is_there(run, say)]
+        if len(due) < len(planned):
+            say(f'{len(planned) - len(due)} of {len(planned)} runs are in {directory} already, with these parameters')
+        if due:
+            _Runner(due, without_ros, say).run()
+
+
+@contextlib.contextmanager
+def _alone_in(directory: Path) -> Iterator[None]:
+    """Keep a second study out of the folder, for it would take the runs that are being made for broken ones."""
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StudyError(f'another study is at work in {directory}') from None
+    else:
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _is_there(run: PlannedRun, say: Callable[[str], None]) -> bool:

@@ -1,5 +1,6 @@
 """The framework of `study`: what it runs, what it keeps, and what it says when something is wrong."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -82,6 +83,15 @@ def test_a_folder_that_is_no_run_is_left_alone(tmp_path):
     with pytest.raises(StudyError, match='not a run folder'):
         run(tmp_path, case())
     assert (tmp_path / 'a' / 'thesis.tex').exists()
+
+
+def test_two_studies_keep_out_of_each_others_folder(tmp_path):
+    descriptor = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with pytest.raises(StudyError, match='another study is at work'):
+        run(tmp_path, case())
+    os.close(descriptor)
+    run(tmp_path, case())
 
 
 def test_a_run_that_fails_ends_the_study_and_says_why(tmp_path):

@@ -1,12 +1,18 @@
 """The runs that several figures and tables of chapter 4 share."""
 
+import dataclasses
+
 from hdd_servo_ros.studies.case import Case
 
 FILE = 'simulation_study.yaml'
 LAST_HALF = 10.0
-"""The errors of the last half of 20 s count, as the estimates have settled by then [s]."""
+"""The errors of the last half of 20 s count: the estimates have settled by then [s]."""
+LAST_PERIODS = 17.5
+"""Where a close-up of the last two periods of 1.26 s begins [s]."""
 LAMBDAS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0)
 """Of fig. 4.7; the thesis recommends 0.1 to 15 [1/s]."""
+COMPARED_LAMBDAS = (1.0, 10.0, 15.0)
+"""Where PID is tuned for the peak control of the adaptive NN controller [1/s]."""
 
 
 def adaptive_nn(name: str, **overrides: object) -> Case:
@@ -15,10 +21,25 @@ def adaptive_nn(name: str, **overrides: object) -> Case:
     return Case(name, 'adaptive_nn', (FILE,), own)
 
 
-NN = adaptive_nn('nn')
-"""Everything as section 4.4 has it; lambda = 1."""
-NN_BY_LAMBDA = {
-    value: NN if value == 1.0 else adaptive_nn(f'nn_lambda_{value:g}', error_filter_lambda=value) for value in LAMBDAS
-}
-PID = Case('pid', 'pid', (FILE,))
-"""The PID controller with the least error under the peak control of ``NN``."""
+def at_sample_time(case: Case, sample_time: float) -> Case:
+    """Return a case at another T [s]."""
+    overrides = {**case.overrides, 'deterministic_timer:sample_time': sample_time}
+    return dataclasses.replace(case, name=f'{case.name}_T{sample_time:g}', overrides=overrides)
+
+
+def _pid(error_filter_lambda: float, *, feedforward: bool) -> Case:
+    number = f'{error_filter_lambda:g}'
+    files = [FILE]
+    files += [f'simulation_study_lambda_{number}.yaml'] if error_filter_lambda != 1.0 else []
+    files += [f'simulation_study_feedforward_{number}.yaml'] if feedforward else []
+    return Case(f'pid_{"feedforward_" if feedforward else ""}lambda_{number}', 'pid', tuple(files))
+
+
+NN_BY_LAMBDA = {value: adaptive_nn(f'nn_lambda_{value:g}', error_filter_lambda=value) for value in LAMBDAS}
+NN = NN_BY_LAMBDA[1.0]
+"""Everything as section 4.4 has it."""
+PID_BY_LAMBDA = {value: _pid(value, feedforward=False) for value in COMPARED_LAMBDAS}
+"""PID with the least error under the peak control that the adaptive NN controller reaches with that lambda."""
+PID = PID_BY_LAMBDA[1.0]
+FEEDFORWARD_BY_LAMBDA = {value: _pid(value, feedforward=True) for value in COMPARED_LAMBDAS}
+"""The same with feedforward of the acceleration by the true mass."""

@@ -1,0 +1,31 @@
+"""Fig. 4.4: control of the adaptive NN controller and of PID."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter4.cases import LAST_PERIODS, NN, PID
+from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+CASES = (NN, PID)
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the control over the first second, the whole run and its last two periods."""
+    figure = new_figure('Fig. 4.4: control, λ = 1 1/s; both begin with the same peak')
+    axes = figure.subplots(3, 1)
+    for axis, start, end in zip(axes, (0.0, 0.0, LAST_PERIODS), (1.0, 20.0, 20.0), strict=True):
+        for case, label, color in ((PID, 'PID', 'C1'), (NN, 'adaptive NN', 'C0')):
+            signals = runs.signals(case)
+            window = (signals.time >= start) & (signals.time <= end)
+            peak = runs.metrics(case, 0.0).peak_control
+            draw(
+                axis,
+                signals.time[window],
+                signals.control[window, 0],
+                color=color,
+                label=f'{label}: at most {peak:.1f} N',
+            )
+        axis.set_ylabel('control [N]')
+    axes[-1].set_xlabel('time [s]')
+    legend_above(axes[0])
+    return save(figure, path)

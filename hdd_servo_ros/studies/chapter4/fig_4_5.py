@@ -1,0 +1,28 @@
+"""Fig. 4.5: norm of the network's weights, and what the network contributes to the control."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, NN
+from hdd_servo_ros.studies.output import draw, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+CASES = (NN,)
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the norm, and the network's output beside the control's size."""
+    signals = runs.signals(NN)
+    output = signals.estimate('network')
+    largest = abs(output[signals.time >= LAST_HALF]).max()
+    control = runs.metrics(NN, LAST_HALF).rms_control
+    figure = new_figure(
+        f'Fig. 4.5: weights, λ = 1 1/s; in the last half the network gives at most {largest:.3f} N '
+        f'of {control:.1f} N rms'
+    )
+    norm, network = figure.subplots(2, 1, sharex=True)
+    draw(norm, signals.time, signals.estimate('W_norm'))
+    draw(network, signals.time, output, color='C2')
+    norm.set_ylabel('‖W‖ [N]')
+    network.set_ylabel("W'S [N]")
+    network.set_xlabel('time [s]')
+    return save(figure, path)

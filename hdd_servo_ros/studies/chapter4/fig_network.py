@@ -1,0 +1,59 @@
+"""What the network is worth: error against chatter of the control, with it, without it, and with phi_hat instead."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, LAST_PERIODS
+from hdd_servo_ros.studies.chapter4.network_cases import LEAKAGES, STRONG, compensator, network, phi_instead, without
+from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_LAMBDA = 10.0
+_NONE = without(_LAMBDA)
+_COMPENSATOR = compensator(_LAMBDA, slow=True)
+_BEST = network(_LAMBDA, STRONG, normalized=True)
+_SWEEPS = {
+    'phi_hat alone': [phi_instead(_LAMBDA, leakage) for leakage in LEAKAGES],
+    'network, normalised inputs': [network(_LAMBDA, leakage, normalized=True) for leakage in LEAKAGES],
+}
+CASES = (_NONE, _COMPENSATOR, *(case for sweep in _SWEEPS.values() for case in sweep))
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the last two periods' errors, and error over chatter for each leakage."""
+    figure = new_figure(
+        r'What the network is worth: $\lambda$ = 10 1/s, $\sigma_\sigma = \sigma_m = 0.01$, $\Gamma$ or $k_\phi$ = 100',
+        height=6.5,
+    )
+    errors, trade = figure.subplots(2, 1)
+    for case, label, color in (
+        (_NONE, 'without network', '0.5'),
+        (_BEST, rf'network, normalised inputs, $\sigma_w$ = {STRONG:g}', 'C0'),
+    ):
+        signals = runs.signals(case)
+        late = signals.time >= LAST_PERIODS
+        error = 1e3 * (signals.head[late, 0] - signals.reference[late, 0])
+        draw(errors, signals.time[late], error, color=color, label=label)
+    errors.set_xlabel('time [s]')
+    errors.set_ylabel('error [mm]')
+    for (label, sweep), color in zip(_SWEEPS.items(), ('C1', 'C0'), strict=True):
+        chatter, rms = _trade(runs, sweep)
+        trade.plot(chatter, rms, 'o-', color=color, label=label)
+        place = {'textcoords': 'offset points', 'xytext': (4, 5) if color == 'C1' else (-14, -13)}
+        for x, y, leakage in zip(chatter, rms, LEAKAGES, strict=True):
+            trade.annotate(f'{leakage:g}', (x, y), fontsize=8, color=color, **place)
+    for case, label, color in ((_NONE, 'without network', '0.5'), (_COMPENSATOR, 'compensator', 'C2')):
+        trade.plot(*_trade(runs, [case]), 's', color=color, label=label)
+    trade.set_xscale('log')
+    trade.set_ylim(0.0, 1.1)
+    trade.set_xlabel('chatter: rms change of the control from sample to sample [N]; numbers: leakage')
+    trade.set_ylabel('rms error, last half [mm]')
+    legend_above(errors, trade)
+    return save(figure, path)
+
+
+def _trade(runs: RecordedRuns, cases: Sequence[Case]) -> tuple[list[float], list[float]]:
+    """Return chatter [N] and rms error [mm] of cases."""
+    chatter = [runs.chatter(case, LAST_HALF) for case in cases]
+    return chatter, [1e3 * runs.metrics(case, LAST_HALF).rms_error for case in cases]
