@@ -28,11 +28,14 @@ def _case(name: str, error_filter_lambda: float, **overrides: object) -> Case:
     return adaptive_nn(name, error_filter_lambda=error_filter_lambda, **overrides)
 
 
-def network(error_filter_lambda: float, leakage: float = STRONG, *, normalized: bool) -> Case:
+def network(
+    error_filter_lambda: float, leakage: float = STRONG, *, normalized: bool, network_input: str = 'measured'
+) -> Case:
     """Return a case with a strong network behind sgn r, on the thesis's lattice or on a normalised one."""
     lattice = NORMALIZED if normalized else {}
     name = f'{"normalized" if normalized else "strong"}_{leakage:g}'
-    own = {'network__gain': (GAIN,), 'network__leakage': leakage}
+    name += '' if network_input == 'measured' else f'_{network_input}'
+    own = {'network__gain': (GAIN,), 'network__leakage': leakage, 'network__input': network_input}
     return _case(name, error_filter_lambda, **SLOW, **own, **lattice)
 
 

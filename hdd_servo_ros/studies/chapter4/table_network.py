@@ -23,6 +23,7 @@ ROWS = {
         "... with section 4.4's network": as_printed(value),
         f'... Gamma = {GAIN:g}, sigma_w = {STRONG:g}': network(value, normalized=False),
         '... and inputs normalised': network(value, normalized=True),
+        '... and inputs from the reference': network(value, normalized=True, network_input='reference'),
         f'... without network, k_phi = {GAIN:g}, sigma_phi = {STRONG:g}': phi_instead(value),
         "... with section 4.4's network and the compensator": compensator(value, slow=True),
     }
