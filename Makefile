@@ -18,7 +18,7 @@ unexport PYTHONPATH
 ARGS ?=
 PARAMS ?= params/seagate_7200_10.yaml
 
-.PHONY: help run simulate figures test lint bench ws clean
+.PHONY: help run simulate figures test lint bench docs ws clean
 
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
@@ -27,6 +27,7 @@ help:
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff and mypy'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
+	@echo 'make docs      docs/parameters.md, from the declarations of the parameters'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
 	@echo 'make clean     remove the environment and everything built'
 
@@ -49,6 +50,9 @@ lint: $(VENV)/.develop
 
 bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
+
+docs: $(VENV)/.run
+	$(BIN)/python -m hdd_servo_ros.manual docs/parameters.md
 
 ws: $(VENV)/.develop
 	AMENT_PREFIX_PATH= PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \

@@ -17,7 +17,7 @@ class SigmaParameters(ParameterSet):
         7.56e-10, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
     )
     leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
-    initial: float = parameter(0.0, 'sigma_hat(0)', unit='V s/um')
+    initial: float = parameter(0.0, 'estimate at tick 0, sigma_hat(0)', unit='V s/um')
     minimum: float = parameter(-1.0, 'smallest sigma_hat, where projection is on', unit='V s/um')
     maximum: float = parameter(1.0, 'largest sigma_hat, where projection is on', unit='V s/um')
 
@@ -35,7 +35,7 @@ class MassParameters(ParameterSet):
         1.91e-15, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
     )
     leakage: float = parameter(1.57e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
-    initial: float = parameter(0.0, 'm_hat(0)', unit='V s^2/um')
+    initial: float = parameter(0.0, 'estimate at tick 0, m_hat(0)', unit='V s^2/um')
     minimum: float = parameter(-1.0, 'smallest m_hat, where projection is on', unit='V s^2/um')
     maximum: float = parameter(1.0, 'largest m_hat, where projection is on', unit='V s^2/um')
 
@@ -51,7 +51,7 @@ class PhiParameters(ParameterSet):
     enabled: bool = parameter(True, 'whether phi_hat takes part')
     gain: float = parameter(4.98e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
     leakage: float = parameter(1.01e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
-    initial: float = parameter(0.0, 'phi_hat(0)', unit='V', minimum=0.0)
+    initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
     minimum: float = parameter(0.0, 'smallest phi_hat, where projection is on', unit='V')
     maximum: float = parameter(1.0, 'largest phi_hat, where projection is on', unit='V')
 
@@ -129,8 +129,8 @@ class CompensatorParameters(ParameterSet):
 
     enabled: bool = parameter(False, 'whether the compensator takes part')
     nodes: int = parameter(7, 'nodes an axis', minimum=1, maximum=32, read_only=True)
-    gain: float = parameter(1.0e-3, 'Gamma_c', unit='V/um', minimum=0.0)
-    leakage: float = parameter(100.0, 'sigma_c', unit='um/(V s)', minimum=0.0)
+    gain: float = parameter(1.0e-3, 'adaptation gain Gamma_c', unit='V/um', minimum=0.0)
+    leakage: float = parameter(100.0, 'leakage sigma_c', unit='um/(V s)', minimum=0.0)
     lag: float = parameter(
         3.0e-4,
         'time by which r answers the compensator late: the law learns with S_c of the reference this long ago',

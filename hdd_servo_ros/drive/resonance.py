@@ -38,10 +38,12 @@ class ResonanceParameters(ParameterSet):
     numerators: tuple[float, ...] = parameter(
         (0.9321, 678.3, 1.184e9, 0.8249, 2251.0, 1.665e9, 0.0, 0.0, 2.431e9, 0.0, 0.0, 8.383e9),
         'b2, b1, b0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other',
+        unit='1, 1/s, 1/s^2',
     )
     denominators: tuple[float, ...] = parameter(
         (1.0, 2053.0, 1.184e9, 1.0, 3276.0, 1.665e9, 1.0, 2703.0, 2.431e9, 1.0, 5655.0, 8.383e9),
         'a2, a1, a0 of each section, one after the other',
+        unit='1, 1/s, 1/s^2',
     )
     frequencies: tuple[float, ...] = parameter((), 'natural frequency of each mode', unit='Hz', above=0.0)
     damping_ratios: tuple[float, ...] = parameter((), 'damping ratio xi of each mode', above=0.0, maximum=0.999)
