@@ -40,6 +40,8 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/params', files('params/*.yaml')),
+        (f'share/{NAME}/launch', files('launch/*.launch.py')),
+        (f'share/{NAME}/config', files('config/*')),
     ],
     python_requires='>=3.10,<3.14',
     # The lower bounds are those of Ubuntu 24.04, on which Jazzy runs, where that has the package.

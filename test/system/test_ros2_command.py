@@ -117,6 +117,10 @@ class Ros2:
         """Start an executable of the package."""
         return self.start('run', PACKAGE, name, '--ros-args', *ros_arguments)
 
+    def launch(self, file, *arguments):
+        """Start a launch file of the package."""
+        return self.start('launch', PACKAGE, file, *arguments)
+
     def say(self, *lines):
         """Run commands beside each other; return their answers."""
         return [command.answer for command in self.finish(*lines)]
@@ -303,3 +307,62 @@ def test_dumped_parameters_are_a_parameter_file(ros2):
             assert values.items() <= of_all[node].items()
             assert parameters[node] == of_all[node]
     assert first_difference(ros2.directory / 'rig', ros2.directory / 'simulate') is None
+
+
+LAUNCH_FILES = ('rig.launch.py', 'composed.launch.py', 'live.launch.py')
+
+
+def test_launch_files_say_what_they_take(ros2):
+    for text in ros2.say(*(f'launch {PACKAGE} {file} --show-args' for file in LAUNCH_FILES)):
+        arguments = text.split("    '")[1:]
+        names = [argument.split("'")[0] for argument in arguments]
+        expected = ['controller', 'params', 'namespace', 'rate', 'duration', 'record', 'run_dir', 'discovery_range']
+        assert set(expected) <= set(names)
+        for argument in arguments:
+            assert 'no description given' not in argument
+
+
+def test_launch_gives_the_same_bits_and_ends_with_the_run(ros2):
+    share = Path(ros2.say(f'pkg prefix --share {PACKAGE}')[0].strip()) / 'params'
+    files = f'params:={share}/seagate_7200_10.yaml, {share}/frictionless.yaml'
+    common = (files, 'duration:=0.05', 'namespace:=bench1', 'ros_args:=-p frequency:=150.0')
+    commands = [
+        ros2.launch('rig.launch.py', *common, 'run_dir:=separate'),
+        ros2.launch('composed.launch.py', *common, 'run_dir:=composed', 'discovery_range:=OFF'),
+        ros2.launch('live.launch.py', *common, 'namespace:=bench2', 'run_dir:=live', 'viewer:=none'),
+    ]
+    for command in commands:
+        assert command.wait() == 0, command.output
+    for run in ('composed', 'live'):
+        assert first_difference(ros2.directory / 'separate', ros2.directory / run) is None
+    parameters = ros2.run_yaml('separate')['nodes']
+    assert parameters['/bench1/reference_generator']['parameters']['frequency'] == 150.0
+    assert ros2.run_yaml('live')['rate'] == 1.0
+
+
+def test_launch_of_a_run_that_is_refused_or_fails(ros2):
+    unwritable = ros2.directory / 'a_file'
+    unwritable.write_text('')
+    commands = {
+        ros2.launch('composed.launch.py', 'controller:=nonsense'): "controller = 'nonsense' is refused",
+        ros2.launch('rig.launch.py', 'ros_args:=-p gain:=-1.0', 'namespace:=/bench2'): 'gain = -1.0 is refused',
+        ros2.launch('rig.launch.py', f'run_dir:={unwritable}/run', 'namespace:=/bench1'): 'run failed',
+        ros2.launch('composed.launch.py', 'record:=maybe'): 'Valid options',
+    }
+    for command, words in commands.items():
+        assert command.wait() == 1, command.output
+        assert words in command.output
+
+
+def test_interrupting_a_launch(ros2):
+    launch = ros2.launch('rig.launch.py', 'rate:=0.05', 'duration:=3.0', 'run_dir:=run')
+    deadline = time.monotonic() + TIME_LIMIT
+    while not (ros2.directory / 'run' / 'run.yaml').exists():
+        assert time.monotonic() < deadline, launch.output
+        time.sleep(0.1)
+    time.sleep(1.0)
+    launch.interrupt()
+    assert launch.wait() == 1, launch.output
+    content = ros2.run_yaml('run')
+    assert content['status'] == 'interrupted'
+    assert len(read_signals(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1

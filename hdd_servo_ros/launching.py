@@ -1,0 +1,156 @@
+"""What the launch files share: arguments, the processes of a run, and an end with it. Needs launch_ros, not rclpy."""
+
+import shlex
+from collections.abc import Callable, Sequence
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown, TimerAction
+from launch.events.process import ProcessExited
+from launch.launch_description_entity import LaunchDescriptionEntity
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from hdd_servo_ros.registry import CONTROLLERS
+
+PACKAGE = 'hdd_servo_ros'
+DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+NODES = ('deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor')
+WRONG_ARGUMENTS = 2
+"""Exit code of an executable that refuses its arguments."""
+_LAST_WORDS = 10.0
+"""How long the others have, when one process has failed, to end by themselves and close the bag [s]."""
+_CLOSING = '20'
+"""After Ctrl-C, how long a process has to close the bag before it gets the next signal [s]."""
+_OF_NODES = ('rate', 'duration', 'record', 'run_dir')
+"""Arguments that are parameters of the nodes by the same name."""
+
+
+def description(make: Callable[[LaunchContext], list[LaunchDescriptionEntity]], *, rate: str = '') -> LaunchDescription:
+    """
+    Return the description of a launch file: the arguments that all have, and what it starts.
+
+    Parameters
+    ----------
+    make
+        Makes the processes when the arguments are known.
+    rate
+        Default pace, empty for that of the parameter files.
+    """
+    as_given = 'empty leaves it to the parameter files'
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'controller',
+                default_value='adaptive_nn',
+                description=f'Controller of the loop: {", ".join(CONTROLLERS)}.',
+            ),
+            DeclareLaunchArgument(
+                'params',
+                default_value=PathJoinSubstitution([FindPackageShare(PACKAGE), 'params', 'seagate_7200_10.yaml']),
+                description='ROS 2 parameter files, separated by commas; later ones win.',
+            ),
+            DeclareLaunchArgument('namespace', default_value='', description='Namespace of all nodes and topics.'),
+            DeclareLaunchArgument(
+                'rate',
+                default_value=rate,
+                description=f'Pace: 0.0 as fast as the graph goes, 1.0 real time, 0.1 slow motion; {as_given}.',
+            ),
+            DeclareLaunchArgument(
+                'duration', default_value='', description=f'Length of the run in seconds, such as 2.0; {as_given}.'
+            ),
+            DeclareLaunchArgument(
+                'record', default_value='true', choices=['true', 'false'], description='Whether to write a bag.'
+            ),
+            DeclareLaunchArgument(
+                'run_dir',
+                default_value='',
+                description='Folder of the run; empty makes runs/<date-time>-<controller> below the working folder.',
+            ),
+            DeclareLaunchArgument(
+                'ros_args',
+                default_value='',
+                description='Further ROS arguments of every node, such as "-p frequency:=200.0 -r ldv:=vibrometer".',
+            ),
+            DeclareLaunchArgument(
+                'discovery_range',
+                default_value=EnvironmentVariable(DISCOVERY_RANGE, default_value='LOCALHOST'),
+                choices=['LOCALHOST', 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'],
+                description=f'Who can see the nodes: LOCALHOST keeps to this machine; sets {DISCOVERY_RANGE}.',
+            ),
+            SetEnvironmentVariable(DISCOVERY_RANGE, LaunchConfiguration('discovery_range')),
+            OpaqueFunction(function=make),
+        ]
+    )
+
+
+def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return every node of the graph as a process of its own."""
+    controller = value(context, 'controller')
+    if controller not in CONTROLLERS:
+        raise ValueError(f'controller:={controller} is refused: one of {", ".join(CONTROLLERS)}')
+    names = [*NODES, CONTROLLERS[controller]]
+    if value(context, 'record') == 'true':
+        names.append('bag_recorder')
+    end = EndOfRun(len(names))
+    return [_node(context, name, [], end) for name in names]
+
+
+def composed(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return the whole graph as one process."""
+    return [_node(context, 'rig', ['-p', f'controller:={value(context, "controller")}'], EndOfRun(1))]
+
+
+def value(context: LaunchContext, name: str) -> str:
+    """Return what an argument of the launch file has been given."""
+    return str(LaunchConfiguration(name).perform(context))
+
+
+def _node(context: LaunchContext, executable: str, ros_arguments: Sequence[str], end: 'EndOfRun') -> Node:
+    arguments = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
+    for name in _OF_NODES:
+        if value(context, name):
+            arguments += ['-p', f'{name}:={value(context, name)}']
+    return Node(
+        package=PACKAGE,
+        executable=executable,
+        namespace=value(context, 'namespace') or None,
+        ros_arguments=[*arguments, *ros_arguments, *shlex.split(value(context, 'ros_args'))],
+        output='both',
+        on_exit=end,
+        sigterm_timeout=_CLOSING,
+    )
+
+
+class EndOfRun:
+    """
+    Ends the launch with the run, whatever else it has started, and as a failure if a process of the run failed.
+
+    `ros2 launch` knows the exit codes 0 and 1 alone, and 1 is what it makes of an error that a handler raises.
+
+    Parameters
+    ----------
+    processes
+        How many processes the run has; each gets this as its ``on_exit``.
+    """
+
+    def __init__(self, processes: int) -> None:
+        self._left = processes
+        self._failure = ''
+
+    def __call__(self, event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        """Take in that a process has ended."""
+        self._left -= 1
+        is_first = bool(event.returncode) and not self._failure
+        if is_first:
+            self._failure = f'{event.process_name} ended with exit code {event.returncode}'
+        if not self._left:
+            if self._failure:
+                raise RuntimeError(f'the run has failed: {self._failure}')
+            return [Shutdown(reason='the run has finished')]
+        if event.returncode == WRONG_ARGUMENTS:
+            return [Shutdown(reason=f'{event.process_name} refuses its arguments')]
+        if is_first:
+            # The others learn of it from each other, and the recorder notes the reason.
+            return [TimerAction(period=_LAST_WORDS, actions=[Shutdown(reason=f'{event.process_name} has failed')])]
+        return []

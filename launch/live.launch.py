@@ -1,0 +1,38 @@
+"""The whole graph in one process, paced to real time, beside a program that shows its signals."""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.launch_description_entity import LaunchDescriptionEntity
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from hdd_servo_ros.launching import PACKAGE, composed, description, value
+
+SCOPE, PLOTJUGGLER, FOXGLOVE, NONE = 'scope', 'plotjuggler', 'foxglove', 'none'
+
+
+def viewer(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return the program that shows the signals."""
+    namespace = value(context, 'namespace') or None
+    layout = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', 'plotjuggler.xml'])
+    programs = {
+        SCOPE: lambda: Node(package=PACKAGE, executable='scope', namespace=namespace, output='both'),
+        PLOTJUGGLER: lambda: Node(package='plotjuggler', executable='plotjuggler', arguments=['--layout', layout]),
+        # Foxglove connects to it; its layout is config/foxglove.json.
+        FOXGLOVE: lambda: Node(package='foxglove_bridge', executable='foxglove_bridge', output='both'),
+    }
+    chosen = value(context, 'viewer')
+    return [] if chosen == NONE else [programs[chosen]()]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return what `ros2 launch` runs."""
+    made = description(lambda context: [*viewer(context), *composed(context)], rate='1.0')
+    argument = DeclareLaunchArgument(
+        'viewer',
+        default_value=SCOPE,
+        choices=[SCOPE, PLOTJUGGLER, FOXGLOVE, NONE],
+        description='What shows the signals: scope is of this package, the others must be installed.',
+    )
+    return LaunchDescription([argument, *made.entities])
