@@ -13,6 +13,8 @@ import hdd_servo_ros
 ROOT = Path(__file__).parent.parent
 ROSDEP_KEYS = {'PyYAML': 'python3-yaml', 'rosbags': 'python3-rosbags-pip'}
 """Where a key is not `python3-` and the name; all are in rosdistro's rosdep/python.yaml."""
+WITHOUT_KEY = {'python3-plotly'}
+"""Not in rosdistro: a manifest that named it could not be resolved."""
 
 
 @pytest.fixture(scope='module')
@@ -47,7 +49,7 @@ def keys(requirements):
 def test_every_requirement_has_its_rosdep_key(manifest, distribution):
     depends = texts(manifest, 'depend', 'exec_depend')
     assert len(depends) == len(set(depends))
-    assert keys(distribution.install_requires) == {key for key in depends if key.startswith('python3-')}
+    assert keys(distribution.install_requires) - WITHOUT_KEY == {key for key in depends if key.startswith('python3-')}
     tested = {key for key in texts(manifest, 'test_depend') if key.startswith('python3-')}
     assert keys(distribution.extras_require['test']) == tested
 
