@@ -16,6 +16,7 @@ NORMALIZED = {'network__normalize_inputs': True, 'network__width': (0.5,)}
 COMPENSATOR = {
     'compensator__enabled': True,
     'compensator__gain': 100.0,
+    'compensator__lag': 0.0,  # a mass with -k r answers without a lag that learning would have to heed
     'compensator__position_minimum': -1.0,
     'compensator__position_maximum': 1.0,
     'compensator__velocity_minimum': -5.0,
