@@ -48,12 +48,6 @@ class Signals:
     estimates: NDArray[np.float64]
     estimate_names: tuple[str, ...]
 
-    def estimate(self, name: str) -> NDArray[np.float64]:
-        """Return one estimate over the ticks; raises :class:`KeyError` with the names there are."""
-        if name not in self.estimate_names:
-            raise KeyError(f'no estimate {name!r}; there are {", ".join(self.estimate_names)}')
-        return self.estimates[:, self.estimate_names.index(name)]
-
 
 def read_signals(path: Path) -> Signals:
     """

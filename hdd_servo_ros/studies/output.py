@@ -10,8 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-_POINTS = 2000
-"""Columns of a long signal: more than a picture has pixels."""
+from hdd_servo_ros.reporting.decimation import rows_to_draw
+
+_PIECES = 2000
+"""More than a picture has columns."""
 
 
 def new_figure(title: str, width: float = 8.5, height: float = 5.0) -> Figure:
@@ -23,13 +25,9 @@ def new_figure(title: str, width: float = 8.5, height: float = 5.0) -> Figure:
 
 
 def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **style: Any) -> None:
-    """Draw a signal over time; a long one through the extremes of each piece, so that no peak is lost."""
-    piece = -(-len(time) // _POINTS)
-    if piece > 2:
-        starts = np.arange(0, len(time), piece)
-        low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
-        time, values = np.repeat(time[starts], 2), np.column_stack((low, high)).ravel()
-    axes.plot(time, values, **{'linewidth': 1.0, **style})
+    """Draw a signal over time, of a long one no more than a picture shows, every peak among it."""
+    rows = rows_to_draw(values, _PIECES)
+    axes.plot(time[rows], values[rows], **{'linewidth': 1.0, **style})
 
 
 def legend_above(*axes: Axes) -> None:

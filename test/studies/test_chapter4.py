@@ -52,11 +52,11 @@ def assert_section_4_4(runs, case):
     found = runs.metrics(case, LAST_HALF)
     assert 0.0027 < found.rms_error < 0.0041
     assert 0.0055 < found.max_error < 0.0083
-    signals = runs.signals(case)
-    assert signals.time[-1] == 20.0
-    assert abs(signals.estimate('m_hat')[signals.time >= LAST_HALF].mean() - 1.0) < 0.05
+    run = runs[case]
+    assert run.duration == 20.0
+    assert abs(run.estimates['m_hat'][run.since(LAST_HALF)].mean() - 1.0) < 0.05
     for name, largest in {'sigma_hat': 1.0, 'm_hat': 3.0, 'phi_hat': 1.0, 'W_norm': 1.0}.items():
-        assert np.abs(signals.estimate(name)).max() < largest, name
+        assert np.abs(run.estimates[name]).max() < largest, name
 
 
 @pytest.mark.parametrize('case', [NN, FINE], ids=['T1e-3', 'T1e-4'])

@@ -14,12 +14,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     figure = new_figure('Fig. 4.3: output tracking, λ = 1 1/s')
     position, error = figure.subplots(2, 1, sharex=True)
     for case, label, color in ((PID, 'PID', 'C1'), (NN, 'adaptive NN', 'C0')):
-        signals = runs.signals(case)
+        run = runs[case]
         rms = runs.metrics(case, LAST_HALF).rms_error
-        draw(position, signals.time, signals.head[:, 0], color=color, label=label)
+        draw(position, run.time, run.position, color=color, label=label)
         text = f'{label}: {1e3 * rms:.2f} mm rms in the last half'
-        draw(error, signals.time, 1e3 * (signals.head[:, 0] - signals.reference[:, 0]), color=color, label=text)
-    draw(position, signals.time, signals.reference[:, 0], color='0.2', linestyle=':', label='reference')
+        draw(error, run.time, 1e3 * run.error, color=color, label=text)
+    draw(position, run.time, run.desired_position, color='0.2', linestyle=':', label='reference')
     position.set_ylabel('position [m]')
     error.set_ylabel('error [mm]')
     error.set_xlabel('time [s]')

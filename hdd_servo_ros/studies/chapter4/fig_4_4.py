@@ -15,16 +15,10 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     axes = figure.subplots(3, 1)
     for axis, start, end in zip(axes, (0.0, 0.0, LAST_PERIODS), (1.0, 20.0, 20.0), strict=True):
         for case, label, color in ((PID, 'PID', 'C1'), (NN, 'adaptive NN', 'C0')):
-            signals = runs.signals(case)
-            window = (signals.time >= start) & (signals.time <= end)
-            peak = runs.metrics(case, 0.0).peak_control
-            draw(
-                axis,
-                signals.time[window],
-                signals.control[window, 0],
-                color=color,
-                label=f'{label}: at most {peak:.1f} N',
-            )
+            run = runs[case]
+            window = slice(run.since(start).start, run.since(end).start + 1)
+            label = f'{label}: at most {runs.metrics(case, 0.0).peak_control:.1f} N'
+            draw(axis, run.time[window], run.command[window], color=color, label=label)
         axis.set_ylabel('control [N]')
     axes[-1].set_xlabel('time [s]')
     legend_above(axes[0])

@@ -11,17 +11,17 @@ CASES = (NN,)
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw the norm, and the network's output beside the control's size."""
-    signals = runs.signals(NN)
-    output = signals.estimate('network')
-    largest = abs(output[signals.time >= LAST_HALF]).max()
+    run = runs[NN]
+    output = run.estimates['network']
+    largest = abs(output[run.since(LAST_HALF)]).max()
     control = runs.metrics(NN, LAST_HALF).rms_control
     figure = new_figure(
         f'Fig. 4.5: weights, λ = 1 1/s; in the last half the network gives at most {largest:.3f} N '
         f'of {control:.1f} N rms'
     )
     norm, network = figure.subplots(2, 1, sharex=True)
-    draw(norm, signals.time, signals.estimate('W_norm'))
-    draw(network, signals.time, output, color='C2')
+    draw(norm, run.time, run.estimates['W_norm'])
+    draw(network, run.time, output, color='C2')
     norm.set_ylabel('‖W‖ [N]')
     network.set_ylabel("W'S [N]")
     network.set_xlabel('time [s]')

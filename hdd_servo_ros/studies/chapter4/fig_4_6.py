@@ -12,7 +12,7 @@ _TRUE_MASS = 1.0
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw the three estimates."""
-    signals = runs.signals(NN)
+    run = runs[NN]
     figure = new_figure('Fig. 4.6: estimates, λ = 1 1/s', height=6.0)
     axes = figure.subplots(3, 1, sharex=True)
     for axis, name, label in zip(
@@ -21,7 +21,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         ('sigma_hat [N s/m]', 'phi_hat [N]', 'm_hat [kg]'),
         strict=True,
     ):
-        draw(axis, signals.time, signals.estimate(name))
+        draw(axis, run.time, run.estimates[name])
         axis.set_ylabel(label)
     axes[2].axhline(_TRUE_MASS, color='0.3', linestyle='--', linewidth=1.0, label='true mass')
     axes[2].set_xlabel('time [s]')

@@ -15,12 +15,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     figure = new_figure('Fig. 4.7: tracking error with different λ', height=7.0)
     axes = figure.subplot_mosaic([['whole', 'whole'], ['late', 'sweep']])
     for value in _DRAWN:
-        signals = runs.signals(NN_BY_LAMBDA[value])
-        error = 1e3 * (signals.head[:, 0] - signals.reference[:, 0])
-        late = signals.time >= LAST_PERIODS
-        draw(axes['whole'], signals.time, error, label=f'λ = {value:g} 1/s')
+        run = runs[NN_BY_LAMBDA[value]]
+        error = 1e3 * run.error
+        late = run.since(LAST_PERIODS)
+        draw(axes['whole'], run.time, error, label=f'λ = {value:g} 1/s')
         if value > _DRAWN[0]:
-            draw(axes['late'], signals.time[late], error[late], color=axes['whole'].lines[-1].get_color())
+            draw(axes['late'], run.time[late], error[late], color=axes['whole'].lines[-1].get_color())
     found = [runs.metrics(NN_BY_LAMBDA[value], LAST_HALF) for value in LAMBDAS]
     sweep = axes['sweep']
     sweep.loglog(LAMBDAS, [1e3 * metrics.rms_error for metrics in found], 'o-', label='rms error, last half [mm]')

@@ -31,10 +31,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         (_NONE, 'without network', '0.5'),
         (_BEST, rf'network, normalised inputs, $\sigma_w$ = {STRONG:g}', 'C0'),
     ):
-        signals = runs.signals(case)
-        late = signals.time >= LAST_PERIODS
-        error = 1e3 * (signals.head[late, 0] - signals.reference[late, 0])
-        draw(errors, signals.time[late], error, color=color, label=label)
+        run = runs[case]
+        late = run.since(LAST_PERIODS)
+        draw(errors, run.time[late], 1e3 * run.error[late], color=color, label=label)
     errors.set_xlabel('time [s]')
     errors.set_ylabel('error [mm]')
     for (label, sweep), color in zip(_SWEEPS.items(), ('C1', 'C0'), strict=True):

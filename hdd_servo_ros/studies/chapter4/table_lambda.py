@@ -20,6 +20,6 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         rows.append(
             (f'{value:g}', 1e3 * found.rms_error, 1e3 * found.max_error, found.peak_control, 1e3 * coarse.rms_error)
         )
-    sample_time = runs.run_yaml(CASES[0])['sample_time']
+    sample_time = runs[CASES[0]].sample_time
     header = ('lambda [1/s]', 'rms error [mm]', 'max error [mm]', 'peak control [N]', 'rms error at T = 1e-3 s [mm]')
     return write_table(path, f'Last half of 20 s, T = {sample_time:g} s.', header, rows)
