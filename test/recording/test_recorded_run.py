@@ -132,24 +132,45 @@ def parameter_event(tick, node, **values):
     return bytes(TYPES.serialize_cdr(TYPES.types[kind](stamp, node, [], changed, []), kind))
 
 
+def recorder_of(path, nodes):
+    """Return a recorder of a run in the namespace /b, and a function that gives the messages of a tick."""
+    description = {'sample_time': 1e-4, 'nodes': nodes}
+    topics = [(topic, f'/b/{topic.name}') for topic in LOOP_TOPICS]
+    recorder = RunRecorder(str(path), 'mcap', topics, description, separate_process=False)
+    vector, array = VectorCodec('drive'), ArrayCodec(['t', 'r'])
+
+    def messages(tick):
+        stamp = TICKS.stamp(tick)
+        return [ClockCodec.pack(stamp), *[vector.pack(stamp, tick, 0.0, 0.0)] * 4, array.pack([tick * 1e-4, 0.0])]
+
+    return recorder, messages
+
+
+def test_what_is_left_of_a_run_that_was_cut_off(tmp_path):
+    recorder, messages = recorder_of(tmp_path / 'run', {})
+    for tick in range(10):
+        recorder.write_tick(tick, TICKS.nanoseconds(tick), messages(tick))
+    recorder.write_ticks(9, range(3), [TICKS.nanoseconds(10)] * 3, messages(10)[:3])
+    recorder.finish('failed', 'the disk is full')
+    run = Run.open(tmp_path / 'run')
+    assert (run.status, run.reason, run.last_tick) == ('failed', 'the disk is full', 9)
+    for name in ('head', 'control'):
+        assert run[name][:, 0].tolist() == list(range(10))
+
+
 def test_parameters_in_force_at_a_tick(tmp_path):
     """The change acts from the tick on whose stamp its event carries; the values before are those of run.yaml."""
     nodes = {
         '/b/pid_controller': {'outputs': ['/b/control'], 'parameters': {'kp': 1.0, 'weights': [1.0]}},
         '/b/vcm_plant': {'outputs': ['/b/head'], 'parameters': {'kp': 5.0}},
     }
-    description = {'sample_time': 1e-4, 'nodes': nodes}
-    topics = [(topic, f'/b/{topic.name}') for topic in LOOP_TOPICS]
-    recorder = RunRecorder(str(tmp_path / 'run'), 'mcap', topics, description, separate_process=False)
-    vector, array = VectorCodec('drive'), ArrayCodec(['t', 'r'])
+    recorder, messages = recorder_of(tmp_path / 'run', nodes)
     for tick in range(10):
-        stamp = TICKS.stamp(tick)
-        messages = [ClockCodec.pack(stamp)] + [vector.pack(stamp, tick, 0.0, 0.0)] * 4 + [array.pack([tick * 1e-4, 0])]
         if tick == 4:
             recorder.write_parameter_event(400_000, parameter_event(4, '/b/pid_controller', kp=2.0, weights=[3.0, 4.0]))
         if tick == 7:
             recorder.write_parameter_event(700_000, parameter_event(7, '/b/pid_controller', kp=3.0))
-        recorder.write_tick(tick, TICKS.nanoseconds(tick), messages)
+        recorder.write_tick(tick, TICKS.nanoseconds(tick), messages(tick))
     recorder.finish('interrupted', 'SIGINT at tick 9')
     run = Run.open(tmp_path / 'run')
     assert [run.parameter('pid_controller', 'kp', tick) for tick in range(10)] == [1.0] * 4 + [2.0] * 3 + [3.0] * 3
