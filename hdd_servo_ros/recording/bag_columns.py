@@ -166,7 +166,7 @@ def _joined(parts: Sequence[Column]) -> Column:
 
 def _read_sqlite3(path: Path, topic: str) -> Column:
     try:
-        with contextlib.closing(sqlite3.connect(f'file:{path}?mode=ro', uri=True)) as connection:
+        with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)) as connection:
             rows = connection.execute(
                 'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) '
                 'ORDER BY timestamp, id',

@@ -19,6 +19,8 @@ _COMPARED_POINTS = 20_000
 """How many points all runs of a comparison may have together in one diagram over time."""
 _SAMPLES_IN_FULL = 500
 """Rows at the start, about the largest error and at the end that are drawn one by one."""
+_LINES_IN_FULL = 1000
+"""Lines of a spectrum, from the lowest on, that are drawn one by one."""
 _LOOP_SAMPLES = 4000
 _PERIODS = 3
 _ESTIMATES = 8
@@ -100,7 +102,7 @@ def run_panels(run: Run, after: float | None = None) -> list[Panel]:
     estimates = _estimates_panel(run, lines) if 'estimates' in run else None
     panels += [estimates] if estimates else []
     if 'reference' in run and 'head' in run:
-        panels.append(_spectrum_panel([run], after))
+        panels.append(_spectrum_panel([run], after, _BUCKETS))
         panels += filter(None, (_edges_panel(run), _loop_panel(run)))
     return panels
 
@@ -129,7 +131,7 @@ def comparison_panels(runs: Sequence[Run], after: float | None = None) -> list[P
         )
     if complete:
         panels += _last_periods_panels(complete)
-        panels.append(_spectrum_panel(complete, after))
+        panels.append(_spectrum_panel(complete, after, buckets))
     return panels
 
 
@@ -221,15 +223,16 @@ def _estimates_panel(run: Run, lines: _Lines) -> Panel | None:
     return Panel('estimates', 'Estimates', 'time [s]', label, tuple(traces), over_time=True) if traces else None
 
 
-def _spectrum_panel(runs: Sequence[Run], after: float | None) -> Panel:
+def _spectrum_panel(runs: Sequence[Run], after: float | None, buckets: int) -> Panel:
     unit, factor = runs[0].error_unit, runs[0].error_factor
     traces = []
     for run, name, colour in _named(runs):
         error = factor * run.error[steady_start(run, after) :]
         if len(error) > 2:
             frequencies, amplitudes = amplitude_spectrum(error, run.sample_time)
-            # The mean is taken out, and a logarithmic axis has no 0 Hz.
-            traces.append(Trace(name, frequencies[1:], amplitudes[1:], colour))
+            # The mean is taken out, and a logarithmic axis has no 0 Hz. Its low lines lie far apart.
+            rows = 1 + rows_to_draw(amplitudes[1:], buckets, [slice(0, _LINES_IN_FULL)])
+            traces.append(Trace(name, frequencies[rows], amplitudes[rows], colour))
     return Panel(
         'spectrum',
         'Spectrum of the position error signal',

@@ -188,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         runs = [Run.open(path) for path in options.run]
-        head, lines = comparison_table(runs, options.after)
+        _refuse_different_units(runs)
         written = []
         jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
         for name, run in zip(run_names(runs), jobs, strict=True):
@@ -199,10 +199,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if len(runs) > 1:
             beside = options.run[0].resolve().parent if options.output is None else options.output
             written += compare_runs(runs, beside, options.after)
+        table = comparison_table(runs, options.after)
     except (ValueError, OSError) as error:
         print(f'report: {error}', file=sys.stderr)
         return 2
-    _print_table(head, lines)
+    _print_table(*table)
     for path in written:
         print(path)
     return 0
