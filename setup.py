@@ -21,9 +21,12 @@ NODES = (
     'bag_recorder',
     'rig',
 )
+# Commands: one module each in hdd_servo_ros/tools.
+TOOLS = ('replay',)
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
 SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
 SCRIPTS += [f'report = {NAME}.reporting.report:main']
+SCRIPTS += [f'{tool} = {NAME}.tools.{tool}:main' for tool in TOOLS]
 
 
 def files(pattern):

@@ -3,6 +3,7 @@
 import dataclasses
 
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+from hdd_servo_ros.schedule import FORM, Change, parse_schedule
 from hdd_servo_ros.ticks import sample_time_to_nanoseconds
 
 
@@ -63,6 +64,9 @@ class TimerParameters(ParameterSet):
     )
     record: bool = parameter(True, 'whether the run waits for a bag_recorder', read_only=True)
     progress: bool = parameter(True, 'whether to show progress with the real-time factor')
+    schedule: tuple[str, ...] = parameter(
+        (), f'parameter changes that take effect at exact ticks, each a text {FORM}', read_only=True, element=str
+    )
 
     def check_together(self) -> None:
         """Refuse a T that is no whole number of nanoseconds, and a duration that holds no whole number of ticks."""
@@ -74,6 +78,13 @@ class TimerParameters(ParameterSet):
             ) from None
         if abs(self.duration / self.sample_time - self.last_tick) > 1e-6 * self.last_tick or self.last_tick < 1:
             raise ParameterError('duration', self.duration, f'a multiple of sample_time = {self.sample_time!r} s [s]')
+
+        parse_schedule(self.schedule, self.sample_time, self.last_tick)
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The schedule, read and in the order of its ticks."""
+        return parse_schedule(self.schedule, self.sample_time, self.last_tick)
 
     @property
     def last_tick(self) -> int:

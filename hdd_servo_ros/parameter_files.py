@@ -127,9 +127,24 @@ def _parse_parameter(text: str) -> tuple[str, dict[str, object]]:
         raise ArgumentError(f'-p {text!r} is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE')
     node, name, value = match.groups()
     try:
-        return _pattern(node or '/**'), {name: _value(yaml.load(value, _RosLoader))}
-    except yaml.YAMLError as error:
+        return _pattern(node or '/**'), {name: parse_value(value)}
+    except ArgumentError as error:
         raise ArgumentError(f'-p {text!r}: {error}') from None
+
+
+def parse_value(text: str) -> object:
+    """
+    Return a parameter's value from its text, lists as tuples.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no YAML.
+    """
+    try:
+        return _value(yaml.load(text, _RosLoader))
+    except yaml.YAMLError as error:
+        raise ArgumentError(str(error)) from None
 
 
 def _parse_remap(text: str, parsed: RosArguments) -> None:

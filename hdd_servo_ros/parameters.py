@@ -45,6 +45,8 @@ class Declaration:
     choices: tuple[str, ...] = ()
     read_only: bool = False
     """A read-only parameter is fixed once its node has started."""
+    element: type = float
+    """What a list holds whose default is empty."""
 
     @property
     def is_sequence(self) -> bool:
@@ -53,9 +55,9 @@ class Declaration:
 
     @property
     def element_type(self) -> type:
-        """The type of the value, or of a list's elements (an empty default list holds float)."""
+        """The type of the value, or of a list's elements."""
         if isinstance(self.default, tuple):
-            return type(self.default[0]) if self.default else float
+            return type(self.default[0]) if self.default else self.element
         return type(self.default)
 
     @property
@@ -118,9 +120,10 @@ def parameter(
     above: float = -math.inf,
     choices: tuple[str, ...] = (),
     read_only: bool = False,
+    element: type = float,
 ) -> Any:
     """Declare a field of a parameter dataclass; see :class:`Declaration` for the arguments."""
-    declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only)
+    declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only, element)
     return dataclasses.field(default=default, metadata={'declaration': declaration})
 
 

@@ -4,9 +4,10 @@
 No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
 """
 
+import itertools
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,13 +21,15 @@ from hdd_servo_ros.loop.experiment import Experiment, Rows
 from hdd_servo_ros.loop_parameters import DriveNameParameters, RecorderParameters, RigParameters, TimerParameters
 from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments, with_node
-from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping, to_mapping
+from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
+from hdd_servo_ros.recording.parameter_events import NodeChange, pack_parameter_event
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.reporting.progress import Progress
-from hdd_servo_ros.ticks import Ticks
+from hdd_servo_ros.schedule import Step, plan, refuse_strangers
+from hdd_servo_ros.ticks import Ticks, sample_time_to_nanoseconds
 from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
 
 CHUNK = 4096
@@ -95,6 +98,7 @@ class Simulation:
             }
             for name in names
         }
+        self.schedule = self._plan(sets, mappings)
         self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks)
 
     @staticmethod
@@ -115,6 +119,34 @@ class Simulation:
         except ParameterError as error:
             raise with_node(error, node) from None
         return sets
+
+    def _plan(
+        self, sets: Mapping[str, Mapping[type[Any], Any]], mappings: Mapping[str, Mapping[str, Value]]
+    ) -> list[tuple[str, Step]]:
+        """Return what the schedule changes, node and step, in the order of the ticks."""
+        changes = self.timer.changes
+        full_names = {name: f'{self._namespace}/{name}' for name in sets}
+        refuse_strangers(changes, list(full_names.values()))
+        steps = [
+            (name, step)
+            for name, kinds in sets.items()
+            for step in plan(changes, full_names[name], list(kinds), mappings[name])
+        ]
+        return sorted(steps, key=lambda planned: planned[1].tick)
+
+    def apply_schedule(self, tick: int) -> Iterator[NodeChange]:
+        """Make the changes that are due before ``tick``; yield each as a parameter event would say it."""
+        while self.schedule and self.schedule[0][1].tick <= tick:
+            name, step = self.schedule.pop(0)
+            self.experiment.update(name, step.sets)
+            yield NodeChange(
+                f'{self._namespace}/{name}', tick * sample_time_to_nanoseconds(self.timer.sample_time), step.values
+            )
+
+    def pieces(self, last_tick: int) -> Iterator[tuple[int, int]]:
+        """Iterate over first tick and count of what is run in one piece: no piece goes beyond a scheduled change."""
+        starts = {step.tick for _, step in self.schedule}.union(range(0, last_tick + 1, CHUNK))
+        yield from ((start, end - start) for start, end in itertools.pairwise([*sorted(starts), last_tick + 1]))
 
     def _check_sample_times(self, sets: dict[str, dict[type[Any], Any]]) -> None:
         for name, kinds in sets.items():
@@ -219,8 +251,10 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         shown = Progress('simulate', last_tick, simulation.timer.sample_time) if progress else None
         if shown is not None:
             shown.show(0)
-        for first_tick in range(0, last_tick + 1, CHUNK):
-            count = min(CHUNK, last_tick + 1 - first_tick)
+        for first_tick, count in simulation.pieces(last_tick):
+            for change in simulation.apply_schedule(first_tick):
+                if recorder is not None:
+                    recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
             rows = simulation.experiment.run(first_tick, count, rows)
             warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)

@@ -42,5 +42,20 @@ RECORDED = LoopTopic('recorded', COUNT_TYPE, ('ticks that the recorder has taken
 
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
 
+PARAMETER_EVENTS = '/parameter_events'
+PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
+PARAMETER_VALUE_FIELDS = {
+    1: 'bool_value',
+    2: 'integer_value',
+    3: 'double_value',
+    4: 'string_value',
+    5: 'byte_array_value',
+    6: 'bool_array_value',
+    7: 'integer_array_value',
+    8: 'double_array_value',
+    9: 'string_array_value',
+}
+"""The field of ``rcl_interfaces/ParameterValue`` that each of its types fills."""
+
 QUEUE_DEPTH = 1024
 """Depth of every loop topic's queue, offered and requested: what the slowest recorder may lag behind, and more."""

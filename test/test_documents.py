@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+TOOLS = sorted(path.stem for path in (ROOT / 'hdd_servo_ros' / 'tools').glob('[a-z]*.py'))
 BLOCKS = [
     pytest.param(block, id=f'{document.stem}-{number}')
     for document in DOCUMENTS
@@ -37,6 +38,9 @@ def test_commands(bench, block):
                     bench.run('simulate', '-p', f'run_dir:={word}', '-p', 'duration:=0.02', '-p', 'plot:=false')
                 answer = bench.python('-m', 'hdd_servo_ros.reporting.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
+                continue
+            if name in TOOLS:
+                assert bench.python('-m', f'hdd_servo_ros.tools.{name}', '--help').returncode == 0, command
                 continue
             paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
             assert paths.pop(0) == '--ros-args'

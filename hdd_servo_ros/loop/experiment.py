@@ -142,6 +142,7 @@ class Experiment:
         dsp: DspParameters | None = None,
     ) -> None:
         self.sample_time = sample_time
+        self._blocks: dict[str, Any] = {}
         sections = parameters or {}
         self.reference: Reference = self._block('reference_generator', sections)
         self.plant: Plant = self._block('vcm_plant', sections)
@@ -164,7 +165,18 @@ class Experiment:
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
-        return BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
+        self._blocks[name] = BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
+        return self._blocks[name]
+
+    def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
+        """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
+        if node not in self._blocks:
+            return
+        self._blocks[node].update(sets[BLOCKS[node][1]])
+        if ControllerOutputParameters in sets:
+            self.dsp.update(sets[ControllerOutputParameters].dsp)
+            if isinstance(self.controller, KnowsOutputLimit):
+                self.controller.limit_output(self.dsp.limit)
 
     def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
         """

@@ -1,21 +1,21 @@
 """`bag_recorder`: writes every topic of the run into a rosbag2 bag."""
 
+import collections
 import contextlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
-from rclpy.serialization import serialize_message
 
 from hdd_servo_ros.loop_parameters import RecorderParameters
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.run_recorder import PARAMETER_EVENTS, RunRecorder
+from hdd_servo_ros.recording.parameter_events import change_of_event, pack_parameter_event
+from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Outcome, Run
-from hdd_servo_ros.ticks import NANOSECONDS
-from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, RECORDED
+from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED
 
 _REPORT_EVERY = 64
 """Ticks between two reports to the timer, far fewer than its window."""
@@ -42,6 +42,7 @@ class BagRecorder(LoopNode):
         self._separate_process = separate_process
         self._recorder: RunRecorder | None = None
         self._run: Run | None = None
+        self._changes: collections.Counter[str] = collections.Counter()
         self.create_subscription(
             ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, qos_profile_parameter_events
         )
@@ -77,9 +78,16 @@ class BagRecorder(LoopNode):
         """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
         if self._recorder is None or self._run is None or not self._recorder.is_open:
             return
-        if event.changed_parameters and event.node in self._run.nodes:
-            time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
-            self._recorder.write_parameter_event(time, serialize_message(event))
+        change = change_of_event(event)
+        # What a starting node declares carries the wall clock's time.
+        in_run = change.time_ns <= self._ticks.nanoseconds(self.last_tick + 1)
+        if change.values and change.node in self._run.nodes and in_run:
+            # rclpy's serializer leaves whatever was in memory behind the message, and some readers stumble over that.
+            self._recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
+            self._changes[change.node] += change.time_ns > 0
+
+    def has_all(self, changes: Mapping[str, int] | None) -> bool:
+        return changes is not None and all(self._changes[node] >= count for node, count in changes.items())
 
     def complete(self) -> None:
         assert self._recorder is not None

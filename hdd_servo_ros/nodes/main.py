@@ -11,6 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from hdd_servo_ros.help import COMPILING, parse_help
+from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.parameters import ParameterError
@@ -18,6 +19,7 @@ from hdd_servo_ros.registry import NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.transport import use_udp_alone
+from hdd_servo_ros.schedule import refuse_strangers
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -65,6 +67,7 @@ def run_nodes(
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
         _refuse_unknown_nodes(name, command_line, [node.get_name() for node in nodes])
+        _check_schedule(nodes)
         return Lockstep(nodes, others).run().exit_code
     except (ParameterError, ArgumentError) as error:
         print(f'{name}: {error}', file=sys.stderr)
@@ -73,6 +76,17 @@ def run_nodes(
         return 128 + signal.SIGINT
     finally:
         rclpy.utilities.try_shutdown()
+
+
+def _check_schedule(nodes: Sequence[LoopNode]) -> None:
+    """Check what a schedule says for the nodes of this process; the others check it when they hear of it."""
+    for timer in nodes:
+        if TimerParameters in timer.parameters.kinds:
+            changes = timer.parameters[TimerParameters].changes
+            for node in nodes:
+                node.plan(changes)
+            # A node of the package that is not here may run elsewhere; the handshake will know.
+            refuse_strangers(changes, [*(node.get_fully_qualified_name() for node in nodes), *NODE_PARAMETERS])
 
 
 def _refuse_unknown_nodes(name: str, command_line: Sequence[str], nodes: Sequence[str]) -> None:

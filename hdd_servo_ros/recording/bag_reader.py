@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.recording.bag_columns import Bag
+from hdd_servo_ros.recording.parameter_events import NodeChange, unpack_parameter_event
 from hdd_servo_ros.recording.recorded_run import Run, bag_directory
-from hdd_servo_ros.topics import ESTIMATES
+from hdd_servo_ros.topics import ESTIMATES, PARAMETER_EVENTS
 
 
 def read_messages(path: Path) -> dict[str, tuple[NDArray[np.int64], list[bytes]]]:
@@ -23,6 +24,20 @@ def read_messages(path: Path) -> dict[str, tuple[NDArray[np.int64], list[bytes]]
     bag = Bag(bag_directory(path))
     columns = {topic: bag.column(topic) for topic in bag.types}
     return {topic: (column.times, column.as_bytes()) for topic, column in columns.items()}
+
+
+def recorded_changes(path: Path) -> list[NodeChange]:
+    """
+    Return the parameter changes in the bag of a run, in the order in which they were recorded.
+
+    Parameters
+    ----------
+    path
+        Run folder or bag.
+    """
+    bag = Bag(bag_directory(path))
+    messages = bag.column(PARAMETER_EVENTS).as_bytes() if PARAMETER_EVENTS in bag.types else []
+    return [unpack_parameter_event(message) for message in messages]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,7 @@ from hdd_servo_ros.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
 _AXES = ('x', 'y', 'z')
 
 
-def first_difference(left: Path, right: Path) -> str | None:
+def first_difference(left: Path, right: Path, last_tick: int | None = None) -> str | None:
     """
     Compare the payload bytes of all loop topics of two runs.
 
@@ -24,18 +24,20 @@ def first_difference(left: Path, right: Path) -> str | None:
     ----------
     left, right
         Run folders or bags; namespaces and storages may differ.
+    last_tick
+        The last tick to compare; all if None.
 
     Returns
     -------
     str or None
         The earliest difference in words, None if every payload is identical.
     """
-    differences = list(_differences(left, right))
+    differences = list(_differences(left, right, None if last_tick is None else last_tick + 1))
     # Of several at one tick the first in the order of the topics, along which data flows.
     return min(differences, key=lambda difference: difference[0])[1] if differences else None
 
 
-def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:
+def _differences(left: Path, right: Path, ticks: int | None) -> Iterator[tuple[int, str]]:
     """Yield for every loop topic the tick of its first difference, and that difference in words."""
     both = [_loop_messages(path) for path in (left, right)]
     for topic in LOOP_TOPICS:
@@ -43,7 +45,7 @@ def _differences(left: Path, right: Path) -> Iterator[tuple[int, str]]:
         if missing:
             yield -1, f'{topic.name} is missing in {missing[0]}'
             continue
-        ours, theirs = (messages[topic.name] for messages in both)
+        ours, theirs = (messages[topic.name][:ticks] for messages in both)
         for tick, (one, other) in enumerate(zip(ours, theirs, strict=False)):
             if one != other:
                 yield tick, f'{topic.name} differs first at tick {tick}: {_field(topic, one, other)}'

@@ -24,6 +24,8 @@ from hdd_servo_ros.topics import (
     HEAD,
     LDV,
     LOOP_TOPICS,
+    PARAMETER_EVENTS,
+    PARAMETER_VALUE_FIELDS,
     REFERENCE,
     VECTOR_TYPE,
 )
@@ -31,20 +33,7 @@ from hdd_servo_ros.topics import (
 if TYPE_CHECKING:
     from hdd_servo_ros.testing.checks import Checks
 
-PARAMETER_EVENTS = '/parameter_events'
 _TICK_TYPES = (CLOCK_TYPE, VECTOR_TYPE, ARRAY_TYPE)
-_VALUE_FIELDS = {
-    1: 'bool_value',
-    2: 'integer_value',
-    3: 'double_value',
-    4: 'string_value',
-    5: 'byte_array_value',
-    6: 'bool_array_value',
-    7: 'integer_array_value',
-    8: 'double_array_value',
-    9: 'string_array_value',
-}
-"""The field of ``rcl_interfaces/ParameterValue`` that each of its types fills."""
 
 
 def bag_directory(path: Path) -> Path:
@@ -535,7 +524,7 @@ def _array_values(column: Column) -> NDArray[np.float64]:
 
 def _plain(value: Any) -> Any:
     """Return what a ``rcl_interfaces/ParameterValue`` holds as plain Python."""
-    field = _VALUE_FIELDS.get(int(value.type))
+    field = PARAMETER_VALUE_FIELDS.get(int(value.type))
     content = None if field is None else getattr(value, field)
     if isinstance(content, np.ndarray):
         return content.tolist()

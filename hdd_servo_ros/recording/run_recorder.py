@@ -10,10 +10,8 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import FAILED, RunFolder, default_run_directory
 from hdd_servo_ros.recording.writer_process import WriterProcess
 from hdd_servo_ros.registry import CONTROLLERS
-from hdd_servo_ros.topics import CONTROL, QUEUE_DEPTH, LoopTopic
+from hdd_servo_ros.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 
-PARAMETER_EVENTS = '/parameter_events'
-PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
 _PARAMETER_EVENT_DEPTH = 1000
 _ATTEMPTS = 100
 

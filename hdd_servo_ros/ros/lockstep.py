@@ -9,6 +9,8 @@ Everything else that a ROS 2 node does (parameter services, events, the talk wit
 two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
 """
 
+import contextlib
+import math
 import signal
 import time
 from collections.abc import Sequence
@@ -76,6 +78,7 @@ class Lockstep:
         try:
             self._gather()
             self._loop()
+            self._await_changes()
             for node in self._nodes:
                 node.complete()
             self._close_ranks()
@@ -88,6 +91,9 @@ class Lockstep:
             outcome = failed(str(error))
         except Exception as error:
             outcome = failed(f'{type(error).__name__}: {error} {self._where()}')
+        # What was changed in the last round belongs into the bag too.
+        with contextlib.suppress(Exception):
+            self._serve()
         # The others first: they stop waiting while this process closes its bag.
         self.peers.say_end(outcome)
         for node in self._nodes:
@@ -118,6 +124,10 @@ class Lockstep:
             raise _Interrupted
 
     def _housekeeping(self) -> None:
+        self._serve()
+        self._check_signal()
+
+    def _serve(self) -> None:
         """Serve parameter services, events and the talk with the other processes."""
         for node in self._nodes:
             node.show_time()
@@ -125,7 +135,6 @@ class Lockstep:
             handler_found = self._spin_once()
             if not handler_found:
                 break
-        self._check_signal()
 
     def _spin_once(self) -> bool:
         """Run one waiting callback; return whether there was one."""
@@ -198,6 +207,19 @@ class Lockstep:
         wait_set.wait(int(seconds * 1e9))
         if len(missing) > 1 or not wait_set.is_ready('subscription', 0):
             self._wait_set = None
+
+    def _await_changes(self) -> None:
+        """Let the recorder have every parameter event before it closes the bag."""
+        deadline = math.inf
+        self._housekeeping()
+        while not all(node.has_all(changes := self.peers.final_changes()) for node in self._nodes):
+            if changes is not None:
+                deadline = min(deadline, time.monotonic() + self.peers.timeout)
+                if time.monotonic() > deadline:
+                    raise RunError(f'a parameter event did not reach the recorder; changes of the nodes: {changes}')
+            time.sleep(GATHERING_PERIOD)
+            self._housekeeping()
+            self.peers.watch()
 
     def _close_ranks(self) -> None:
         while not self.peers.close_ranks():

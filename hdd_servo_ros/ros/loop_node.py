@@ -2,7 +2,7 @@
 
 import importlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -15,9 +15,10 @@ from rclpy.time import Time
 from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.ros.errors import NotFiniteError, StampError
+from hdd_servo_ros.ros.errors import NotFiniteError, RunError, StampError
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 from hdd_servo_ros.ros.run import Outcome, Run
+from hdd_servo_ros.schedule import Change, Step, plan
 from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
 
@@ -151,7 +152,7 @@ class LoopNode(Node):
     ) -> None:
         super().__init__(name)
         self.parameters = NodeParameters(self, [PeerParameters, sample_time_kind, *kinds])
-        self.parameters.on_change(self.update)
+        self.parameters.on_change(self._count_change)
         self.inputs = tuple(inputs)
         self.optional_inputs = tuple(optional_inputs)
         self.outputs = tuple(outputs)
@@ -160,6 +161,10 @@ class LoopNode(Node):
         self.tick = 0
         """The next tick that this node fires for."""
         self.last_tick = -1
+        self.changes = 0
+        """How often parameters were changed behind tick 0."""
+        self._halt = 0
+        self._schedule: list[Step] = []
         self._ticks: Any = None
         self._arrived = 0
         self._messages: list[bytes] = []
@@ -197,6 +202,10 @@ class LoopNode(Node):
     def update(self) -> None:
         """Take over parameters that were changed; called between two ticks."""
 
+    def _count_change(self) -> None:
+        self.changes += self.tick > 0
+        self.update()
+
     paced = False
     """Whether :meth:`seconds_until_due` has a say."""
 
@@ -206,6 +215,10 @@ class LoopNode(Node):
 
     def complete(self) -> None:
         """Do what is left after the last tick, such as closing a bag; the run counts as finished after it."""
+
+    def has_all(self, changes: Mapping[str, int] | None) -> bool:
+        """Return whether :meth:`complete` may be called, after so many parameter changes a node, if that is known."""
+        return True
 
     def finish(self, outcome: Outcome) -> None:
         """Learn how the run ended; called once, at the very end."""
@@ -243,7 +256,9 @@ class LoopNode(Node):
         self._messages = [b''] * len(self.inputs)
         for wire in (*self.inputs, *self.optional_inputs):
             wire.begin(run.ticks)
+        self._schedule = list(self.plan(run.changes))
         self.prepare(run)
+        self._set_halt()
 
     @property
     def done(self) -> bool:
@@ -260,7 +275,7 @@ class LoopNode(Node):
             If an input's message is not the one of the expected tick.
         """
         tick = self.tick
-        if tick > self.last_tick:
+        if tick >= self._halt and not self._passes():
             return False
         inputs, messages = self.inputs, self._messages
         arrived = self._arrived
@@ -278,6 +293,29 @@ class LoopNode(Node):
         self.step(tick, self._ticks.stamp(tick), messages)
         self.tick = tick + 1
         return True
+
+    def plan(self, changes: Sequence[Change]) -> tuple[Step, ...]:
+        """Return what a run's schedule says for this node; raises :class:`ParameterError` if that cannot be done."""
+        parameters = self.parameters
+        return plan(changes, self.get_fully_qualified_name(), parameters.kinds, parameters.as_mapping())
+
+    def _next_halt(self) -> int:
+        """Return the tick for which :meth:`try_fire` must look for more than its inputs."""
+        return min(self.last_tick + 1, self._schedule[0].tick if self._schedule else self.last_tick + 1)
+
+    def _set_halt(self) -> None:
+        self._halt = self._next_halt()
+
+    def _passes(self) -> bool:
+        """Do what is due before the next tick, such as scheduled changes; return whether it may be fired for."""
+        while self._schedule and self._schedule[0].tick <= self.tick:
+            step = self._schedule.pop(0)
+            self.show_time()
+            refused = self.parameters.set(step.values)
+            if refused:
+                raise RunError(f'{self.get_fully_qualified_name()}: schedule {step.entry!r}: {refused}')
+        self._set_halt()
+        return not self.done
 
     def missing(self) -> Input | None:
         """Return the input that the next tick waits for, None if it waits for none."""

@@ -18,6 +18,12 @@ from hdd_servo_ros.parameters import (
     to_mapping,
 )
 
+_TYPES = {
+    bool: Parameter.Type.BOOL,
+    int: Parameter.Type.INTEGER,
+    float: Parameter.Type.DOUBLE,
+    str: Parameter.Type.STRING,
+}
 _ARRAY_TYPES = {
     bool: Parameter.Type.BOOL_ARRAY,
     int: Parameter.Type.INTEGER_ARRAY,
@@ -63,8 +69,9 @@ class NodeParameters:
     """
 
     def __init__(self, node: Node, kinds: Sequence[type[ParameterSet]]) -> None:
-        self._kinds = tuple(kinds)
-        self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self._kinds}
+        self._node = node
+        self.kinds = tuple(kinds)
+        self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self.kinds}
         self._on_change: Callable[[], None] | None = None
         given: dict[str, Any] = {
             name: _plain(found.value)
@@ -77,7 +84,7 @@ class NodeParameters:
         """What was given for this node, perhaps as for all nodes, that it does not have."""
         self._sets = self._checked({name: value for name, value in given.items() if name in known})
         values = self.as_mapping()
-        for kind in self._kinds:
+        for kind in self.kinds:
             for declaration in declarations(kind):
                 if values[declaration.name] == () and declaration.default != ():
                     raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
@@ -88,7 +95,7 @@ class NodeParameters:
     def _checked(self, values: Mapping[str, object]) -> dict[type[ParameterSet], ParameterSet]:
         return {
             kind: from_mapping(kind, {name: value for name, value in values.items() if name in self._names[kind]})
-            for kind in self._kinds
+            for kind in self.kinds
         }
 
     def __getitem__(self, kind: type[Any]) -> Any:
@@ -105,6 +112,17 @@ class NodeParameters:
     def on_change(self, callback: Callable[[], None]) -> None:
         """Call ``callback`` after every accepted change."""
         self._on_change = callback
+
+    def set(self, values: Mapping[str, Value]) -> str:
+        """Change parameters together as `ros2 param set` does it; return why that is refused, else an empty text."""
+        declared = {declaration.name: declaration for kind in self.kinds for declaration in declarations(kind)}
+        changes = []
+        for name, value in values.items():
+            types = _ARRAY_TYPES if declared[name].is_sequence else _TYPES
+            plain = list(value) if isinstance(value, tuple) else value
+            changes.append(Parameter(name, types[declared[name].element_type], plain))
+        result = self._node.set_parameters_atomically(changes)
+        return '' if result.successful else result.reason
 
     def _changed(self, changes: Sequence[Parameter]) -> dict[type[ParameterSet], ParameterSet]:
         values: dict[str, object] = dict(self.as_mapping())

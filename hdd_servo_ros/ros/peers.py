@@ -26,10 +26,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import UNKNOWN_NODE, LoopNode, publishers_of
 from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, Run
+from hdd_servo_ros.schedule import parse_schedule, refuse_strangers
 from hdd_servo_ros.topics import CLOCK, RECORDED
 
 WAITING = 'waiting'
@@ -96,12 +98,15 @@ class Peers:
     def _speak(self, reason: str = '') -> None:
         said: dict[str, Any] = {'process': self.identifier, 'state': self.state, 'reason': reason}
         said['ticks'] = {node.get_fully_qualified_name(): node.tick for node in self._nodes}
+        said['changes'] = {node.get_fully_qualified_name(): node.changes for node in self._nodes}
         if self.state in (WAITING, READY):
             said['nodes'] = self._own_nodes()
             said['hears'] = list(self._heard)
         if self._timer is not None:
             timer = self._timer.parameters[TimerParameters]
             said['timer'] = {'sample_time': timer.sample_time, 'last_tick': timer.last_tick, 'rate': timer.rate}
+            if self.state in (WAITING, READY):
+                said['timer']['schedule'] = timer.schedule
             if self.run is not None and self.state == RUNNING:
                 said['run'] = dataclasses.asdict(self.run)
         self._publisher.publish(String(data=json.dumps(said)))
@@ -223,7 +228,11 @@ class Peers:
     def _timer_said(self) -> dict[str, Any] | None:
         if self._timer is not None:
             timer = self._timer.parameters[TimerParameters]
-            return {'sample_time': timer.sample_time}
+            return {
+                'sample_time': timer.sample_time,
+                'last_tick': timer.last_tick,
+                'schedule': timer.schedule,
+            }
         return next((said['timer'] for said in self._heard.values() if 'timer' in said), None)
 
     def _find_missing(self) -> Iterator[str]:
@@ -232,6 +241,7 @@ class Peers:
             yield 'deterministic_timer'
         else:
             self._check_sample_time(timer['sample_time'])
+            self._check_schedule(timer)
         nodes = list(self._known_nodes())
         for node in self._nodes:
             for wire in node.inputs:
@@ -286,6 +296,15 @@ class Peers:
                     f'deterministic_timer has {sample_time!r} s'
                 )
 
+    def _check_schedule(self, timer: dict[str, Any]) -> None:
+        if timer.get('schedule'):
+            changes = parse_schedule(timer['schedule'], timer['sample_time'], timer['last_tick'])
+            try:
+                for node in self._nodes:
+                    node.plan(changes)
+            except ParameterError as error:
+                raise RunError(str(error)) from None
+
     @staticmethod
     def _check_announced(topic: str, announced: Sequence[str]) -> None:
         if len(announced) > 1:
@@ -333,7 +352,12 @@ class Peers:
         frame_id = next((d['offers']['frame_id'] for d in nodes.values() if 'frame_id' in d['offers']), '')
         processes = [self.identifier, *self._heard]
         name = self._timer.get_fully_qualified_name()
-        return Run(timer.sample_time, timer.last_tick, timer.rate, frame_id, name, nodes, processes)
+        try:
+            refuse_strangers(timer.changes, list(nodes))
+        except ParameterError as error:
+            raise RunError(str(error)) from None
+        schedule = list(timer.schedule)
+        return Run(timer.sample_time, timer.last_tick, timer.rate, frame_id, name, nodes, processes, schedule)
 
     # During the run.
 
@@ -412,6 +436,16 @@ class Peers:
                 raise RunError(f'{wire.name}: tick {expected} was published by {producer} and did not arrive')
 
     # The end.
+
+    def final_changes(self) -> dict[str, int] | None:
+        """Return how often each node's parameters were changed; None while another process still runs."""
+        assert self.run is not None
+        if not self._all_peers(DONE, FINISHED):
+            return None
+        changes = {node.get_fully_qualified_name(): node.changes for node in self._nodes}
+        for process in self.run.processes:
+            changes.update(self._heard.get(process, {}).get('changes', {}))
+        return changes
 
     def close_ranks(self) -> bool:
         """Say that this process is done; return whether the whole run is finished."""

@@ -6,6 +6,7 @@ import signal
 from typing import Any
 
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.schedule import Change, parse_schedule
 from hdd_servo_ros.ticks import Ticks
 
 
@@ -30,6 +31,8 @@ class Run:
         For each taking-part node's full name what it said of itself: inputs, outputs, parameters and more.
     processes
         Identifiers of the taking-part processes.
+    schedule
+        The timer's parameter of that name.
     """
 
     sample_time: float
@@ -39,11 +42,17 @@ class Run:
     timer: str
     nodes: dict[str, dict[str, Any]]
     processes: list[str]
+    schedule: list[str]
 
     @functools.cached_property
     def ticks(self) -> Ticks:
         """The time line, one for all nodes of a process."""
         return Ticks(self.sample_time)
+
+    @functools.cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """The parameter changes of the schedule, in the order of their ticks."""
+        return parse_schedule(self.schedule, self.sample_time, self.last_tick)
 
     def publisher_of(self, topic: str) -> str | None:
         """Return the full name of the taking-part node that publishes a topic (by its full name), None if none does."""

@@ -26,8 +26,7 @@ from hdd_servo_ros.loop.replay import ReplayError
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.run_folder import read_run_yaml
-from hdd_servo_ros.recording.run_recorder import PARAMETER_EVENTS
-from hdd_servo_ros.topics import DISTURBANCE
+from hdd_servo_ros.topics import DISTURBANCE, PARAMETER_EVENTS
 
 CONTROLLER, DRIVE, SENSOR = 'adaptive_nn_controller', 'vcm_plant', 'ldv_sensor'
 _POINTS = 4000

@@ -1,0 +1,1 @@
+"""Commands around recorded and running experiments: rerun, mend, watch."""

@@ -1,0 +1,200 @@
+"""`replay`: rerun a recorded run from what its folder says, and confirm that the bits are the same."""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hdd_servo_ros.parameters import Value
+from hdd_servo_ros.recording.bag_reader import recorded_changes
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.parameter_events import NodeChange
+from hdd_servo_ros.recording.run_folder import RUNNING, git_revision, read_run_yaml, versions
+from hdd_servo_ros.schedule import format_entry, parse_schedule
+from hdd_servo_ros.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.topics import LOOP_TOPICS
+
+TIMER = 'deterministic_timer'
+_PACE = ('rate', 'progress')
+"""Parameters of the timer that say how fast a run goes in wall time."""
+
+
+class ReplayError(Exception):
+    """A run that cannot be rerun; says why."""
+
+
+class Recording:
+    """
+    What a run's folder says about how the run came to be.
+
+    Parameters
+    ----------
+    run
+        The run's folder.
+
+    Raises
+    ------
+    ReplayError
+        If the run did not end, has no tick, or somebody else's node took part in it.
+    FileNotFoundError
+        If it is no run folder.
+    """
+
+    def __init__(self, run: Path) -> None:
+        self.run = run
+        said = self.said = read_run_yaml(run)
+        self.nodes: dict[str, dict[str, Any]] = said['nodes']
+        if said['status'] == RUNNING:
+            raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` mends it')
+        if said['last_tick'] is None or said['last_tick'] < 0:
+            raise ReplayError(f'{run}: it holds no tick')
+        strangers = [name for name in said['topics'].values() if not self._is_published(name)]
+        if strangers:
+            raise ReplayError(
+                f'{run}: {", ".join(strangers)} came from a node that run.yaml knows nothing of, so it cannot be rerun'
+            )
+        self.timer = next(name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER)
+        self.namespace = self.timer.rsplit('/', 1)[0]
+        self.last_tick: int = said['last_tick']
+        self.sample_time: float = said['sample_time']
+
+    def _is_published(self, topic: str) -> bool:
+        return any(topic in node['outputs'] for node in self.nodes.values())
+
+    def schedule(self) -> list[str]:
+        """Return every parameter change of the run as a schedule: those of its own schedule and those made live."""
+        step = sample_time_to_nanoseconds(self.sample_time)
+        changes = [change for change in recorded_changes(self.run) if change.time_ns <= self.last_tick * step]
+        seen = {(change.time_ns, change.node, name) for change in changes for name in change.values}
+        # A run that was cut short may have lost the event of a change that its schedule knows of.
+        planned = parse_schedule(
+            self.nodes[self.timer]['parameters'].get('schedule', ()), self.sample_time, self.said['last_tick_planned']
+        )
+        lost = [
+            NodeChange(node, change.tick * step, {change.name: _value(change.value)})
+            for change in planned
+            for node in self.nodes
+            if change.is_for(node) and change.tick <= self.last_tick
+            if (change.tick * step, node, change.name) not in seen
+        ]
+        return list(_entries([*lost, *changes], self.nodes))
+
+    def parameter_file(self, output: Path) -> dict[str, Any]:
+        """Return the content of a ROS parameter file that reruns the run into ``output``."""
+        content = {
+            name: {'ros__parameters': {key: value for key, value in node['parameters'].items() if value != []}}
+            for name, node in self.nodes.items()
+        }
+        timer = content[self.timer]['ros__parameters']
+        timer.pop('schedule', None)
+        schedule = self.schedule()
+        timer.update(
+            # A run has two ticks at least.
+            duration=max(self.last_tick, 1) * self.sample_time,
+            rate=0.0,
+            record=True,
+            **({'schedule': schedule} if schedule else {}),
+        )
+        recorder = content.setdefault(f'{self.namespace}/bag_recorder', {'ros__parameters': {}})
+        recorder['ros__parameters'] |= {'run_dir': str(output)}
+        rig = {'controller': self.said['controller'], 'plot': False}
+        return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
+
+    def remaps(self) -> list[str]:
+        """Return the ROS arguments that give namespace and topics the names that they had."""
+        arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
+        own = {topic.name for topic in LOOP_TOPICS}
+        for topic, name in self.said['topics'].items():
+            if topic in own and name != f'{self.namespace}/{topic}':
+                arguments += ['-r', f'{topic}:={name}']
+        return arguments
+
+    def differing_versions(self) -> Iterator[str]:
+        """Iterate over what is another version here than when the run was recorded, in words."""
+        recorded = {**self.said.get('versions', {}), 'git revision': self.said.get('git_revision', 'unknown')}
+        here = {**versions(), 'git revision': git_revision()}
+        for name in sorted(recorded.keys() & here.keys()):
+            if recorded[name] != here[name]:
+                yield f'{name}: recorded with {recorded[name]}, here {here[name]}'
+
+
+def _value(value: Any) -> Value:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _entries(changes: Sequence[NodeChange], nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    changed = set()
+    for change in changes:
+        then = (change.time_ns, change.node) in changed
+        changed.add((change.time_ns, change.node))
+        for name, value in change.values.items():
+            paces = change.node.rsplit('/', 1)[-1] == TIMER and name in _PACE
+            if name in nodes[change.node]['parameters'] and not paces:
+                yield format_entry(change.time_ns, change.node, name, value, then=then)
+                then = False
+
+
+def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
+    """Run the experiment of a recording again into the folder ``output``; return the run's exit code."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / 'replay.yaml'
+        # JSON is YAML that leaves no doubt about what is a text and what a number.
+        path.write_text(json.dumps(recording.parameter_file(output), ensure_ascii=False), 'utf8')
+        arguments = ['--ros-args', '--params-file', str(path), *recording.remaps()]
+        # Imported late: without ROS there need be no rclpy.
+        if without_ros:
+            from hdd_servo_ros import simulate
+
+            return simulate.main(arguments)
+        from hdd_servo_ros.nodes import rig
+
+        return rig.main(['rig', *arguments])
+
+
+def replay(run: Path, output: Path, *, without_ros: bool) -> int:
+    """Rerun ``run`` into ``output`` and say whether it came out the same; return the exit code."""
+    recording = Recording(run)
+    for differing in recording.differing_versions():
+        print(f'replay: note: {differing}')
+    for entry in recording.schedule():
+        print(f'replay: parameter change {entry}')
+    exit_code = rerun(recording, output, without_ros=without_ros)
+    if exit_code != 0:
+        print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
+        return 1
+    difference = first_difference(run, output, recording.last_tick)
+    if difference is not None:
+        print(f'replay: different: {difference}')
+        return 1
+    print(f'replay: the same bits on every topic, ticks 0 to {recording.last_tick}')
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 2 if it cannot be rerun."""
+    parser = argparse.ArgumentParser(
+        prog='replay',
+        description='Rerun a recorded run from its run.yaml and the changes in its bag, and compare the bits.',
+        epilog='Exit code: 0 the bits are the same, 1 they are not, 2 the run cannot be rerun.',
+    )
+    parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
+    parser.add_argument('--without-ros', action='store_true', help='rerun with simulate instead of rig')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='keep the rerun in this new folder')
+    parsed = parser.parse_args(arguments)
+    try:
+        if parsed.output is not None:
+            if parsed.output.exists():
+                raise ReplayError(f'{parsed.output} exists, and a run is never overwritten')
+            return replay(parsed.run, parsed.output, without_ros=parsed.without_ros)
+        with tempfile.TemporaryDirectory() as directory:
+            return replay(parsed.run, Path(directory) / 'rerun', without_ros=parsed.without_ros)
+    except (ReplayError, OSError, KeyError) as error:
+        print(f'replay: {error}', file=sys.stderr)
+        return 2
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""A schedule takes effect at its tick wherever the nodes run, and a tuning session is replayed to the bit."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hdd_servo_ros.recording.bag_reader import read_messages, recorded_changes
+from hdd_servo_ros.recording.compare_bags import first_difference
+
+HERE = Path(__file__).parent
+DURATION = ('-p', 'duration:=0.1')
+SCHEDULE = (
+    '-p',
+    "schedule:=['0.05 adaptive_nn_controller feedback_gain 1.0e-4', '0.05 adaptive_nn_controller mass.gain 1.0e-9',"
+    " '0.05 reference_generator frequency 150', 'then 0.05 reference_generator amplitude 1.5',"
+    " '0.07 vcm_plant friction.stiffness 0.03', '0.1 reference_generator amplitude 2.5']",
+)
+CHANGES = [
+    (500, '/adaptive_nn_controller', {'feedback_gain': 1e-4, 'mass.gain': 1e-9}),
+    (500, '/reference_generator', {'frequency': 150.0}),
+    (500, '/reference_generator', {'amplitude': 1.5}),
+    (700, '/vcm_plant', {'friction.stiffness': 0.03}),
+    (1000, '/reference_generator', {'amplitude': 2.5}),
+]
+
+
+def changes_of(run):
+    return sorted(
+        ((change.time_ns // 100_000, change.node, change.values) for change in recorded_changes(run)),
+        key=lambda change: change[:2],
+    )
+
+
+def replay(bench, *arguments):
+    answer = bench.python('-m', 'hdd_servo_ros.tools.replay', *arguments)
+    return answer.returncode, answer.stdout + answer.stderr
+
+
+def test_a_schedule_gives_the_same_bits_everywhere(bench):
+    for name in ('simulate', 'rig'):
+        bench.run(name, *DURATION, *SCHEDULE, '-p', f'run_dir:={name}', '-p', 'plot:=false')
+    for process in bench.start_nodes('processes', *DURATION, *SCHEDULE).values():
+        assert process.wait() == 0, process.output
+    simulated = bench.directory / 'simulate'
+    for run in ('rig', 'processes'):
+        assert first_difference(simulated, bench.directory / run) is None
+        assert changes_of(bench.directory / run) == CHANGES
+    assert changes_of(simulated) == CHANGES
+    bench.run('simulate', *DURATION, '-p', 'run_dir:=plain', '-p', 'plot:=false')
+    # The reference is the first to show what happens at 0.05 s.
+    assert first_difference(simulated, bench.directory / 'plain').startswith('reference differs first at tick 500')
+
+
+@pytest.mark.parametrize('name', ['simulate', 'rig'])
+@pytest.mark.parametrize(
+    ('entry', 'said'),
+    [
+        ('0.05 vcm_plant friction.stiffnes 1', '/vcm_plant has no parameter friction.stiffnes'),
+        ('0.05 nobody gain 1', 'no such node'),
+    ],
+)
+def test_a_wrong_entry_is_refused_before_the_run(bench, name, entry, said):
+    process = bench.start(name, *DURATION, '-p', f"schedule:=['{entry}']", '-p', 'run_dir:=run')
+    assert process.wait() == 2
+    (line,) = [line for line in process.output.splitlines() if entry in line]
+    assert said in line
+    assert not (bench.directory / 'run').exists()
+
+
+def test_a_wrong_entry_ends_all_processes_before_the_run(bench):
+    entry = '0.05 vcm_plant friction.stiffness -1.0'
+    for process in bench.start_nodes('run', *DURATION, '-p', f"schedule:=['{entry}']").values():
+        assert process.wait() == 1
+        assert entry in process.output
+        assert 'above 0' in process.output
+    assert not (bench.directory / 'run').exists()
+
+
+def test_a_live_tuning_session_is_replayed(bench):
+    names = ('-r', '__ns:=/bench7', '-r', 'head:=truth')
+    process = bench.start(
+        'rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run', *names, '-p', 'controller:=pid'
+    )
+    for name, value in (('proportional_gain', '0.002'), ('integral_gain', '0.5'), ('proportional_gain', '0.003')):
+        answer = bench.python(str(HERE / 'set_parameter.py'), '/bench7/pid_controller', name, value)
+        assert answer.returncode == 0, answer.stderr
+    time.sleep(0.3)
+    process.signal(signal.SIGINT)
+    assert process.wait() == 130
+    run = bench.directory / 'run'
+    changes = [change.values for change in recorded_changes(run)]
+    assert changes == [{'proportional_gain': 0.002}, {'integral_gain': 0.5}, {'proportional_gain': 0.003}]
+    code, text = replay(bench, 'run', '--output', 'again')
+    assert code == 0, text
+    last_tick = bench.run_yaml('run')['last_tick']
+    assert f'the same bits on every topic, ticks 0 to {last_tick}' in text
+    assert '/bench7/truth' in read_messages(bench.directory / 'again')
+    code, text = replay(bench, 'run', '--without-ros')
+    assert code == 0, text
+    # It is the changes that make it the same run: without one of them, the control parts at its tick.
+    said = bench.run_yaml('run')
+    said['nodes']['/bench7/pid_controller']['parameters']['derivative_gain'] *= 1.5
+    said['versions']['numpy'] = '0.1'
+    (run / 'run.yaml').write_text(yaml.safe_dump(said))
+    code, text = replay(bench, 'run', '--without-ros')
+    assert code == 1, text
+    assert 'different: control differs first at tick' in text
+    assert 'numpy: recorded with 0.1, here' in text
+
+
+def test_what_cannot_be_replayed(bench):
+    code, text = replay(bench, 'nothing')
+    assert (code, text) == (2, 'replay: nothing is not a run folder: it has no run.yaml\n')
+    bench.run('simulate', *DURATION, '-p', 'run_dir:=run', '-p', 'plot:=false')
+    said = bench.run_yaml('run')
+    path = bench.directory / 'run' / 'run.yaml'
+    path.write_text(yaml.safe_dump({**said, 'status': 'running'}))
+    code, text = replay(bench, 'run')
+    assert code == 2
+    assert 'recover run' in text
+    del said['nodes']['/adaptive_nn_controller']
+    path.write_text(yaml.safe_dump(said))
+    code, text = replay(bench, 'run')
+    assert code == 2
+    assert '/control, /estimates came from a node that run.yaml knows nothing of' in text
