@@ -63,6 +63,9 @@ class TimerParameters(ParameterSet):
         read_only=True,
     )
     record: bool = parameter(True, 'whether the run waits for a bag_recorder', read_only=True)
+    autostart: bool = parameter(
+        True, 'whether the ticks begin once all nodes are ready; false waits for ~/start', read_only=True
+    )
     progress: bool = parameter(True, 'whether to show progress with the real-time factor')
     schedule: tuple[str, ...] = parameter(
         (), f'parameter changes that take effect at exact ticks, each a text {FORM}', read_only=True, element=str

@@ -70,11 +70,17 @@ class AdaptiveNn:
         self._compensator_nodes = parameters.compensator.nodes
         n, m = self._nodes, self._compensator_nodes
         self.state: NDArray[np.float64] = np.zeros(kernel.ACTIVATIONS + 2 * n + n * n + 2 * m + m * m)
+        self._forget(parameters)
+        self._take(parameters)
+
+    def _forget(self, parameters: AdaptiveNnParameters) -> None:
+        """Set what is learnt to its initial values: the estimates, both networks' weights, the widths."""
         self.state[kernel.SIGMA] = parameters.sigma.initial
         self.state[kernel.MASS] = parameters.mass.initial
         self.state[kernel.PHI] = parameters.phi.initial
+        self.state[kernel.POSITION_WIDTH] = self.state[kernel.VELOCITY_WIDTH] = 0.0
         self.weights[:] = parameters.network.initial
-        self._take(parameters)
+        self.compensator_weights[:] = 0.0
 
     @property
     def weights(self) -> NDArray[np.float64]:
@@ -128,7 +134,9 @@ class AdaptiveNn:
 
     def update(self, parameters: AdaptiveNnParameters) -> None:
         """
-        Take other parameters from the next tick on; what was learnt stays.
+        Take other parameters from the next tick on; what was learnt stays, unless ``reset_count`` is another.
+
+        A reset leaves the integral of e and the velocity filter alone: they are no estimates.
 
         Raises
         ------
@@ -141,6 +149,8 @@ class AdaptiveNn:
         ):
             if new != old:
                 raise ParameterError(name, new, f'fixed at {old} for this run')
+        if parameters.reset_count != self.parameters.reset_count:
+            self._forget(parameters)
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:

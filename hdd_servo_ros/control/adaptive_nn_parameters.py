@@ -201,6 +201,9 @@ class AdaptiveNnParameters(ParameterSet):
     )
     width: WidthParameters = group(WidthParameters)
     compensator: CompensatorParameters = group(CompensatorParameters)
+    reset_count: int = parameter(
+        0, 'every other number than before resets what was learnt; what ~/reset raises by one', minimum=0
+    )
     safe_gain: float = parameter(
         9.96e-5,
         'largest linear gain on r that the loop is known to bear, 0 if not known; a warning says when '

@@ -3,7 +3,7 @@
 import collections
 import contextlib
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
@@ -12,6 +12,7 @@ from hdd_servo_ros.loop_parameters import RecorderParameters
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.parameter_events import change_of_event, pack_parameter_event
 from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.ros.diagnostics import OK, Diagnosis
 from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Outcome, Run
@@ -85,6 +86,10 @@ class BagRecorder(LoopNode):
             # rclpy's serializer leaves whatever was in memory behind the message, and some readers stumble over that.
             self._recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
             self._changes[change.node] += change.time_ns > 0
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        values = {'ticks taken in': self.tick, 'folder': self.directory}
+        yield Diagnosis('recording', OK, 'recording' if self._recorder is not None else 'waiting for the run', values)
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
         return changes is not None and all(self._changes[node] >= count for node, count in changes.items())

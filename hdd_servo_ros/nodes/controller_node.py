@@ -1,15 +1,19 @@
 """What all controller nodes share: the wires around a controller block."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
+from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Run
 from hdd_servo_ros.topics import CONTROL, ESTIMATES, LDV, REFERENCE
+
+_OFTEN = 0.5
+"""Part of the ticks above which a limited control is an error."""
 
 
 class ControllerNode(LoopNode):
@@ -38,6 +42,7 @@ class ControllerNode(LoopNode):
         self._dsp.step(*self._controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._codec = VectorCodec('')
         self._estimates = ArrayCodec(self._controller.estimate_names)
+        self._diagnosed = (0, 0)
 
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
@@ -64,3 +69,14 @@ class ControllerNode(LoopNode):
     def _tell_limit(self) -> None:
         if isinstance(self._controller, KnowsOutputLimit):
             self._controller.limit_output(self._dsp.limit)
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        limited = self._dsp.saturated_samples
+        (tick, before), self._diagnosed = self._diagnosed, (self.tick, limited)
+        count, ticks = limited - before, self.tick - tick
+        values = {'ticks at the limit since the last report': count, 'in all': limited}
+        if count == 0:
+            yield Diagnosis('control', OK, 'inside its limit', values)
+        else:
+            level = ERROR if count > _OFTEN * ticks else WARN
+            yield Diagnosis('control', level, f'at its limit in {count} of {ticks} ticks', values)

@@ -1,13 +1,18 @@
 """`deterministic_timer`: the only source of time."""
 
+import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+
+from std_srvs.srv import Trigger
 
 from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import ClockCodec
 from hdd_servo_ros.reporting.progress import Progress
+from hdd_servo_ros.ros.diagnostics import OK, WARN, Diagnosis
+from hdd_servo_ros.ros.errors import StopRequest
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
@@ -16,12 +21,17 @@ RECORDER_WINDOW = QUEUE_DEPTH // 2
 """How many ticks the recorder may be behind before the timer waits; half of what its queues hold."""
 
 
+_LATE = 0.95
+"""Part of the rate asked for below which the diagnostics warn."""
+
+
 class DeterministicTimer(LoopNode):
     """
     Publishes `/clock`.
 
     Tick k comes once `/control` of tick k - 1 - ``lookahead`` is there, the recorder is near, and, when the run is
-    paced, wall time has come to it.
+    paced, wall time has come to it. The services ``~/start``, ``~/pause``, ``~/resume``, ``~/step`` and ``~/stop``
+    decide whether there is a next tick; what the ticks hold does not depend on them.
     """
 
     paced = True
@@ -44,6 +54,95 @@ class DeterministicTimer(LoopNode):
         self._paced_from = (0.0, 0)
         self._rate = 0.0
         self._progress: Progress | None = None
+        self._started = self.parameters[TimerParameters].autostart
+        self._hold_at = math.inf if self._started else 0
+        self._stopped = False
+        self._diagnosed = (time.monotonic(), 0)
+        for name, answer in (
+            ('start', self._start),
+            ('pause', self._pause),
+            ('resume', self._resume),
+            ('step', self._single_step),
+            ('stop', self._stop),
+        ):
+            self._offer(name, answer)
+
+    def _offer(self, name: str, act: Callable[[], str]) -> None:
+        def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            if self.done and self._ticks is not None:
+                response.message = f'the run is over: its last tick is {self.last_tick}'
+                return response
+            if self._ticks is None and act not in (self._start, self._stop):
+                response.message = 'the run has not begun: nodes are missing'
+                return response
+            refused = act()
+            response.success = not refused
+            response.message = refused or self._state
+            self._set_halt()
+            if response.success:
+                self.get_logger().info(response.message)
+            return response
+
+        self.create_service(Trigger, f'~/{name}', serve)
+
+    # What the services do; each returns why it is refused, or an empty text.
+
+    def _start(self) -> str:
+        if self._started:
+            return 'started already'
+        self._go()
+        return ''
+
+    def _pause(self) -> str:
+        if self._held:
+            return f'not running: {self._state}'
+        self._hold_at = self.tick
+        return ''
+
+    def _resume(self) -> str:
+        if not self._started:
+            return 'not started: call ~/start'
+        if not self._held:
+            return 'not paused'
+        self._go()
+        return ''
+
+    def _single_step(self) -> str:
+        if not self._held:
+            return 'running: call ~/pause first'
+        self._started = True
+        self._hold_at = self.tick + 1
+        return ''
+
+    def _stop(self) -> str:
+        self._stopped = True
+        return ''
+
+    def _go(self) -> None:
+        self._started, self._hold_at = True, math.inf
+        self._pace_from_here()
+
+    @property
+    def _held(self) -> bool:
+        return self.tick >= self._hold_at
+
+    @property
+    def _state(self) -> str:
+        if self._stopped:
+            return f'stopped before tick {self.tick}'
+        if not self._started:
+            return 'waiting for ~/start'
+        if self._held:
+            return f'paused before tick {self.tick}'
+        return f'stepping over tick {self.tick}' if self._hold_at < math.inf else f'running, next is tick {self.tick}'
+
+    def _next_halt(self) -> int:
+        return self.tick if self._stopped else min(super()._next_halt(), self._hold_at)  # type: ignore[return-value]
+
+    def _passes(self) -> bool:
+        if self._stopped:
+            raise StopRequest(f'~/stop {self.get_name()} before tick {self.tick}')
+        return not self._held and super()._passes()
 
     def begin(self, run: Run) -> None:
         wires = self.inputs
@@ -64,9 +163,14 @@ class DeterministicTimer(LoopNode):
 
     def update(self) -> None:
         self._rate = self.parameters[TimerParameters].rate
+        self._pace_from_here()
+
+    def _pace_from_here(self) -> None:
         self._paced_from = (time.monotonic(), self.tick)
 
     def seconds_until_due(self) -> float:
+        if self.tick >= self._hold_at:
+            return math.inf
         if self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW and self._recorder_is_far():
             return float('inf')
         if self._rate == 0.0:
@@ -78,6 +182,8 @@ class DeterministicTimer(LoopNode):
         return start + (self.tick - tick) * self._ticks.sample_time / self._rate - time.monotonic()
 
     def missing(self) -> Input | None:
+        if self._held:
+            return None
         wire = super().missing()
         if wire is None and self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW:
             return self._recorded_wire
@@ -87,6 +193,28 @@ class DeterministicTimer(LoopNode):
         while (message := self._recorded_wire.take()) is not None:
             self._recorded = int.from_bytes(message[4:12], 'little')
         return self.tick - self._recorded > RECORDER_WINDOW
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        if self._ticks is None:
+            yield Diagnosis('ticks', OK, 'waiting for peers')
+            return
+        now = time.monotonic()
+        (before, first), self._diagnosed = self._diagnosed, (now, self.tick)
+        tick_rate = (self.tick - first) / max(now - before, 1e-9)
+        factor = tick_rate * self._ticks.sample_time
+        values = {
+            'tick': self.tick,
+            'last tick': self.last_tick,
+            'tick rate [1/s]': tick_rate,
+            'real-time factor': factor,
+            'rate': self._rate,
+        }
+        if self.done or self._held or first == 0:
+            yield Diagnosis('ticks', OK, 'at its end' if self.done else self._state, values)
+        elif factor < _LATE * self._rate:
+            yield Diagnosis('ticks', WARN, f'slower than the rate asked for: {factor:.3g} of {self._rate:g}', values)
+        else:
+            yield Diagnosis('ticks', OK, f'{factor:.3g} x real time', values)
 
     def complete(self) -> None:
         if self._progress is not None:

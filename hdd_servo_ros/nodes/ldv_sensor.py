@@ -1,11 +1,12 @@
 """`ldv_sensor`: the laser Doppler vibrometer."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
+from hdd_servo_ros.ros.diagnostics import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Run
 from hdd_servo_ros.topics import HEAD, LDV
@@ -21,6 +22,7 @@ class LdvSensor(LoopNode):
         self._ldv.step(0, 0.0, 0.0)
         self._lowest, self._highest = self._ldv.parameters.levels()
         self._told: set[str] = set()
+        self._diagnosed = self._ldv.saturated_samples
 
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
@@ -39,6 +41,18 @@ class LdvSensor(LoopNode):
             if output not in self._told:
                 self._told.add(output)
                 self.get_logger().warning(warning)
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        counts = self._ldv.saturated_samples
+        new = {name: count - self._diagnosed[name] for name, count in counts.items()}
+        self._diagnosed = counts
+        values = {f'{name}: samples beyond the range, in all': count for name, count in counts.items()}
+        values['dropped samples, in all'] = self._ldv.dropped_samples
+        if any(new.values()):
+            beyond = ', '.join(f'{name} in {count} samples' for name, count in new.items() if count)
+            yield Diagnosis('range', WARN, f'beyond the output range: {beyond}', values)
+        else:
+            yield Diagnosis('range', OK, 'inside the output range', values)
 
     def update(self) -> None:
         self._ldv.update(self.parameters[LdvParameters])

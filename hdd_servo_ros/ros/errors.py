@@ -5,6 +5,10 @@ class RunError(Exception):
     """A run that cannot start or go on."""
 
 
+class StopRequest(Exception):
+    """Somebody asked the run to end before its last tick."""
+
+
 class StampError(RunError):
     """A message whose stamp is not the one of the expected tick."""
 

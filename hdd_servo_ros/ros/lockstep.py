@@ -5,8 +5,8 @@ A pass asks every node to fire; a node fires when all its inputs of its next tic
 process sleeps until a missing message comes. Which process a node lives in, how fast messages travel and when the
 operating system runs whom thus never enters into what is computed.
 
-Everything else that a ROS 2 node does (parameter services, events, the talk with the other processes) is done between
-two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
+Everything else that a ROS 2 node does (services, events, diagnostics, the talk with the other processes) is done
+between two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
 """
 
 import contextlib
@@ -21,7 +21,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
-from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.ros.diagnostics import DiagnosticsPublisher
+from hdd_servo_ros.ros.errors import RunError, StopRequest
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.peers import PeerEnded, Peers
 from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, failed, interrupted
@@ -53,6 +54,7 @@ class Lockstep:
     def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = ()) -> None:
         self._nodes = tuple(nodes)
         self.peers = Peers(self._nodes)
+        self._diagnostics = DiagnosticsPublisher(self._nodes)
         self._executor = SingleThreadedExecutor()
         for served in (*self._nodes, *others):
             self._executor.add_node(served)
@@ -85,6 +87,8 @@ class Lockstep:
             outcome = FINISHED_OUTCOME
         except _Interrupted:
             outcome = interrupted(f'{signal.Signals(self._signal).name} {self._where()}', self._signal)
+        except StopRequest as stop:
+            outcome = interrupted(str(stop), signal.SIGINT)
         except PeerEnded as end:
             outcome = end.outcome
         except RunError as error:
@@ -128,7 +132,8 @@ class Lockstep:
         self._check_signal()
 
     def _serve(self) -> None:
-        """Serve parameter services, events and the talk with the other processes."""
+        """Serve services, events and the talk with the other processes; let the nodes say how they are."""
+        self._diagnostics.publish_when_due()
         for node in self._nodes:
             node.show_time()
         for _ in range(_CALLBACKS_A_ROUND * len(self._nodes)):

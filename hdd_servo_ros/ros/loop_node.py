@@ -2,7 +2,7 @@
 
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -15,6 +15,7 @@ from rclpy.time import Time
 from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.ros.diagnostics import Diagnosis
 from hdd_servo_ros.ros.errors import NotFiniteError, RunError, StampError
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 from hdd_servo_ros.ros.run import Outcome, Run
@@ -201,6 +202,10 @@ class LoopNode(Node):
 
     def update(self) -> None:
         """Take over parameters that were changed; called between two ticks."""
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        """Iterate over how this node is; asked once a second of wall time, between two ticks."""
+        return ()
 
     def _count_change(self) -> None:
         self.changes += self.tick > 0

@@ -95,6 +95,7 @@ class Recording:
             # A run has two ticks at least.
             duration=max(self.last_tick, 1) * self.sample_time,
             rate=0.0,
+            autostart=True,
             record=True,
             **({'schedule': schedule} if schedule else {}),
         )

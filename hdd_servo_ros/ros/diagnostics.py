@@ -1,0 +1,84 @@
+"""Diagnostics of the loop's nodes on `/diagnostics`, once a second of wall time, from the housekeeping."""
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.ros.loop_node import LoopNode
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+PERIOD = 1.0
+"""Wall time between two reports [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """
+    How one thing of a node is.
+
+    Attributes
+    ----------
+    what
+        The thing; the status is named ``NODE: what``.
+    level
+        ``OK``, ``WARN`` or ``ERROR``.
+    message
+        In a few words.
+    values
+        Figures behind it, by name with unit.
+    """
+
+    what: str
+    level: bytes
+    message: str
+    values: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+
+class DiagnosticsPublisher:
+    """
+    Publishes what the nodes of a process say of themselves.
+
+    Parameters
+    ----------
+    nodes
+        The nodes; the first one lends its publisher.
+    """
+
+    def __init__(self, nodes: 'Sequence[LoopNode]') -> None:
+        self._nodes = nodes
+        # Absolute, as every diagnostics tool expects it.
+        self._publisher = nodes[0].create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # What a node is about stands in the values; the stamp says when it was so for who looks on.
+        self._clock = Clock(clock_type=ClockType.SYSTEM_TIME)
+        self._due = time.monotonic()
+
+    def publish_when_due(self) -> None:
+        """Publish, if a second has passed since the last time."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + PERIOD
+        array = DiagnosticArray()
+        array.header.stamp = self._clock.now().to_msg()
+        array.status = [_status(node, diagnosis) for node in self._nodes for diagnosis in node.diagnose()]
+        self._publisher.publish(array)
+
+
+def _status(node: 'LoopNode', diagnosis: Diagnosis) -> DiagnosticStatus:
+    values = [KeyValue(key=key, value=_text(value)) for key, value in diagnosis.values.items()]
+    return DiagnosticStatus(
+        level=diagnosis.level,
+        name=f'{node.get_fully_qualified_name().lstrip("/")}: {diagnosis.what}',
+        message=diagnosis.message,
+        values=values,
+    )
+
+
+def _text(value: object) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

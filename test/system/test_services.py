@@ -1,0 +1,174 @@
+"""Start, pause, resume, single step, stop and reset by services; the bits know nothing of them."""
+
+import itertools
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
+
+from hdd_servo_ros.recording.bag_reader import recorded_changes
+from hdd_servo_ros.recording.compare_bags import first_difference
+
+HERE = Path(__file__).parent
+DURATION = ('-p', 'duration:=0.1')
+
+
+class Outside:
+    """A ROS node of this process that calls the run's services."""
+
+    def __init__(self, domain):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node('outside', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def call(self, name):
+        """Return success and message of a ``Trigger`` service, once it is there."""
+        client = self.node.create_client(Trigger, name)
+        assert client.wait_for_service(timeout_sec=40.0), name
+        future = client.call_async(Trigger.Request())
+        self.executor.spin_until_future_complete(future, timeout_sec=20.0)
+        assert future.done(), name
+        return future.result().success, future.result().message
+
+    def timer(self, name):
+        return self.call(f'/deterministic_timer/{name}')
+
+    def timer_at_last(self, name):
+        """Call a service of the timer until all nodes are there and it does what it is asked for."""
+        end = time.monotonic() + 60.0
+        while not (answer := self.timer(name))[0]:
+            assert answer[1] == 'the run has not begun: nodes are missing'
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        return answer[1]
+
+    def spin_until(self, condition, timeout=40.0):
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, 'nothing came'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def outside(bench, monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    made = Outside(bench.domain)
+    yield made
+    made.close()
+
+
+def simulated(bench, *arguments):
+    bench.run('simulate', *DURATION, '-p', 'run_dir:=simulated', '-p', 'plot:=false', *arguments)
+    return bench.directory / 'simulated'
+
+
+def test_start_step_pause_and_resume_change_no_bit(bench, outside):
+    process = bench.start('rig', *DURATION, '-p', 'rate:=0.05', '-p', 'autostart:=false', '-p', 'run_dir:=run')
+    assert outside.timer_at_last('step') == 'stepping over tick 0'
+    time.sleep(0.3)
+    assert outside.timer('step') == (True, 'stepping over tick 1')
+    assert outside.timer('start') == (False, 'started already')
+    time.sleep(0.3)
+    assert outside.timer('pause') == (False, 'not running: paused before tick 2')
+    assert outside.timer('resume') == (True, 'running, next is tick 2')
+    assert outside.timer('resume') == (False, 'not paused')
+    assert outside.timer('step') == (False, 'running: call ~/pause first')
+    success, message = outside.timer('pause')
+    assert success
+    paused_before = int(message.removeprefix('paused before tick '))
+    assert 2 < paused_before < 1000
+    time.sleep(0.5)
+    assert outside.timer('pause') == (False, f'not running: paused before tick {paused_before}')
+    outside.timer('resume')
+    assert process.wait() == 0, process.output
+    assert first_difference(bench.directory / 'run', simulated(bench)) is None
+
+
+def test_a_pause_longer_than_any_timeout_in_separate_processes(bench, outside):
+    processes = bench.start_nodes(
+        'run', *DURATION, '-p', 'rate:=0.1', '-p', 'autostart:=false', '-p', 'peer_timeout:=1.0'
+    )
+    # Longer than a silent peer (1 s) and a stalled loop (1 s more) are borne.
+    outside.timer_at_last('step')
+    time.sleep(3.0)
+    assert outside.timer('resume')[0]
+    outside.timer('pause')
+    time.sleep(3.0)
+    assert outside.timer('resume')[0]
+    for process in processes.values():
+        assert process.wait() == 0, process.output
+    assert first_difference(bench.directory / 'run', simulated(bench)) is None
+
+
+def test_stop_ends_the_run_with_a_closed_bag(bench, outside):
+    process = bench.start('rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    assert outside.timer('stop')[0]
+    assert process.wait() == 130, process.output
+    said = bench.run_yaml('run')
+    assert said['status'] == 'interrupted'
+    assert said['reason'] == f'~/stop deterministic_timer before tick {said["last_tick"] + 1}'
+    answer = bench.python('-m', 'hdd_servo_ros.tools.replay', 'run', '--without-ros')
+    assert answer.returncode == 0, answer.stdout + answer.stderr
+
+
+def test_reset_and_diagnostics(bench, outside):
+    reports = []
+    outside.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, 10)
+    process = bench.start(
+        'rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run', '-p', 'autostart:=false'
+    )
+
+    def latest(name):
+        for report in reversed(reports):
+            for status in report.status:
+                if status.name == name:
+                    return status
+        return None
+
+    outside.spin_until(lambda: latest('deterministic_timer: ticks') is not None)
+    outside.spin_until(lambda: latest('deterministic_timer: ticks').message == 'waiting for ~/start')
+    assert outside.timer('start')[0]
+    outside.spin_until(lambda: 'x real time' in latest('deterministic_timer: ticks').message)
+    names = {status.name for status in reports[-1].status}
+    assert names >= {
+        'deterministic_timer: ticks',
+        'adaptive_nn_controller: control',
+        'adaptive_nn_controller: adaptation',
+        'ldv_sensor: range',
+        'bag_recorder: recording',
+    }
+    assert {status.level for status in reports[-1].status} == {b'\x00'}
+    values = {value.key: value.value for value in latest('deterministic_timer: ticks').values}
+    assert float(values['real-time factor']) == pytest.approx(0.05, rel=0.2)
+    stamps = [report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec for report in reports]
+    assert min(after - before for before, after in itertools.pairwise(stamps)) > 0.9
+    # A control limit below what the law asks for, and a vibrometer that cannot follow.
+    for node, name, value in (
+        ('adaptive_nn_controller', 'control_limit', '1e-6'),
+        ('ldv_sensor', 'output_range', '0.01'),
+    ):
+        answer = bench.python(str(HERE / 'set_parameter.py'), f'/{node}', name, value)
+        assert answer.returncode == 0, answer.stderr
+    outside.spin_until(lambda: latest('adaptive_nn_controller: control').level == b'\x02')
+    outside.spin_until(lambda: latest('ldv_sensor: range').level == b'\x01')
+    assert outside.call('/adaptive_nn_controller/reset')[0]
+    success, message = outside.call('/adaptive_nn_controller/reset')
+    assert success
+    tick = int(message.removeprefix('reset before tick '))
+    assert outside.timer('stop')[0]
+    assert process.wait() == 130
+    changes = [(change.time_ns // 100_000, change.values) for change in recorded_changes(bench.directory / 'run')]
+    assert (tick, {'reset_count': 2}) in changes
+    answer = bench.python('-m', 'hdd_servo_ros.tools.replay', 'run', '--without-ros')
+    assert answer.returncode == 0, answer.stdout + answer.stderr
