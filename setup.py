@@ -22,7 +22,7 @@ NODES = (
     'rig',
 )
 # Commands: one module each in hdd_servo_ros/tools.
-TOOLS = ('replay',)
+TOOLS = ('replay', 'recover')
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
 SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
 SCRIPTS += [f'report = {NAME}.reporting.report:main']

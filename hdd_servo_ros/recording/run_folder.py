@@ -21,6 +21,8 @@ RUNNING = 'running'
 FINISHED = 'finished'
 INTERRUPTED = 'interrupted'
 FAILED = 'failed'
+RECOVERED = 'recovered'
+"""Ended by a crash, and mended by `recover`: whole up to its last tick."""
 
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
 
@@ -91,10 +93,15 @@ class RunFolder:
         self._save()
 
     def _save(self) -> None:
-        path = self.directory / 'run.yaml'
-        temporary = path.with_suffix('.yaml.tmp')
-        temporary.write_text(yaml.safe_dump(_plain(self._content), sort_keys=False, width=120), 'utf8')
-        temporary.replace(path)
+        rewrite_run_yaml(self.directory, self._content)
+
+
+def rewrite_run_yaml(directory: Path, content: Mapping[str, Any]) -> None:
+    """Write a folder's ``run.yaml``, by rename."""
+    path = directory / 'run.yaml'
+    temporary = path.with_suffix('.yaml.tmp')
+    temporary.write_text(yaml.safe_dump(_plain(content), sort_keys=False, width=120), 'utf8')
+    temporary.replace(path)
 
 
 def read_run_yaml(directory: Path) -> dict[str, Any]:

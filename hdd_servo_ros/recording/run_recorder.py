@@ -52,13 +52,9 @@ class RunRecorder:
         names = {topic.name: full_name for topic, full_name in topics}
         said = {'controller': controller, 'storage': storage, 'topics': names, **description}
         self._folder = RunFolder(Path(run_dir), said) if run_dir else _default_folder(controller, said)
-        listed = [(full_name, topic.type_name, QUEUE_DEPTH) for topic, full_name in topics]
-        listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, _PARAMETER_EVENT_DEPTH))
-        metadata = {
-            key: str(description[key])
-            for key in ('sample_time', 'duration', 'frame_id', 'length_unit', 'control_unit')
-            if key in description
-        }
+        listed = [(full_name, topic.type_name, queue_depth(full_name)) for topic, full_name in topics]
+        listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, queue_depth(PARAMETER_EVENTS)))
+        metadata = bag_metadata(description)
         writer = WriterProcess if separate_process else BagWriter
         self._writer: WriterProcess | BagWriter | None = None
         try:
@@ -123,6 +119,17 @@ class RunRecorder:
                 wall_time=round(time.monotonic() - self._started, 3),
                 real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
             )
+
+
+def queue_depth(topic: str) -> int:
+    """Return the depth of the queue that a topic's publishers offer, by its full name."""
+    return _PARAMETER_EVENT_DEPTH if topic == PARAMETER_EVENTS else QUEUE_DEPTH
+
+
+def bag_metadata(description: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a bag shall say of its run, for those who have the bag alone."""
+    keys = ('sample_time', 'duration', 'frame_id', 'length_unit', 'control_unit')
+    return {key: str(description[key]) for key in keys if key in description}
 
 
 def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:

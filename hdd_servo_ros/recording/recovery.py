@@ -1,0 +1,220 @@
+"""Mending a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
+
+import dataclasses
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, RECOVERED, RUNNING, rewrite_run_yaml
+from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
+from hdd_servo_ros.recording.salvage import Salvage, salvage
+from hdd_servo_ros.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.topics import CLOCK, LOOP_TOPICS, PARAMETER_EVENTS
+
+BACKUP = 'damaged'
+"""Folder in the run's folder that the damaged originals are moved into."""
+_WORKSHOP = 'recovering'
+_ENDINGS = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+
+
+class RecoveryError(Exception):
+    """A run that cannot be mended; says why."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """
+    What is wrong with a run and what can be had of it.
+
+    Attributes
+    ----------
+    faults
+        In words; none if there is nothing to mend.
+    status, reason
+        What `run.yaml` is to say.
+    last_tick
+        The last tick that is complete on every loop topic, -1 if none is.
+    kept, left
+        Numbers of messages that a mended bag holds, and of those of the incomplete tick behind it, which only the
+        original holds.
+    """
+
+    faults: tuple[str, ...]
+    status: str
+    reason: str
+    last_tick: int
+    kept: int
+    left: int
+
+
+class Recovery:
+    """
+    Look at a run's folder.
+
+    Parameters
+    ----------
+    run
+        The folder.
+
+    Raises
+    ------
+    RecoveryError
+        If it is no run folder, or a process still writes into it.
+    """
+
+    def __init__(self, run: Path) -> None:
+        self.run = run
+        if not (run / 'run.yaml').is_file() and not (run / 'bag').is_dir():
+            raise RecoveryError(f'{run} is not a run folder: it has neither run.yaml nor bag/')
+        self._said = self._read_run_yaml()
+        files = [path for ending in _ENDINGS for path in sorted((run / 'bag').glob(f'*{ending}'))]
+        self._file = files[0] if files else None
+        if self._file is not None and (user := _user_of(self._file)) is not None:
+            raise RecoveryError(f'{run}: process {user} still has the bag open')
+        self._salvage = Salvage()
+        self._bag_fault = self._find_bag_fault()
+        if self._file is not None:
+            self._salvage = salvage(self._file)
+        self._topics = self._loop_topics()
+        self._step = self._tick_ns()
+        self.finding = self._judge()
+
+    def _read_run_yaml(self) -> dict[str, Any]:
+        try:
+            content = yaml.safe_load((self.run / 'run.yaml').read_text('utf8'))
+        except (OSError, yaml.YAMLError, UnicodeDecodeError):
+            content = None
+        return content if isinstance(content, dict) else {}
+
+    def _find_bag_fault(self) -> str:
+        if self._file is None:
+            return 'bag/ holds neither an .mcap nor a .db3 file'
+        if not (self.run / 'bag' / 'metadata.yaml').is_file():
+            return 'metadata.yaml is missing: the bag was never closed'
+        try:
+            bag = Bag(self.run / 'bag')
+            for topic in bag.types:
+                bag.column(topic)
+        except BagError as error:
+            return str(error)
+        return ''
+
+    def _loop_topics(self) -> dict[str, str]:
+        """Return the loop topics' full names, by their own."""
+        if 'topics' in self._said:
+            return dict(self._said['topics'])
+        own = {topic.name for topic in LOOP_TOPICS}
+        return {name.rsplit('/', 1)[-1]: name for name in self._salvage.types if name.rsplit('/', 1)[-1] in own}
+
+    def _tick_ns(self) -> int:
+        if 'sample_time' in self._said:
+            return sample_time_to_nanoseconds(self._said['sample_time'])
+        times = [time for topic, time, _ in self._salvage.messages if topic == self._topics.get(CLOCK.name)]
+        return times[1] - times[0] if len(times) > 1 else 1
+
+    def _complete_ticks(self) -> int:
+        counts = dict.fromkeys(self._topics.values(), 0)
+        for topic, time, _ in self._salvage.messages:
+            # The first message that is not the next tick's ends what is contiguous.
+            if topic in counts and time == counts[topic] * self._step:
+                counts[topic] += 1
+        return min(counts.values(), default=0)
+
+    def _kept(self, ticks: int) -> Iterator[tuple[str, int, bytes]]:
+        """Iterate over the messages of the first ``ticks`` ticks, and the parameter events up to them."""
+        for topic, time, payload in self._salvage.messages:
+            if time < ticks * self._step or (topic == PARAMETER_EVENTS and time == ticks * self._step):
+                yield topic, time, payload
+
+    def _judge(self) -> Finding:
+        ticks = self._complete_ticks()
+        kept = sum(1 for _ in self._kept(ticks))
+        left = len(self._salvage.messages) - kept
+        status, reason = str(self._said.get('status', RUNNING)), str(self._said.get('reason', ''))
+        faults = [self._bag_fault] if self._bag_fault else []
+        if self._salvage.fault:
+            faults.append(f'{self._file}: {self._salvage.fault}')
+        if status == RUNNING:
+            faults.append('run.yaml says that the run is still running' if self._said else 'run.yaml cannot be read')
+        elif status == FINISHED and ticks - 1 < (self._said.get('last_tick') or 0):
+            faults.append(f'run.yaml says {self._said["last_tick"]} for the last tick, the bag holds {ticks - 1}')
+            status = RUNNING
+        if status == RUNNING:
+            status = RECOVERED if ticks else FAILED
+            reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else 'no tick is left'
+        elif faults and status != FINISHED:
+            reason += f' (bag mended up to tick {ticks - 1})'
+        return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
+
+    def mend(self) -> Path | None:
+        """
+        Mend what is wrong; the originals are moved into a folder of their own first.
+
+        Returns
+        -------
+        Path or None
+            Where the originals are; None if nothing was to be mended.
+        """
+        if not self.finding.faults:
+            return None
+        new_bag = None
+        if self._file is not None and self.finding.last_tick >= 0 and (self._bag_fault or self._salvage.fault):
+            new_bag = self._write_bag(self._file)
+        backup = _free_name(self.run / BACKUP)
+        backup.mkdir()
+        if (self.run / 'run.yaml').exists():
+            shutil.copy2(self.run / 'run.yaml', backup / 'run.yaml')
+        if new_bag is not None:
+            (self.run / 'bag').rename(backup / 'bag')
+            new_bag.rename(self.run / 'bag')
+            new_bag.parent.rmdir()
+        content = {'topics': self._topics, **self._said}
+        content |= {
+            'status': self.finding.status,
+            'reason': self.finding.reason,
+            'last_tick': self.finding.last_tick,
+        }
+        rewrite_run_yaml(self.run, content)
+        return backup
+
+    def _write_bag(self, file: Path) -> Path:
+        workshop = self.run / _WORKSHOP
+        shutil.rmtree(workshop, ignore_errors=True)
+        workshop.mkdir()
+        types = self._salvage.types
+        places = {topic: place for place, topic in enumerate(types)}
+        writer = BagWriter(
+            workshop / 'bag',
+            _ENDINGS[file.suffix],
+            [(topic, kind, queue_depth(topic)) for topic, kind in types.items()],
+            bag_metadata(self._said),
+        )
+        for topic, time, payload in self._kept(self.finding.last_tick + 1):
+            writer.write((places[topic],), (time,), (payload,))
+        writer.close()
+        return workshop / 'bag'
+
+
+def _free_name(path: Path) -> Path:
+    candidate, number = path, 1
+    while candidate.exists():
+        number += 1
+        candidate = path.with_name(f'{path.name}-{number}')
+    return candidate
+
+
+def _user_of(file: Path) -> int | None:
+    """Return a process that has a file open, as far as this user may know; None where there is no /proc."""
+    target = file.resolve()
+    for descriptor in Path('/proc').glob('[0-9]*/fd/*'):
+        try:
+            if descriptor.readlink() == target:
+                return int(descriptor.parts[2])
+        except OSError:
+            continue
+    return None

@@ -1,0 +1,165 @@
+"""The complete messages of a bag's file that was never closed, or was cut off: read from the start, without index."""
+
+import contextlib
+import dataclasses
+import shutil
+import sqlite3
+import struct
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+_MAGIC = b'\x89MCAP0\r\n'
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
+_RECORD = struct.Struct('<BQ')
+_CHUNK_HEAD = struct.Struct('<QQQI')
+_MESSAGE_HEAD = struct.Struct('<HIQQ')
+_SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
+
+
+@dataclasses.dataclass
+class Salvage:
+    """
+    What could be read.
+
+    Attributes
+    ----------
+    types
+        Type of each topic, by its full name.
+    messages
+        Topic, receive time [ns] and payload of every complete message, in the file's order.
+    fault
+        Where and why reading ended before the file's proper end; empty if it did not.
+    """
+
+    types: dict[str, str] = dataclasses.field(default_factory=dict)
+    messages: list[tuple[str, int, bytes]] = dataclasses.field(default_factory=list)
+    fault: str = ''
+
+
+def salvage(path: Path) -> Salvage:
+    """
+    Read a bag's file, MCAP or sqlite3 by its ending, as far as that goes.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read at all.
+    """
+    return _SqliteSalvage(path).found if path.suffix == '.db3' else _McapSalvage(path).found
+
+
+class _Fault(Exception):
+    """Where the file stops making sense."""
+
+
+class _McapSalvage:
+    """See https://mcap.dev/spec; the data section alone says everything, the rest of the file is index."""
+
+    def __init__(self, path: Path) -> None:
+        self.found = Salvage()
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, str] = {}
+        data = memoryview(path.read_bytes())
+        try:
+            if data[:8] != _MAGIC:
+                raise _Fault('the file does not begin as an MCAP file does')
+            if not self._walk(data, 8):
+                raise _Fault(f'cut off behind byte {len(data)}: the index is missing')
+            if data[-8:] != _MAGIC:
+                raise _Fault('the index is cut off')
+        except _Fault as fault:
+            self.found.fault = str(fault)
+
+    def _walk(self, data: memoryview, start: int) -> bool:
+        """Take in the records from ``start`` on; return whether the data section's end was among them."""
+        place = start
+        while place < len(data):
+            if len(data) - place < _RECORD.size:
+                raise _Fault(f'cut off at byte {place}')
+            opcode, size = _RECORD.unpack_from(data, place)
+            place += _RECORD.size
+            if opcode in (_DATA_END, _FOOTER):
+                return True
+            if not 0 < opcode < 0x80 or opcode > _DATA_END:
+                self._distrust_last()
+                raise _Fault(f'no record at byte {place - _RECORD.size}')
+            content = data[place : place + size]
+            if opcode == _CHUNK:
+                self._take_chunk(content, size, place)
+            elif len(content) < size:
+                raise _Fault(f'cut off at byte {place - _RECORD.size}')
+            else:
+                self._take(opcode, content)
+            place += size
+        return False
+
+    def _take(self, opcode: int, content: memoryview) -> None:
+        try:
+            if opcode == _MESSAGE:
+                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(content)
+                self.found.messages.append((self._channels[channel], time, bytes(content[_MESSAGE_HEAD.size :])))
+            elif opcode == _SCHEMA:
+                self._schemas[struct.unpack_from('<H', content)[0]] = _text(content, 2)
+            elif opcode == _CHANNEL:
+                channel, schema = struct.unpack_from('<HH', content)
+                topic = self._channels[channel] = _text(content, 4)
+                self.found.types[topic] = self._schemas[schema]
+        except (struct.error, KeyError, UnicodeDecodeError):
+            raise _Fault(f'a record of kind {opcode} makes no sense') from None
+
+    def _take_chunk(self, content: memoryview, size: int, place: int) -> None:
+        """Take in a chunk, of one that is cut off the part that is there."""
+        if len(content) < _CHUNK_HEAD.size + 12:
+            raise _Fault(f'cut off in the head of the chunk at byte {place}')
+        _, _, _, checksum = _CHUNK_HEAD.unpack_from(content)
+        compression = _text(content, _CHUNK_HEAD.size)
+        if compression:
+            raise _Fault(f'the chunk at byte {place} is compressed ({compression})')
+        records = content[_CHUNK_HEAD.size + 12 :]
+        if len(content) == size and checksum and zlib.crc32(records) != checksum:
+            raise _Fault(f'the chunk at byte {place} is damaged: its checksum is wrong')
+        self._walk(records, 0)
+        if len(content) < size:
+            raise _Fault(f'cut off in the chunk at byte {place}')
+
+    def _distrust_last(self) -> None:
+        """Drop the message before a hole: a disk that lost power leaves zeros, and they may begin inside of it."""
+        if self.found.messages:
+            self.found.messages.pop()
+
+
+def _text(content: memoryview, start: int) -> str:
+    (length,) = struct.unpack_from('<I', content, start)
+    return bytes(content[start + 4 : start + 4 + length]).decode()
+
+
+class _SqliteSalvage:
+    """Works on a copy: opening a database that was in use plays its journal back, and that changes the file."""
+
+    def __init__(self, path: Path) -> None:
+        self.found = Salvage()
+        with tempfile.TemporaryDirectory() as directory:
+            copy = Path(directory) / path.name
+            shutil.copyfile(path, copy)
+            for ending in _SQLITE_COMPANIONS:
+                companion = path.with_name(path.name + ending)
+                if companion.exists():
+                    shutil.copyfile(companion, copy.with_name(copy.name + ending))
+            with contextlib.closing(sqlite3.connect(copy)) as connection:
+                try:
+                    self.found.types = dict(connection.execute('SELECT name, type FROM topics'))
+                    for message in self._messages(connection):
+                        self.found.messages.append(message)
+                except sqlite3.Error as error:
+                    self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+
+    @staticmethod
+    def _messages(connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:
+        names = dict(connection.execute('SELECT id, name FROM topics'))
+        # By id, as they were written; the index on the time may be what is damaged.
+        for topic, time, payload in connection.execute(
+            'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
+        ):
+            yield names[topic], time, bytes(payload)

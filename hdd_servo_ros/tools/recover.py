@@ -1,0 +1,43 @@
+"""`recover`: mend a run's bag and `run.yaml` after a crash."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hdd_servo_ros.recording.recovery import BACKUP, Recovery, RecoveryError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 2 if it cannot be looked at."""
+    parser = argparse.ArgumentParser(
+        prog='recover',
+        description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
+        epilog=f'The originals are kept in RUN/{BACKUP}/. Exit code: 0 the run is whole now, 1 no tick is left of it, '
+        '2 it cannot be mended.',
+    )
+    parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
+    parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
+    parsed = parser.parse_args(arguments)
+    try:
+        recovery = Recovery(parsed.run)
+        finding = recovery.finding
+        if not finding.faults:
+            print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
+            return 0
+        for fault in finding.faults:
+            print(f'recover: {fault}')
+        print(f'recover: {finding.kept} messages, complete up to tick {finding.last_tick}')
+        if finding.left:
+            print(f'recover: {finding.left} messages behind that stay in the original alone')
+        if not parsed.dry_run:
+            backup = recovery.mend()
+            print(f'recover: run.yaml now says {finding.status}; the originals are in {backup}')
+    except (RecoveryError, OSError) as error:
+        print(f'recover: {error}', file=sys.stderr)
+        return 2
+    return 0 if finding.last_tick >= 0 else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,196 @@
+"""Runs that a crash cut short, mended: nothing complete is lost, nothing original is overwritten."""
+
+import shutil
+import sqlite3
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from hdd_servo_ros.recording.bag_reader import read_messages
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.recovery import Recovery, RecoveryError
+from hdd_servo_ros.recording.run_folder import read_run_yaml
+from hdd_servo_ros.recording.salvage import salvage
+from hdd_servo_ros.simulate import main as simulate
+from hdd_servo_ros.tools.recover import main as recover
+
+LAST_TICK = 2500  # more than two chunks of an MCAP file
+TOPICS = ('clock', 'reference', 'head', 'ldv', 'control', 'estimates')
+DAMAGE = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def record(directory, storage):
+    arguments = {
+        'duration': LAST_TICK * 1e-4,
+        'run_dir': str(directory),
+        'storage': storage,
+        'plot': 'false',
+        'progress': 'false',
+        'schedule': "['0.1 reference_generator frequency 150']",
+    }
+    parameters = [word for name, value in arguments.items() for word in ('-p', f'{name}:={value}')]
+    assert simulate(['--ros-args', *parameters]) == 0
+    return directory
+
+
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory):
+    base = tmp_path_factory.mktemp('runs')
+    return {storage: record(base / storage, storage) for storage in ('mcap', 'sqlite3')}
+
+
+def damaged(runs, tmp_path, storage='mcap', status='running'):
+    """Return a copy of a run as a crash leaves it: no metadata, `run.yaml` still says that it is running."""
+    run = tmp_path / 'run'
+    shutil.rmtree(run, ignore_errors=True)
+    shutil.copytree(runs[storage], run)
+    (run / 'bag' / 'metadata.yaml').unlink()
+    said = read_run_yaml(run)
+    (run / 'run.yaml').write_text(yaml.safe_dump({**said, 'status': status, 'last_tick': None, 'ended': None}))
+    return run, next(path for path in (run / 'bag').iterdir() if path.suffix in ('.mcap', '.db3'))
+
+
+def assert_mended(run, original, last_tick):
+    said = read_run_yaml(run)
+    assert (said['status'], said['last_tick']) == ('recovered', last_tick)
+    assert f'recovered up to tick {last_tick}' in said['reason']
+    messages = read_messages(run)
+    assert all(len(messages[f'/{topic}'][0]) == last_tick + 1 for topic in TOPICS)
+    assert first_difference(original, run, last_tick) is None
+    assert len(messages['/parameter_events'][0]) == (last_tick >= 999)
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_bag_without_metadata(runs, tmp_path, storage):
+    run, file = damaged(runs, tmp_path, storage)
+    before = file.read_bytes()
+    assert recover([str(run), '--dry-run']) == 0
+    assert not (run / 'damaged').exists()
+    assert read_run_yaml(run)['status'] == 'running'
+    assert recover([str(run)]) == 0
+    assert_mended(run, runs[storage], LAST_TICK)
+    assert (run / 'damaged' / 'bag' / file.name).read_bytes() == before
+    assert read_run_yaml(run / 'damaged')['status'] == 'running'
+    assert recover([str(run)]) == 0
+    assert sorted(path.name for path in run.iterdir()) == ['bag', 'damaged', 'run.yaml']
+
+
+@DAMAGE
+@given(part=st.floats(0.0, 1.0))
+@example(part=0.0)
+@example(part=1.0)
+def test_an_mcap_file_cut_off_anywhere(runs, tmp_path, part):
+    run, file = damaged(runs, tmp_path)
+    content = file.read_bytes()
+    cut = int(part * len(content))
+    file.write_bytes(content[:cut])
+    finding = Recovery(run).finding
+    # What was written before the cut, by an independent count: messages lie in the file in the order of the ticks.
+    starts = message_ends(content)
+    complete = sum(end <= cut for end in starts)
+    assert finding.kept + finding.left == complete
+    assert finding.left < len(TOPICS)
+    assert recover([str(run)]) == (0 if finding.last_tick >= 0 else 1)
+    if finding.last_tick >= 0:
+        assert_mended(run, runs['mcap'], finding.last_tick)
+        assert (run / 'damaged' / 'bag' / file.name).read_bytes() == content[:cut]
+    else:
+        assert read_run_yaml(run)['status'] == 'failed'
+        assert file.read_bytes() == content[:cut]
+
+
+def message_ends(content, known={}):  # noqa: B006 - computed once
+    """Return where each message of the file ends, found by searching for its payload."""
+    if not known:
+        place, ends = 0, []
+        while (found := content.find(b'\x00\x01\x00\x00', place)) >= 0:
+            length = int.from_bytes(content[found - 30 : found - 22], 'little') - 22
+            is_message = found >= 31 and content[found - 31] == 5 and 0 < length < 1000
+            if is_message:
+                ends.append(found + length)
+            place = ends[-1] if is_message else found + 1
+        known['ends'] = ends
+    return known['ends']
+
+
+@DAMAGE
+@given(part=st.floats(0.01, 0.99), size=st.integers(1, 100_000))
+def test_a_hole_of_zeros_never_gives_a_wrong_message(runs, tmp_path, part, size):
+    run, file = damaged(runs, tmp_path)
+    content = bytearray(file.read_bytes())
+    start = int(part * len(content))
+    size = min(size, len(content) - start)
+    content[start : start + size] = bytes(size)
+    file.write_bytes(content[: start + size])
+    finding = Recovery(run).finding
+    if finding.last_tick >= 0:
+        assert recover([str(run)]) == 0
+        assert_mended(run, runs['mcap'], finding.last_tick)
+
+
+@settings(DAMAGE, max_examples=12)
+@given(part=st.floats(0.0, 1.0))
+def test_an_sqlite3_file_cut_off_anywhere(runs, tmp_path, part):
+    run, file = damaged(runs, tmp_path, 'sqlite3')
+    content = file.read_bytes()
+    file.write_bytes(content[: int(part * len(content))])
+    finding = Recovery(run).finding
+    assert recover([str(run)]) == (0 if finding.last_tick >= 0 else 1)
+    if finding.last_tick >= 0:
+        assert_mended(run, runs['sqlite3'], finding.last_tick)
+
+
+def test_an_sqlite3_journal_is_played_back(runs, tmp_path):
+    run, file = damaged(runs, tmp_path, 'sqlite3')
+    connection = sqlite3.connect(file)
+    connection.execute('PRAGMA cache_size = 1')  # so that the database holds what was not committed
+    connection.execute('DELETE FROM messages WHERE id > 3000')
+    journal = file.with_name(file.name + '-journal')
+    kept = journal.read_bytes(), file.read_bytes()
+    connection.rollback()
+    connection.close()
+    journal.write_bytes(kept[0])
+    file.write_bytes(kept[1])
+    assert recover([str(run)]) == 0
+    assert_mended(run, runs['sqlite3'], LAST_TICK)
+
+
+def test_what_run_yaml_says_afterwards(runs, tmp_path):
+    run, _ = damaged(runs, tmp_path, status='interrupted')
+    assert recover([str(run)]) == 0
+    said = read_run_yaml(run)
+    assert (said['status'], said['last_tick']) == ('interrupted', LAST_TICK)
+    assert 'bag mended' in said['reason']
+    run, _ = damaged(runs, tmp_path)
+    (run / 'run.yaml').write_text('')
+    assert recover([str(run)]) == 0
+    assert_mended(run, runs['mcap'], LAST_TICK)
+
+
+def test_a_whole_run_is_left_alone(runs, tmp_path, capsys):
+    run = tmp_path / 'run'
+    shutil.copytree(runs['mcap'], run)
+    assert recover([str(run)]) == 0
+    assert 'is whole: finished, last tick 2500' in capsys.readouterr().out
+    assert not (run / 'damaged').exists()
+
+
+def test_what_cannot_be_mended(runs, tmp_path, capsys):
+    assert recover([str(tmp_path)]) == 2
+    assert 'is not a run folder' in capsys.readouterr().err
+    run, file = damaged(runs, tmp_path)
+    with file.open('rb'), pytest.raises(RecoveryError, match='still has the bag open'):
+        Recovery(run)
+    file.unlink()
+    assert recover([str(run)]) == 1
+    assert read_run_yaml(run)['status'] == 'failed'
+
+
+def test_random_bytes_are_no_bag(tmp_path):
+    path = tmp_path / 'bag.mcap'
+    path.write_bytes(np.random.default_rng(1).bytes(10_000))
+    assert salvage(path).messages == []
+    assert 'does not begin as an MCAP file' in salvage(path).fault
