@@ -22,7 +22,7 @@ NODES = (
     'rig',
 )
 # Commands: one module each in hdd_servo_ros/tools.
-TOOLS = ('replay', 'recover')
+TOOLS = ('replay', 'recover', 'scope')
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
 SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
 SCRIPTS += [f'report = {NAME}.reporting.report:main']
@@ -65,7 +65,9 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
             'ros-jazzy-common-interfaces>=5.3.6',
         ],
-        'test': ['pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
+        # The view of `scope` in the browser, for machines without a display.
+        'scope': ['tornado>=6.4'],
+        'test': ['tornado>=6.4', 'pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
         'lint': ['ruff>=0.15', 'mypy>=1.19', 'types-PyYAML', 'types-tqdm'],
         'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],
     },

@@ -42,6 +42,9 @@ RECORDED = LoopTopic('recorded', COUNT_TYPE, ('ticks that the recorder has taken
 
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
 
+SCOPE = 'scope'
+"""Decimated signals for who looks on (``std_msgs/Float64MultiArray``); sent only while somebody does."""
+
 PARAMETER_EVENTS = '/parameter_events'
 PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
 PARAMETER_VALUE_FIELDS = {

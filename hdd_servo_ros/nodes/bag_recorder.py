@@ -3,21 +3,25 @@
 import collections
 import contextlib
 import sys
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.qos import qos_profile_parameter_events
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_parameter_events
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from hdd_servo_ros.loop_parameters import RecorderParameters
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.recording.parameter_events import change_of_event, pack_parameter_event
 from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.recording.scope_blocks import Block, make_block
 from hdd_servo_ros.ros.diagnostics import OK, Diagnosis
 from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.run import Outcome, Run
-from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED
+from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
 
+_SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _REPORT_EVERY = 64
 """Ticks between two reports to the timer, far fewer than its window."""
 
@@ -43,6 +47,9 @@ class BagRecorder(LoopNode):
         self._separate_process = separate_process
         self._recorder: RunRecorder | None = None
         self._run: Run | None = None
+        self._scope = self.create_publisher(Float64MultiArray, SCOPE, _SCOPE_QOS)
+        self._is_watched = False
+        self._watched: list[tuple[bytes, ...]] = []
         self._changes: collections.Counter[str] = collections.Counter()
         self.create_subscription(
             ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, qos_profile_parameter_events
@@ -72,6 +79,8 @@ class BagRecorder(LoopNode):
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
+        if self._is_watched:
+            self._watched.append(tuple(messages))
         if not tick % _REPORT_EVERY:
             self.publish_bytes(0, b'\x00\x01\x00\x00' + (tick + 1).to_bytes(8, 'little'))
 
@@ -86,6 +95,25 @@ class BagRecorder(LoopNode):
             # rclpy's serializer leaves whatever was in memory behind the message, and some readers stumble over that.
             self._recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
             self._changes[change.node] += change.time_ns > 0
+
+    def housekeep(self) -> None:
+        watched, self._watched = self._watched, []
+        if watched:
+            block = make_block(self.tick - len(watched), self._ticks.sample_time, watched)
+            self._scope.publish(self._scope_message(block))
+        self._is_watched = self._scope.get_subscription_count() > 0
+
+    def _scope_message(self, block: Block) -> Float64MultiArray:
+        assert self._run is not None
+        rows, columns = block.rows.shape
+        offers = self._run.description()
+        units = ','.join(str(offers.get(key, '')) for key in ('length_unit', 'control_unit'))
+        message = Float64MultiArray(data=array('d', block.rows.tobytes()))
+        message.layout.dim = [
+            MultiArrayDimension(label=units, size=rows, stride=rows * columns),
+            MultiArrayDimension(label=','.join(block.names), size=columns, stride=columns),
+        ]
+        return message
 
     def diagnose(self) -> Iterable[Diagnosis]:
         values = {'ticks taken in': self.tick, 'folder': self.directory}

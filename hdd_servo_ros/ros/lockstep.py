@@ -135,6 +135,8 @@ class Lockstep:
         """Serve services, events and the talk with the other processes; let the nodes say how they are."""
         self._diagnostics.publish_when_due()
         for node in self._nodes:
+            node.housekeep()
+        for node in self._nodes:
             node.show_time()
         for _ in range(_CALLBACKS_A_ROUND * len(self._nodes)):
             handler_found = self._spin_once()

@@ -203,6 +203,9 @@ class LoopNode(Node):
     def update(self) -> None:
         """Take over parameters that were changed; called between two ticks."""
 
+    def housekeep(self) -> None:
+        """Do what needs no exact tick; called between two ticks, ten times a second of wall time."""
+
     def diagnose(self) -> Iterable[Diagnosis]:
         """Iterate over how this node is; asked once a second of wall time, between two ticks."""
         return ()

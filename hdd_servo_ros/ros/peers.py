@@ -53,6 +53,8 @@ _ACKNOWLEDGED_WITHIN = Duration(nanoseconds=300_000_000)
 """How long to see that the last words arrive; a peer that died never says so."""
 _FRESH = 1.0
 """How long what a waiting process said holds; it speaks ten times as often [s]."""
+_UNDER_WAY = 0.5
+"""How long the first message after a pause may take [s]."""
 _LEASE = 25.0
 """Longer than DDS remembers a participant that was killed: 20 s unless configured otherwise [s]."""
 _QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
@@ -87,6 +89,7 @@ class Peers:
         self._changed_at = time.monotonic()
         self._unannounced_since: dict[str, float] = {}
         self._doubled_since: dict[str, float] = {}
+        self._late_since: dict[tuple[str, int], float] = {}
         self._missing: list[str] = []
         self._told: list[str] = []
         self._told_at = time.monotonic()
@@ -417,6 +420,7 @@ class Peers:
         assert self.run is not None
         # DDS repeats what got lost within 3 s.
         if stalled < self.timeout + 1.0:
+            self._late_since.clear()
             return
         ticks = {name: tick for said in self._heard.values() for name, tick in said['ticks'].items()}
         ticks.update({node.get_fully_qualified_name(): node.tick for node in self._nodes})
@@ -427,13 +431,18 @@ class Peers:
             expected = node.tick - wire.delay
             producer = self.run.publisher_of(wire.name)
             if producer is None:
-                if ticks[self.run.timer] > expected:
+                if ticks[self.run.timer] > expected and self._is_late(wire.name, expected):
                     raise RunError(
                         f'{wire.name}: nothing for tick {expected} in {stalled:.1f} s; '
                         f'published by {publishers_of(node, wire.name)}'
                     )
-            elif ticks[producer] > expected:
+            elif ticks[producer] > expected and self._is_late(wire.name, expected):
                 raise RunError(f'{wire.name}: tick {expected} was published by {producer} and did not arrive')
+
+    def _is_late(self, topic: str, tick: int) -> bool:
+        """Return whether a message has been overdue for a while: right after a pause, the first one is under way."""
+        now = time.monotonic()
+        return now - self._late_since.setdefault((topic, tick), now) > _UNDER_WAY
 
     # The end.
 

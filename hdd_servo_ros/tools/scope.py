@@ -1,0 +1,228 @@
+"""`scope`: look at the signals of a run while it goes on, in a window, in the browser, or as a picture."""
+
+import argparse
+import contextlib
+import importlib.util
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import rclpy
+from matplotlib.figure import Figure
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args, try_shutdown
+from std_msgs.msg import Float64MultiArray, String
+
+from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.recording.scope_blocks import Block
+from hdd_servo_ros.reporting.live_plot import LivePlot, lighten
+from hdd_servo_ros.ros.transport import use_udp_alone
+from hdd_servo_ros.topics import SCOPE
+
+FRAME_PERIOD = 0.25
+"""Wall time between two pictures [s]."""
+_NICENESS = 10
+"""The loop comes first on a machine with few cores."""
+_GONE_AFTER = 2.0
+_ADDRESS = '127.0.0.1'
+_BEST_EFFORT = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+_NO_VIEW = (
+    'there is no display, and tornado, which the view in the browser needs, is not installed (python3-tornado, or pip '
+    'install tornado); --save FILE.png makes a picture without either'
+)
+
+
+class Feed:
+    """
+    What the recorder of a run sends, heard in a thread of its own.
+
+    Parameters
+    ----------
+    plot
+        Where it goes, when :meth:`pour` is called.
+    """
+
+    def __init__(self, plot: LivePlot) -> None:
+        self._plot = plot
+        self._heard: queue.SimpleQueue[Float64MultiArray] = queue.SimpleQueue()
+        self._said_end = False
+        self._node = rclpy.create_node('scope')
+        self._node.create_subscription(Float64MultiArray, SCOPE, self._heard.put, _BEST_EFFORT)
+        self._node.create_subscription(String, 'lockstep', self._hear_state, _BEST_EFFORT)
+        self._present_at = time.monotonic()
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._executor.shutdown()
+        self._thread.join()
+
+    def _hear_state(self, message: String) -> None:
+        self._said_end = json.loads(message.data).get('state') in (FINISHED, FAILED, INTERRUPTED)
+
+    def pour(self) -> bool:
+        """Put what has come into the plot; return whether there was anything."""
+        count = self._heard.qsize()
+        for _ in range(count):
+            message = self._heard.get()
+            units, names = (dimension.label.split(',') for dimension in message.layout.dim)
+            rows = np.asarray(message.data, dtype=np.float64).reshape(-1, len(names))
+            self._plot.add(Block(tuple(names), rows), *units)
+        if self._node.count_publishers(SCOPE):
+            self._present_at = time.monotonic()
+        return count > 0
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the run that was seen is over: it said so, or its recorder is gone."""
+        gone = time.monotonic() - self._present_at > _GONE_AFTER
+        return not self._plot.is_empty and (self._said_end or gone)
+
+
+def save(path: Path, seconds: float, window: float) -> None:
+    """Collect for a time [s of wall time], or until the run ends, and write one picture."""
+    figure = Figure(figsize=(10.0, 9.0))
+    plot = LivePlot(figure, window)
+    with contextlib.closing(Feed(plot)) as feed:
+        _wait_for_run(feed)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not feed.has_ended:
+            time.sleep(FRAME_PERIOD)
+            feed.pour()
+    plot.draw()
+    figure.savefig(path, dpi=120)
+    print(f'scope: {path}')
+
+
+def _wait_for_run(feed: Feed) -> None:
+    print('scope: waiting for a run with a bag_recorder', flush=True)
+    while not feed.pour():
+        time.sleep(0.1)
+
+
+def show(window: float, port: int | None) -> None:
+    """Show the signals until the run ends: in a window, or in the browser if ``port`` is given."""
+    import matplotlib.pyplot as plt
+
+    figure = plt.figure('scope', figsize=(10.0, 9.0))
+    plot = LivePlot(figure, window)
+    feed = Feed(plot)
+    if port is None:
+        print('scope: waiting for a run with a bag_recorder', flush=True)
+    else:
+        print(f'scope: see http://{_ADDRESS}:{port}; waiting for a run with a bag_recorder', flush=True)
+
+    def draw() -> None:
+        if feed.pour():
+            plot.draw()
+            figure.canvas.draw_idle()
+        if feed.has_ended:
+            print('scope: the run has ended')
+            timer.stop()
+            _stop_showing(port is not None)
+
+    timer = figure.canvas.new_timer(interval=int(1000 * FRAME_PERIOD))
+    timer.add_callback(draw)
+    timer.start()
+    with contextlib.closing(feed):
+        plt.show(block=True)
+
+
+def _stop_showing(in_browser: bool) -> None:
+    if in_browser:
+        import tornado.ioloop
+
+        loop = tornado.ioloop.IOLoop.current()
+        loop.add_callback(loop.stop)
+    else:
+        import matplotlib.pyplot as plt
+
+        plt.close('all')
+
+
+def choose_view(*, web: bool, port: int) -> int | None:
+    """
+    Choose between a window and the browser.
+
+    Returns
+    -------
+    int or None
+        The port for the browser, None for a window.
+
+    Raises
+    ------
+    ViewError
+        If there is neither.
+    """
+    import matplotlib.pyplot as plt
+
+    if not web and (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+        for backend in ('QtAgg', 'TkAgg', 'GTK4Agg', 'GTK3Agg'):
+            with contextlib.suppress(ImportError):
+                plt.switch_backend(backend)
+                return None
+    if importlib.util.find_spec('tornado') is None:
+        raise ViewError(_NO_VIEW)
+    mpl.rcParams.update({'webagg.address': _ADDRESS, 'webagg.port': port, 'webagg.port_retries': 1})
+    mpl.rcParams['webagg.open_in_browser'] = False
+    plt.switch_backend('WebAgg')
+    return port
+
+
+class ViewError(Exception):
+    """There is nothing to show the signals on."""
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='scope',
+        description='Show the signals of a run while it goes on: in a window, or without a display in the browser.',
+        epilog='Waits for a run, ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',
+    )
+    parser.add_argument('--window', type=float, default=0.5, metavar='S', help='how much of the run to show [s] (0.5)')
+    parser.add_argument('--web', action='store_true', help='show it in the browser although there is a display')
+    parser.add_argument('--port', type=int, default=8988, help='port of the view in the browser (8988)')
+    parser.add_argument('--save', type=Path, metavar='FILE', help='collect for a while, write one picture, and end')
+    parser.add_argument('--seconds', type=float, default=3.0, metavar='S', help='how long --save collects [s] (3)')
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
+    command_line = list(sys.argv if arguments is None else ['scope', *arguments])
+    parsed = _parse(remove_ros_args(command_line)[1:])
+    use_udp_alone(os.environ)
+    os.nice(_NICENESS)
+    lighten()
+    try:
+        port = None if parsed.save else choose_view(web=parsed.web, port=parsed.port)
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+        if parsed.save:
+            save(parsed.save, parsed.seconds, parsed.window)
+        else:
+            show(parsed.window, port)
+    except (ViewError, OSError, ValueError) as error:
+        print(f'scope: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    finally:
+        try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

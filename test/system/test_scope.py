@@ -1,0 +1,78 @@
+"""The built-in scope: a picture without a display, the view in the browser, and its end with the run."""
+
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import matplotlib.image
+import pytest
+
+from hdd_servo_ros.recording.compare_bags import first_difference
+
+
+@pytest.fixture
+def scope(bench):
+    """Start `scope`; ended with the bench's other processes."""
+    started = []
+
+    def start(*arguments):
+        environment = {name: value for name, value in bench.environment.items() if 'DISPLAY' not in name}
+        started.append(
+            subprocess.Popen(
+                [sys.executable, '-m', 'hdd_servo_ros.tools.scope', *arguments],
+                cwd=bench.directory,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+        )
+        line = started[-1].stdout.readline()
+        assert 'waiting for a run' in line
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_a_picture_of_a_run_and_the_same_bits(bench, scope):
+    duration = ('-p', 'duration:=0.3')
+    watching = scope('--save', 'live.png', '--seconds', '60')
+    process = bench.start('rig', *duration, '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false')
+    assert process.wait() == 0, process.output
+    # It ends with the run, long before its sixty seconds.
+    assert watching.wait(40.0) == 0, watching.stdout.read()
+    picture = matplotlib.image.imread(bench.directory / 'live.png')
+    # Lines in the colours of the panels, not an empty frame.
+    colours = {tuple(colour) for colour in (picture[::2, ::2, :3].reshape(-1, 3) * 255).astype(int)}
+    assert picture.shape[:2] == (1080, 1200)
+    assert {(31, 119, 180), (255, 127, 14)} <= colours
+    bench.run('simulate', *duration, '-p', 'run_dir:=simulated', '-p', 'plot:=false')
+    assert first_difference(bench.directory / 'run', bench.directory / 'simulated') is None
+
+
+def test_the_view_in_the_browser_ends_with_the_run(bench, scope):
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        port = free.getsockname()[1]
+    watching = scope('--port', str(port))
+    process = bench.start('rig', '-p', 'duration:=0.3', '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false')
+    deadline = time.monotonic() + 40.0
+    page = ''
+    while not page:
+        try:
+            with urllib.request.urlopen(f'http://127.0.0.1:{port}/', timeout=5.0) as answer:
+                page = answer.read().decode()
+        except urllib.error.URLError:
+            assert time.monotonic() < deadline
+            time.sleep(0.2)
+    assert '<canvas' in page or 'mpl' in page
+    assert process.wait() == 0, process.output
+    assert watching.wait(40.0) == 0
+    assert 'the run has ended' in watching.stdout.read()
