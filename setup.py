@@ -16,6 +16,7 @@ NODES = (
     'adaptive_nn_controller',
     'pid_controller',
     'open_loop_controller',
+    'outside_controller',
     'reference_generator',
     'deterministic_timer',
     'bag_recorder',

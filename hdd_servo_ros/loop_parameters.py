@@ -117,6 +117,9 @@ class RigParameters(ParameterSet):
     """Parameters of `rig` and `simulate`."""
 
     controller: str = parameter(
-        'adaptive_nn', 'controller of the loop', choices=('adaptive_nn', 'pid', 'open_loop'), read_only=True
+        'adaptive_nn',
+        'controller of the loop: adaptive_nn, pid, open_loop, the name of an entry point of the group '
+        'hdd_servo_ros.controllers, or the import path module:Class of your own',
+        read_only=True,
     )
     plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)

@@ -45,6 +45,27 @@ NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
 }
 
 
+def register_controller(node: str, kind: type[Any]) -> None:
+    """
+    Add the node of a controller from outside: with the parameters that every controller's node has, and its own.
+
+    Parameters
+    ----------
+    node
+        Its name.
+    kind
+        Its own parameters.
+
+    Raises
+    ------
+    ValueError
+        If another node has its name.
+    """
+    if node in NODE_PARAMETERS and NODE_PARAMETERS[node][-1] is not kind:
+        raise ValueError(f'there is another node {node}')
+    NODE_PARAMETERS[node] = (*NODE_PARAMETERS['pid_controller'][:-1], kind)
+
+
 def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
     """
     Refuse parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must pass over what others have.

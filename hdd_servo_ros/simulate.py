@@ -4,6 +4,7 @@
 No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
 """
 
+import dataclasses
 import itertools
 import signal
 import sys
@@ -16,6 +17,8 @@ import numpy as np
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.outside import ControllerError
+from hdd_servo_ros.controllers import ControllerKind, load_controller
 from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.loop.experiment import Experiment, Rows
 from hdd_servo_ros.loop_parameters import DriveNameParameters, RecorderParameters, RigParameters, TimerParameters
@@ -34,6 +37,8 @@ from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPI
 
 CHUNK = 4096
 """Ticks that are computed, packed and written in one piece."""
+PYTHON_CHUNK = 256
+"""The same with a controller that is called from Python: signals are looked at between two pieces."""
 
 _OUTPUTS: dict[str, tuple[LoopTopic, ...]] = {
     'deterministic_timer': (CLOCK,),
@@ -41,7 +46,6 @@ _OUTPUTS: dict[str, tuple[LoopTopic, ...]] = {
     'vcm_plant': (HEAD,),
     'ldv_sensor': (LDV,),
     'bag_recorder': (),
-    **dict.fromkeys(CONTROLLERS.values(), (CONTROL, ESTIMATES)),
 }
 
 
@@ -61,9 +65,12 @@ class Simulation:
     """
 
     def __init__(self, arguments: RosArguments) -> None:
+        # First of all, so that the parameters of a controller from outside are known ones.
+        outside = _outside_controller(arguments)
         arguments.check_nodes(list(NODE_PARAMETERS))
         self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
-        controller = CONTROLLERS[self.rig.controller]
+        controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
+        outputs = {**_OUTPUTS, controller: (CONTROL, ESTIMATES)}
         names = ['deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor', controller, 'bag_recorder']
         sets = {name: self._sets(arguments, name) for name in names}
         self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
@@ -80,15 +87,16 @@ class Simulation:
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
         }
+        offers = {'vcm_plant': units, controller: {} if outside is None else outside.offers()}
         self.nodes: dict[str, dict[str, Any]] = {
             f'{self._namespace}/{name}': {
-                'outputs': [by_topic[topic] for topic in _OUTPUTS[name]],
-                'offers': units if name == 'vcm_plant' else {},
+                'outputs': [by_topic[topic] for topic in outputs[name]],
+                'offers': offers.get(name, {}),
                 'parameters': mappings[name],
             }
             for name in names
         }
-        self.units = units
+        self.offers = {key: text for texts in offers.values() for key, text in texts.items()}
         blocks = {
             name: {
                 key: value
@@ -145,7 +153,8 @@ class Simulation:
 
     def pieces(self, last_tick: int) -> Iterator[tuple[int, int]]:
         """Iterate over first tick and count of what is run in one piece: no piece goes beyond a scheduled change."""
-        starts = {step.tick for _, step in self.schedule}.union(range(0, last_tick + 1, CHUNK))
+        chunk = CHUNK if self.experiment.is_compiled else PYTHON_CHUNK
+        starts = {step.tick for _, step in self.schedule}.union(range(0, last_tick + 1, chunk))
         yield from ((start, end - start) for start, end in itertools.pairwise([*sorted(starts), last_tick + 1]))
 
     def _check_sample_times(self, sets: dict[str, dict[type[Any], Any]]) -> None:
@@ -167,9 +176,15 @@ class Simulation:
             'last_tick_planned': self.timer.last_tick,
             'duration': self.timer.last_tick * self.timer.sample_time,
             'rate': 0.0,
-            **self.units,
+            **self.offers,
             'nodes': self.nodes,
         }
+
+
+def _outside_controller(arguments: RosArguments) -> ControllerKind | None:
+    """Return the controller that was asked for if it is none of this package's."""
+    name = {**arguments.parameters_of('rig'), **arguments.parameters_of('simulate')}.get('controller')
+    return load_controller(name) if isinstance(name, str) and name not in CONTROLLERS else None
 
 
 class Packer:
@@ -224,8 +239,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         As of `rig`; the run's folder, None if it was not recorded.
     """
     last_tick, parameters = simulation.timer.last_tick, simulation.recorder
-    # Compiles the loop, if that was never done here, before anything is timed.
-    simulation.experiment.run(0, 0)
+    simulation.experiment.compile()
     for warning in getattr(simulation.experiment.controller, 'warnings', tuple)():
         print(f'simulate: warning: {warning}', file=sys.stderr)
     recorder = None
@@ -240,6 +254,10 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     interrupted: list[int] = []
 
     def take_signal(number: int, frame: FrameType | None) -> None:
+        if interrupted:
+            # Asked twice: a step that never returns keeps the first from being looked at.
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
         interrupted.append(number)
 
     previous = {number: signal.signal(number, take_signal) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
@@ -255,7 +273,13 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             for change in simulation.apply_schedule(first_tick):
                 if recorder is not None:
                     recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
-            rows = simulation.experiment.run(first_tick, count, rows)
+            if rows is None or len(rows.head) != count:
+                rows = simulation.experiment.empty_rows(first_tick, count)
+            try:
+                rows = simulation.experiment.run(first_tick, count, rows)
+            except ControllerError as error:
+                status, reason, exit_code = FAILED, str(error), 1
+                rows = _cut(dataclasses.replace(rows, first_tick=first_tick), error.tick)
             warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)
             if bad is not None:
@@ -264,7 +288,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             if recorder is not None and len(rows.head):
                 recorder.write_ticks(rows.first_tick + len(rows.head) - 1, *packer.pack(rows))
             if shown is not None:
-                shown.show(first_tick + count - 1)
+                shown.show(first_tick + len(rows.head) - 1)
             if interrupted:
                 name = signal.Signals(interrupted[0]).name
                 status, reason = INTERRUPTED, f'{name} at tick {first_tick + count - 1}'
@@ -319,7 +343,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
         simulation = Simulation(parsed)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
-    except (ParameterError, ArgumentError, OSError) as error:
+    except (ParameterError, ArgumentError, ControllerError, OSError) as error:
         print(f'simulate: {error}', file=sys.stderr)
         return 2
     if exit_code == 0 and directory is not None:

@@ -85,8 +85,13 @@ class Bench:
     def start(self, name: str, *ros_arguments: str, script: Path | None = None, defaults: bool = True) -> Process:
         """Start an executable of the package (or a script of the tests) with the default parameter file."""
         module = 'hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
-        command = [sys.executable, *([str(script)] if script else ['-m', module])]
+        command = [str(script)] if script else ['-m', module]
         command += ['--ros-args', *(['--params-file', str(DEFAULT)] if defaults else []), *ros_arguments]
+        return self.start_python(name, *command)
+
+    def start_python(self, name: str, *arguments: str) -> Process:
+        """Start this interpreter."""
+        command = [sys.executable, *arguments]
         log = self.directory / f'{len(self.processes)}-{name}.log'
         with log.open('w') as stream:
             popen = subprocess.Popen(

@@ -1,6 +1,7 @@
 """One experiment: reference, drive, vibrometer and controller, run tick by tick without middleware."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS, closed_loop
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations, from_mapping
@@ -41,7 +43,7 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
     ParameterError
         If a value is refused or a name known to neither; the name is preceded by the node's.
     """
-    kind = BLOCKS[node][1]
+    kind = NODE_PARAMETERS[node][-1]
     other = {
         declaration.name
         for declared in NODE_PARAMETERS[node]
@@ -120,8 +122,9 @@ class Experiment:
     sample_time
         T [s].
     controller
-        ``'adaptive_nn'``, ``'pid'`` or ``'open_loop'``, or any object that satisfies
-        :class:`~hdd_servo_ros.control.controller.Controller`: such a one is called from Python, tick by tick.
+        ``'adaptive_nn'``, ``'pid'`` or ``'open_loop'``; the name or import path of one from outside, as
+        :func:`~hdd_servo_ros.controllers.load_controller` takes it; or any object that satisfies
+        :class:`~hdd_servo_ros.control.controller.Controller`. The latter two are called from Python, tick by tick.
     parameters
         For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
         Sections of other nodes are passed over.
@@ -149,13 +152,18 @@ class Experiment:
         self.ldv: Ldv = self._block('ldv_sensor', sections)
         self._kind: int | None = None
         self.controller: Controller
-        if isinstance(controller, str):
-            if controller not in CONTROLLERS:
-                raise ParameterError('controller', controller, 'one of ' + ', '.join(CONTROLLERS))
+        if isinstance(controller, str) and controller in CONTROLLERS:
             self._kind = CONTROLLERS.index(controller)
             node = f'{controller}_controller'
             self.controller = self._block(node, sections)
             dsp = dsp_parameters(node, sections.get(node, {}))
+        elif isinstance(controller, str):
+            outside = load_controller(controller)
+            own = sections.get(outside.node, {})
+            parameters_of_law = block_parameters(outside.node, own)
+            outside.trial(parameters_of_law, sample_time)
+            self.controller = self._blocks[outside.node] = outside.make(parameters_of_law, sample_time)
+            dsp = dsp_parameters(outside.node, own)
         else:
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time)
@@ -172,11 +180,32 @@ class Experiment:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
         if node not in self._blocks:
             return
-        self._blocks[node].update(sets[BLOCKS[node][1]])
+        self._blocks[node].update(sets[NODE_PARAMETERS[node][-1]])
         if ControllerOutputParameters in sets:
             self.dsp.update(sets[ControllerOutputParameters].dsp)
             if isinstance(self.controller, KnowsOutputLimit):
                 self.controller.limit_output(self.dsp.limit)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the loop is one compiled kernel, as it is with a controller of this package."""
+        return self._kind is not None
+
+    def compile(self) -> None:
+        """Compile what :meth:`run` calls, where that was never done here, and change nothing."""
+        if self.is_compiled:
+            self.run(self._next_tick, 0)
+            return
+        Reference(self.reference.parameters, self.sample_time).step(0)
+        plant = Plant(self.plant.parameters, self.sample_time)
+        plant.output()
+        plant.step(1, 0.0)
+        Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
+        Dsp(self.dsp.parameters, self.sample_time).step(0.0, 0.0, 0.0)
+
+    def empty_rows(self, first_tick: int, count: int) -> Rows:
+        """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
+        return Rows.empty(first_tick, count, self.sample_time, self.controller.estimate_names)
 
     def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
         """
@@ -195,13 +224,14 @@ class Experiment:
         ------
         ValueError
             If ``first_tick`` is not the one after the last.
+        ControllerError
+            If a controller from outside fails; ``rows``, if given, then hold the ticks before that one.
         """
         if first_tick != self._next_tick:
             raise ValueError(f'expected tick {self._next_tick}, got {first_tick}: the ticks of a run follow each other')
         self._next_tick += count
-        names = self.controller.estimate_names
         if rows is None or len(rows.head) != count:
-            rows = Rows.empty(first_tick, count, self.sample_time, names)
+            rows = self.empty_rows(first_tick, count)
         else:
             rows = dataclasses.replace(rows, first_tick=first_tick)
         if self._kind is None:
@@ -245,3 +275,8 @@ class Experiment:
             rows.ldv[row] = ldv
             rows.control[row] = control
             rows.estimates[row] = self.controller.estimates
+            if not math.isfinite(sum(head) + sum(control)):
+                # Nothing after it means anything, and the controller must not be asked what to make of it.
+                for signal in (rows.reference, rows.head, rows.ldv, rows.control, rows.estimates):
+                    signal[row + 1 :] = math.nan
+                return

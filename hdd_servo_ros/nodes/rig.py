@@ -1,11 +1,12 @@
 """`rig`: the whole graph composed in one process; the main job."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rclpy.node import Node
 
+from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.loop_parameters import RigParameters, TimerParameters
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
@@ -14,6 +15,7 @@ from hdd_servo_ros.nodes.deterministic_timer import DeterministicTimer
 from hdd_servo_ros.nodes.ldv_sensor import LdvSensor
 from hdd_servo_ros.nodes.main import run_nodes
 from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
+from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
@@ -22,11 +24,19 @@ from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 
-CONTROLLER_NODES: dict[str, type[ControllerNode]] = {
+CONTROLLER_NODES: dict[str, Callable[[], ControllerNode]] = {
     'adaptive_nn': AdaptiveNnController,
     'pid': PidController,
     'open_loop': OpenLoopController,
 }
+
+
+def controller_node(name: str) -> Callable[[], ControllerNode]:
+    """Return what constructs the node of a controller; raises :class:`ParameterError` if there is none of that name."""
+    if name in CONTROLLER_NODES:
+        return CONTROLLER_NODES[name]
+    kind = load_controller(name)
+    return lambda: OutsideControllerNode(kind)
 
 
 class Rig:
@@ -36,15 +46,17 @@ class Rig:
         # It has no part in the loop; its parameters can be asked for like any node's.
         self.node = Node('rig')
         given = NodeParameters(self.node, [RigParameters])
-        refuse_unknown(given.unknown, given.as_mapping())
         self.parameters: RigParameters = given[RigParameters]
+        # Before names are refused, for it may bring parameters of its own.
+        controller = controller_node(self.parameters.controller)
+        refuse_unknown(given.unknown, given.as_mapping())
         timer = DeterministicTimer()
         self.nodes: list[LoopNode] = [
             timer,
             ReferenceGenerator(),
             VcmPlant(),
             LdvSensor(),
-            CONTROLLER_NODES[self.parameters.controller](),  # type: ignore[call-arg]
+            controller(),
         ]
         self.recorder: BagRecorder | None = None
         if timer.parameters[TimerParameters].record:

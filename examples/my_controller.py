@@ -1,0 +1,38 @@
+"""A controller from outside the package, explained in docs/write-your-own-controller.md."""
+
+import dataclasses
+import sys
+
+from hdd_servo_ros.controllers import controller_main
+from hdd_servo_ros.parameters import ParameterSet, parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class MyParameters(ParameterSet):
+    """Two gains and a feedforward."""
+
+    position_gain: float = parameter(0.5, 'voltage per position error', unit='V/um', minimum=0.0)
+    velocity_gain: float = parameter(9.7e-5, 'voltage per velocity error', unit='V s/um', minimum=0.0)
+    spring: float = parameter(0.0, 'voltage per reference position', unit='V/um', minimum=0.0, maximum=0.1)
+
+
+class MyController:
+    """State feedback with a feedforward for the spring that the pivot's friction is in small motions."""
+
+    def __init__(self, parameters: MyParameters, sample_time: float) -> None:
+        self.update(parameters)
+
+    def update(self, parameters: MyParameters) -> None:
+        """Take other parameters from the next tick on."""
+        self.parameters = parameters
+
+    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        """Return the voltage that is held until the next tick."""
+        p = self.parameters
+        e, de = 8.0 * displacement_volts - x_d, 5000.0 * velocity_volts - dx_d
+        return p.spring * x_d - p.position_gain * e - p.velocity_gain * de
+
+
+main = controller_main(MyController)
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,136 @@
+"""A controller from outside this package, seen as one of its own: what it answers is checked, and its faults named."""
+
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.parameters import ParameterError
+
+TIME = 't'
+
+
+class ControllerError(Exception):
+    """A controller from outside that failed at a tick; says which, when, why, and in which line of its file."""
+
+    def __init__(self, controller: str, tick: int, reason: str) -> None:
+        super().__init__(f'{controller}: {reason} at tick {tick}')
+        self.tick = tick
+
+
+class OutsideController:
+    """
+    The adapter between a user's class and the protocol :class:`~hdd_servo_ros.control.controller.Controller`.
+
+    The class is constructed with its parameters and T [s], and has ``update(parameters)`` and a ``step`` with the
+    protocol's arguments that returns u [V], or the three voltages of the protocol. It may name further signals in
+    ``estimate_names`` and keep them in ``estimates``; the time of the tick is put in front of them if it is not there.
+
+    Parameters
+    ----------
+    name
+        What messages call the controller.
+    kind
+        The class.
+    parameters
+        An instance of its parameters.
+    sample_time
+        T [s].
+
+    Raises
+    ------
+    ParameterError
+        If the class cannot be constructed, or its ``estimate_names`` are no names.
+    """
+
+    def __init__(self, name: str, kind: type[Any], parameters: Any, sample_time: float) -> None:
+        self._name = name
+        self._sample_time = sample_time
+        self._tick = 0
+        try:
+            self._block = kind(parameters, sample_time)
+        except ParameterError:
+            raise
+        except Exception as error:
+            raise ParameterError('controller', name, f'its __init__ raised {described(error)}') from error
+        names = getattr(self._block, 'estimate_names', ())
+        if isinstance(names, str) or not all(isinstance(element, str) for element in names):
+            raise ParameterError('controller', name, f'its estimate_names = {names!r} are no tuple of texts')
+        self._first_own = 0 if tuple(names[:1]) == (TIME,) else 1
+        self._has_estimates = bool(names)
+        self.estimate_names: tuple[str, ...] = (TIME,) * self._first_own + tuple(names)
+        self.estimates: NDArray[np.float64] = np.zeros(len(self.estimate_names))
+
+    def warnings(self) -> Sequence[str]:
+        """Return what the controller wants its user to know before a run, if it has ``warnings``."""
+        found: Sequence[str] = getattr(self._block, 'warnings', tuple)()
+        return found
+
+    def limit_output(self, limit: float) -> None:
+        """Tell the controller that at most +-``limit`` [V] comes out behind it, if it has ``limit_output``."""
+        tell = getattr(self._block, 'limit_output', None)
+        if tell is not None:
+            try:
+                tell(limit)
+            except Exception as error:
+                raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
+
+    def update(self, parameters: Any) -> None:
+        """Take other parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""
+        try:
+            self._block.update(parameters)
+        except Exception as error:
+            raise ControllerError(self._name, self._tick, f'update raised {described(error)}') from error
+
+    def step(
+        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
+    ) -> tuple[float, float, float]:
+        """
+        Return u, u before the limit, and its feedback part [V]; one number returned by the class stands for all three.
+
+        Raises
+        ------
+        ControllerError
+            If the class raises something, or answers or estimates in anything but numbers.
+        """
+        self._tick = tick
+        try:
+            answer = self._block.step(tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
+        except Exception as error:
+            raise ControllerError(self._name, tick, f'step raised {described(error)}') from error
+        if self._has_estimates:
+            self._take_estimates(tick)
+        self.estimates[0] = tick * self._sample_time  # readers of /estimates know the tick by it
+        if type(answer) is float:
+            return answer, answer, answer
+        numbers = answer if isinstance(answer, tuple) else (answer,) * 3
+        if len(numbers) != 3 or not all(_is_number(number) for number in numbers):
+            wanted = 'the voltage u, or a tuple of u, u before the limit and its feedback part [V]'
+            raise ControllerError(self._name, tick, f'step returned {answer!r}, not {wanted},')
+        return float(numbers[0]), float(numbers[1]), float(numbers[2])
+
+    def _take_estimates(self, tick: int) -> None:
+        estimates = getattr(self._block, 'estimates', None)
+        own = self.estimates[self._first_own :]
+        try:
+            values = np.asarray(estimates, dtype=np.float64)
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if values.shape != own.shape:
+            names = ', '.join(self.estimate_names[self._first_own :])
+            raise ControllerError(self._name, tick, f'estimates = {estimates!r} are not the {len(own)} numbers {names}')
+        own[:] = values
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def described(error: BaseException) -> str:
+    """Return an exception in one line: type, text, and the file and line where it was raised."""
+    text = ' '.join(str(error).split())
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f' ({frames[-1].filename}:{frames[-1].lineno})' if frames else ''
+    return f'{type(error).__name__}{": " if text else ""}{text}{place}'

@@ -1,0 +1,82 @@
+"""`outside_controller`: the node around a controller from outside this package."""
+
+import sys
+from collections.abc import Callable, Sequence
+
+from hdd_servo_ros.control.outside import ControllerError
+from hdd_servo_ros.controllers import ControllerKind, load_controller
+from hdd_servo_ros.nodes.controller_node import ControllerNode
+from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.ros.run import Run
+
+USAGE = 'usage: outside_controller MODULE:CLASS [--help] [--ros-args ...]'
+
+
+class OutsideControllerNode(ControllerNode):
+    """
+    The node around a controller class from outside.
+
+    Parameters
+    ----------
+    kind
+        The class, found and checked.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not allowed, or the controller cannot be made or fails a step with zeros.
+    """
+
+    def __init__(self, kind: ControllerKind) -> None:
+        self._outside = kind
+        try:
+            super().__init__(kind.node, kind.parameters, kind.make)
+        except ControllerError as error:
+            raise ParameterError('controller', kind.name, f'tried with zeros: {error}') from error
+
+    def offers(self) -> dict[str, str]:
+        return self._outside.offers()
+
+    def prepare(self, run: Run) -> None:
+        try:
+            super().prepare(run)
+        except (ParameterError, ControllerError) as error:
+            raise RunError(str(error)) from error
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        try:
+            super().step(tick, stamp, messages)
+        except ControllerError as error:
+            raise RunError(str(error)) from error
+
+    def update(self) -> None:
+        try:
+            super().update()
+        except ControllerError as error:
+            raise RunError(str(error)) from error
+
+
+def run_controller(find: Callable[[], ControllerKind], arguments: Sequence[str] | None = None) -> int:
+    """Run the node of a controller class until its run ends; exit codes as of :func:`run_node`."""
+    try:
+        kind = find()
+    except ParameterError as error:
+        print(f'outside_controller: {error}', file=sys.stderr)
+        return 2
+    return run_node(kind.node, lambda: OutsideControllerNode(kind), arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node of the controller that the first argument names."""
+    command_line = list(sys.argv if arguments is None else arguments)
+    if len(command_line) < 2 or command_line[1].startswith('-'):
+        asked = command_line[1:2] in (['--help'], ['-h'])
+        print(USAGE, file=sys.stdout if asked else sys.stderr)
+        return 0 if asked else 2
+    return run_controller(lambda: load_controller(command_line[1]), [command_line[0], *command_line[2:]])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

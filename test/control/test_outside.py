@@ -1,0 +1,169 @@
+"""The adapter around a user's controller: what it passes on, what it adds, and what it says of faults."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.control.outside import ControllerError, OutsideController
+from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+
+T = 2.5e-4
+
+
+@dataclasses.dataclass(frozen=True)
+class Gain(ParameterSet):
+    gain: float = parameter(2.0, 'a gain', unit='V/um', minimum=0.0)
+
+
+class Proportional:
+    def __init__(self, parameters, sample_time):
+        self.update(parameters)
+
+    def update(self, parameters):
+        self.parameters = parameters
+
+    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        return self.parameters.gain * (x_d - displacement_volts)
+
+
+def answering(answer):
+    """Return a controller whose step returns an answer, or raises it."""
+
+    class Answering(Proportional):
+        def step(self, *arguments):
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+    return OutsideController('mine', Answering, Gain(), T)
+
+
+def step(controller, tick=0):
+    return controller.step(tick, 0.5, 0.0, 2.0, 0.0, 0.0)
+
+
+def test_a_voltage_stands_for_all_three_and_the_time_is_added():
+    controller = OutsideController('mine', Proportional, Gain(), T)
+    assert step(controller, 7) == (3.0, 3.0, 3.0)
+    assert controller.estimate_names == ('t',)
+    assert controller.estimates.tolist() == [7 * T]
+    controller.update(Gain(gain=4.0))
+    assert step(controller, 8) == (6.0, 6.0, 6.0)
+
+
+@pytest.mark.parametrize('answer', [1, 1.0, np.float64(1.0), np.float32(1.0), np.int64(1), (1, 1.0, np.float64(1.0))])
+def test_any_real_number_will_do(answer):
+    assert step(answering(answer)) == (1.0, 1.0, 1.0)
+    assert all(type(number) is float for number in step(answering(answer)))
+
+
+def test_three_voltages_keep_their_order():
+    assert step(answering((1.0, 2.0, 3.0))) == (1.0, 2.0, 3.0)
+
+
+def test_what_is_not_finite_is_passed_on_for_the_topic_to_refuse():
+    assert math.isnan(step(answering(math.nan))[0])
+
+
+@pytest.mark.parametrize('answer', [None, '1', True, 1j, (1.0, 2.0), (1.0, 2.0, None), np.array([1.0, 2.0, 3.0])])
+def test_anything_else_is_refused(answer):
+    with pytest.raises(ControllerError, match=r'^mine: step returned .* not the voltage u, .* at tick 41$') as refused:
+        step(answering(answer), 41)
+    assert refused.value.tick == 41
+
+
+def test_an_exception_is_told_in_one_line_with_its_place():
+    with pytest.raises(ControllerError) as refused:
+        step(answering(ValueError('no\n  good')), 3)
+    said = str(refused.value)
+    assert said.startswith('mine: step raised ValueError: no good (')
+    assert f'{__file__}:' in said
+    assert said.endswith(' at tick 3')
+
+
+def test_a_failing_update_names_the_last_tick():
+    class Stubborn(Proportional):
+        def update(self, parameters):
+            if parameters.gain > 2.0:
+                raise ValueError('too much')
+            super().update(parameters)
+
+    controller = OutsideController('mine', Stubborn, Gain(), T)
+    step(controller, 12)
+    with pytest.raises(ControllerError, match=r'mine: update raised ValueError: too much .* at tick 12'):
+        controller.update(Gain(gain=3.0))
+
+
+@pytest.mark.parametrize(('names', 'expected'), [(('e', 'n'), ('t', 'e', 'n')), (('t', 'e'), ('t', 'e'))])
+def test_estimates_get_the_time_in_front_unless_it_is_there(names, expected):
+    class Estimating(Proportional):
+        estimate_names = names
+
+        def step(self, tick, *signals):
+            self.estimates = [0.25 * tick, tick]
+            return 0.0
+
+    controller = OutsideController('mine', Estimating, Gain(), T)
+    step(controller, 8)
+    assert controller.estimate_names == expected
+    # The time is the tick's, whatever the class makes of it.
+    assert controller.estimates.tolist() == ([8 * T, 2.0, 8.0] if names[0] == 'e' else [8 * T, 8.0])
+
+
+@pytest.mark.parametrize('estimates', [None, [1.0], [1.0, 'x'], [[1.0, 2.0]]])
+def test_estimates_of_another_shape_are_refused(estimates):
+    class Estimating(Proportional):
+        estimate_names = ('e', 'n')
+
+        def step(self, *arguments):
+            self.estimates = estimates
+            return 0.0
+
+    with pytest.raises(ControllerError, match=r'mine: estimates = .* are not the 2 numbers e, n at tick 5'):
+        step(OutsideController('mine', Estimating, Gain(), T), 5)
+
+
+def test_names_of_estimates_must_be_names():
+    class Estimating(Proportional):
+        estimate_names = 'error'
+
+    with pytest.raises(ParameterError, match="estimate_names = 'error' are no tuple of texts"):
+        OutsideController('mine', Estimating, Gain(), T)
+
+
+def test_a_constructor_that_raises():
+    class Broken(Proportional):
+        def __init__(self, parameters, sample_time):
+            raise RuntimeError('out of order')
+
+    with pytest.raises(ParameterError, match='its __init__ raised RuntimeError: out of order'):
+        OutsideController('mine', Broken, Gain(), T)
+
+
+def test_the_limit_behind_it_is_told_to_those_who_want_to_know():
+    class Knowing(Proportional):
+        def limit_output(self, limit):
+            self.limit = 1.0 / limit
+
+        def step(self, *arguments):
+            return self.limit
+
+    controller = OutsideController('mine', Knowing, Gain(), T)
+    controller.limit_output(0.5)
+    assert step(controller)[0] == 2.0
+    with pytest.raises(ControllerError, match=r'mine: limit_output raised ZeroDivisionError.* at tick 0'):
+        controller.limit_output(0.0)
+    OutsideController('mine', Proportional, Gain(), T).limit_output(1.0)
+
+
+def test_a_controller_of_the_full_protocol_goes_through_unchanged():
+    inner = Pid(PidParameters(), T)
+    outer = OutsideController('mine', Pid, PidParameters(), T)
+    for tick in range(50):
+        signals = (0.01 * tick, 0.02 * tick, 1.0, 2.0, 3.0)
+        assert outer.step(tick, *signals) == inner.step(tick, *signals)
+        assert outer.estimates.tobytes() == inner.estimates.tobytes()
+    assert outer.estimate_names == inner.estimate_names
