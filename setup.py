@@ -26,7 +26,7 @@ NODES = (
 TOOLS = ('replay', 'recover', 'scope')
 SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
 SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
-SCRIPTS += [f'report = {NAME}.reporting.report:main']
+SCRIPTS += [f'report = {NAME}.reporting.report:main', f'compare = {NAME}.studies.compare:main']
 SCRIPTS += [f'{tool} = {NAME}.tools.{tool}:main' for tool in TOOLS]
 
 

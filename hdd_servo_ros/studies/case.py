@@ -48,14 +48,14 @@ class Case:
     controller
         As the parameter ``controller`` of `rig`.
     files
-        Parameter files of ``params/``, by name; later ones win.
+        Parameter files, those of ``params/`` by name, others by path; later ones win.
     overrides
         What differs from the files, under ``'node:parameter'``; a float must be written as one, as ROS insists.
     """
 
     name: str
     controller: str
-    files: tuple[str, ...]
+    files: tuple[str | Path, ...]
     overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def arguments(self, defaults: Mapping[str, object], run_dir: Path) -> list[str]:
@@ -70,8 +70,8 @@ class Case:
             Folder of the run.
         """
         arguments = ['--ros-args']
-        for name in self.files:
-            arguments += ['--params-file', str(parameter_file(name))]
+        for file in self.files:
+            arguments += ['--params-file', str(file if isinstance(file, Path) else parameter_file(file))]
         values = {**defaults, **self.overrides, 'controller': self.controller, 'plot': False, 'run_dir': str(run_dir)}
         for name, value in values.items():
             arguments += ['-p', f'{name}:={_as_yaml(value)}']
@@ -127,6 +127,9 @@ class PlannedRun:
             if recorded is None:
                 yield f'it has no {node}'
                 continue
+            if recorded['offers'] != expected['offers']:
+                # Such as the digest of a controller's file.
+                yield f'{node} was another'
             for name, value in expected['parameters'].items():
                 plain = list(value) if isinstance(value, tuple) else value
                 found = recorded['parameters'].get(name)

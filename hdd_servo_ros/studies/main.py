@@ -5,17 +5,13 @@
 """
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn
 
-from hdd_servo_ros.parameter_files import ArgumentError
-from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
-from hdd_servo_ros.studies.runner import StudyError, run_cases
+from hdd_servo_ros.studies.command import exit_code
+from hdd_servo_ros.studies.runner import run_cases
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,8 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     defaults = {} if options.sample_time is None else {'deterministic_timer:sample_time': options.sample_time}
     directory = options.output or _default_output(options)
-    signal.signal(signal.SIGTERM, _end)
-    try:
+
+    def work() -> int:
         wanted = figures(options.chapter, options.only)
         if options.list:
             for name, figure in wanted.items():
@@ -66,20 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         run_cases(cases, directory, without_ros=options.without_ros, defaults=defaults)
         for path in make_figures(wanted, directory):
             print(path)
-    except (ParameterError, ArgumentError) as error:
-        print(f'study: {error}', file=sys.stderr)
-        return 2
-    except (StudyError, OSError) as error:
-        print(f'study: {error}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('study: interrupted; what has finished stays, and the next call goes on from there', file=sys.stderr)
-        return 128 + signal.SIGINT
-    return 0
+        return 0
 
-
-def _end(number: int, frame: FrameType | None) -> NoReturn:
-    sys.exit(128 + number)
+    return exit_code('study', work)
 
 
 if __name__ == '__main__':

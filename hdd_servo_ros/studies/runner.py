@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from hdd_servo_ros.recording.run_folder import read_run_yaml
+from hdd_servo_ros.recording.run_folder import FAILED, read_run_yaml
 from hdd_servo_ros.studies.case import Case, PlannedRun
 
 _POLL = 0.1
@@ -31,6 +31,7 @@ def run_cases(
     *,
     without_ros: bool = False,
     defaults: Mapping[str, object] | None = None,
+    keep_failed: bool = False,
     say: Callable[[str], None] = print,
 ) -> None:
     """
@@ -48,6 +49,8 @@ def run_cases(
         Whether by `simulate` instead of `rig`.
     defaults
         Overrides that hold for all cases, under ``'node:parameter'``; those of a case win.
+    keep_failed
+        Whether to go on after a run that has failed in the loop, such as one that diverged: its ``run.yaml`` says so.
     say
         Gets a line for a person.
 
@@ -69,7 +72,7 @@ def run_cases(
         if len(due) < len(planned):
             say(f'{len(planned) - len(due)} of {len(planned)} runs are in {directory} already, with these parameters')
         if due:
-            _Runner(due, without_ros, say).run()
+            _Runner(due, without_ros, keep_failed, say).run()
 
 
 @contextlib.contextmanager
@@ -100,11 +103,21 @@ def _is_there(run: PlannedRun, say: Callable[[str], None]) -> bool:
     return not obstacle
 
 
+def _failure(run: PlannedRun) -> str:
+    """Return why a recorded run has failed; empty if it has not, or there is none."""
+    try:
+        content = read_run_yaml(run.directory)
+    except FileNotFoundError:
+        return ''
+    return str(content['reason']) if content['status'] == FAILED else ''
+
+
 class _Runner:
     """Keeps so many processes going, and shows how far they are."""
 
-    def __init__(self, due: list[PlannedRun], without_ros: bool, say: Callable[[str], None]) -> None:
+    def __init__(self, due: list[PlannedRun], without_ros: bool, keep_failed: bool, say: Callable[[str], None]) -> None:
         self._due = due
+        self._keep_failed = keep_failed
         self._say = say
         self._module = 'hdd_servo_ros.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
         self._jobs = len(os.sched_getaffinity(0)) if without_ros else 1
@@ -147,7 +160,10 @@ class _Runner:
             return subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
 
     def _finish(self, run: PlannedRun, exit_code: int) -> None:
-        if exit_code:
+        kept = self._keep_failed and exit_code and _failure(run)
+        if kept:
+            self._say(f'{run.case.name} failed: {kept}')
+        elif exit_code:
             last = '\n'.join(run.log.read_text(errors='replace').splitlines()[-_LAST_LINES:])
             raise StudyError(f'the run {run.case.name} failed with exit code {exit_code} ({run.log}):\n{last}')
         run.log.replace(run.directory / 'log.txt')

@@ -1,0 +1,287 @@
+"""
+`compare`: several controllers on the same experiments; one table and one picture, from the bags alone.
+
+    ros2 run hdd_servo_ros compare [--controllers pid adaptive_nn my_module:MyController]
+        [--experiments sine_100_hz ... | --params-file FILE ...] [-p NODE:PARAMETER:=VALUE] [--without-ros]
+"""
+
+import argparse
+import csv
+import dataclasses
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from hdd_servo_ros.controllers import load_controller
+from hdd_servo_ros.loop.metrics import is_stepwise
+from hdd_servo_ros.parameter_files import parse_ros_arguments
+from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.run_folder import FINISHED
+from hdd_servo_ros.registry import CONTROLLERS
+from hdd_servo_ros.reporting.run_metrics import run_metrics, shown_unit
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.command import exit_code
+from hdd_servo_ros.studies.output import draw, new_figure, save, write_table
+from hdd_servo_ros.studies.runner import run_cases
+
+DEFAULT_FILE = 'seagate_7200_10.yaml'
+_TRACKING = ('rms_error', 'max_error')
+_STEPS = ('worst_overshoot', 'worst_settling_time', 'worst_steady_error')
+METRICS = (*_TRACKING, *_STEPS, 'peak_control')
+"""Columns of the table; those of errors count after the transient, those of steps the worst edge of the run."""
+_CLOSE_UP = 0.03
+"""How much of the end of a run is drawn [s]."""
+_BEFORE_STEP, _AFTER_STEP = 1e-3, 1e-2
+"""What is drawn around the last step [s]."""
+
+
+def _experiment(duration: float, **reference: object) -> dict[str, object]:
+    own = {f'reference_generator:{name}': value for name, value in reference.items()}
+    return {'deterministic_timer:duration': duration, **own}
+
+
+def _sine(frequency: float) -> dict[str, object]:
+    return _experiment(4.0, waveform='sine', amplitude=2.0, frequency=frequency)
+
+
+def _square(height: float) -> dict[str, object]:
+    # The last edge, at 1 s, gets most of its half period.
+    return _experiment(1.04, waveform='square', amplitude=0.5 * height, offset=0.5 * height, frequency=10.0)
+
+
+EXPERIMENTS: dict[str, dict[str, object]] = {
+    'sine_100_hz': _sine(100.0),
+    'sine_200_hz': _sine(200.0),
+    'step_0.5_um': _square(0.5),
+    'step_5_um': _square(5.0),
+}
+"""What differs from the parameter file: a 2 um sine, or a square wave of 10 Hz between 0 and the step's height."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """
+    Controllers on experiments, as cases to run and to read.
+
+    Attributes
+    ----------
+    controllers
+        As the parameter ``controller`` of `rig` takes them, and the name of the node of each.
+    experiments
+        Overrides of each experiment, by its name.
+    files
+        Parameter files.
+    overrides
+        What the user sets, under ``'node:parameter'`` or ``'parameter'``; wins. Parameters of one of the controllers
+        go to its runs only.
+    """
+
+    controllers: Mapping[str, str]
+    experiments: Mapping[str, Mapping[str, object]]
+    files: tuple[str | Path, ...]
+    overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+    def cases(self) -> dict[tuple[str, str], Case]:
+        """Return a case for each pair of an experiment and a controller's short name, in the order of the table."""
+        cases = {}
+        for experiment, own in self.experiments.items():
+            for controller, node in self.controllers.items():
+                label = controller if controller in CONTROLLERS else node
+                overrides = {**own, **self._given(node)}
+                cases[experiment, label] = Case(f'{experiment}-{label}', controller, self.files, overrides)
+        return cases
+
+    def _given(self, node: str) -> dict[str, object]:
+        others = set(self.controllers.values()) - {node}
+        return {name: value for name, value in self.overrides.items() if name.partition(':')[0] not in others}
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """
+    One row of the table.
+
+    Attributes
+    ----------
+    experiment, controller
+        What ran.
+    values
+        Metrics of ``METRICS`` by name; those that mean nothing for the experiment are not in it.
+    headers
+        For each metric its label with its unit.
+    note
+        How the run failed, if it did.
+    """
+
+    experiment: str
+    controller: str
+    values: Mapping[str, float]
+    headers: Mapping[str, str]
+    note: str = ''
+
+
+def read_row(experiment: str, controller: str, run: Run) -> Row:
+    """Return the row of a recorded run."""
+    if run.status != FINISHED:
+        return Row(experiment, controller, {}, {}, f'{run.status}: {run.reason}')
+    pointless = _TRACKING if is_stepwise(run.desired_position) else _STEPS
+    metrics = [metric for metric in run_metrics(run) if metric.name in METRICS and metric.name not in pointless]
+    return Row(
+        experiment,
+        controller,
+        {metric.name: metric.value for metric in metrics},
+        {metric.name: f'{metric.label} [{shown_unit(metric.unit)}]' for metric in metrics},
+    )
+
+
+def write_rows(rows: Sequence[Row], path: Path) -> tuple[Path, Path]:
+    """Write the table as CSV with all digits and as Markdown with three; return both files."""
+    headers = {name: label for row in rows for name, label in row.headers.items()}
+    columns = [name for name in METRICS if name in headers]
+    notes = ['note'] if any(row.note for row in rows) else []
+    with path.with_suffix('.csv').open('w', newline='', encoding='utf8') as stream:
+        writer = csv.writer(stream)
+        writer.writerow(['experiment', 'controller', *(headers[name] for name in columns), *notes])
+        for row in rows:
+            cells = [row.values.get(name, '') for name in columns]
+            writer.writerow([row.experiment, row.controller, *cells, *[row.note for _ in notes]])
+    table = [
+        [
+            row.experiment,
+            row.controller,
+            *(_shown(row.values.get(name, math.nan)) for name in columns),
+            *[row.note for _ in notes],
+        ]
+        for row in rows
+    ]
+    header = ['experiment', 'controller', *(headers[name] for name in columns), *notes]
+    return path.with_suffix('.csv'), write_table(
+        path, 'Errors after the transient; steps: the worst edge.', header, table
+    )
+
+
+def _shown(value: float) -> str:
+    if math.isnan(value):
+        return '-'
+    return f'{value:.3g}' if math.isfinite(value) else 'never'
+
+
+def draw_runs(runs: Mapping[tuple[str, str], Run], path: Path) -> Path:
+    """Draw the runs of each experiment over each other; return the file."""
+    experiments = list(dict.fromkeys(experiment for experiment, _ in runs))
+    figure = new_figure('The same experiments with each controller', width=1.0 + 4.6 * len(experiments), height=8.5)
+    axes = figure.subplots(3, len(experiments), squeeze=False)
+    controllers = list(dict.fromkeys(controller for _, controller in runs))
+    for column, experiment in zip(axes.T, experiments, strict=True):
+        column[0].set_title(experiment, fontsize=10)
+        for (its_experiment, controller), run in runs.items():
+            if its_experiment == experiment:
+                _draw_run(column, run, controller, f'C{controllers.index(controller)}')
+    handles = {label: line for axis in axes[0] for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc='outside lower center', ncols=len(handles), frameon=False)
+    return save(figure, path)
+
+
+def _draw_run(axes: Sequence[Axes], run: Run, label: str, color: str) -> None:
+    error, time = run.error_factor * run.error, run.time
+    rows = _close_up(run)
+    position, close, whole = axes
+    if not position.lines:
+        style = {'color': '0.3', 'linewidth': 2.5, 'alpha': 0.5, 'label': 'reference'}
+        draw(position, time[rows], run.desired_position[rows], **style)
+    draw(position, time[rows], run.position[rows], color=color, label=label)
+    draw(close, time[rows], error[rows], color=color)
+    draw(whole, time, error, color=color, alpha=0.7)
+    position.set_ylabel(f'position [{shown_unit(run.length_unit)}]')
+    close.set_ylabel(f'error [{shown_unit(run.error_unit)}]')
+    whole.set_ylabel(f'error, whole run [{shown_unit(run.error_unit)}]')
+    whole.set_xlabel('time [s]')
+
+
+def _close_up(run: Run) -> slice:
+    edges = np.flatnonzero(np.diff(run.desired_position)) + 1
+    if is_stepwise(run.desired_position) and len(edges):
+        at = run.time[edges[-1]]
+        return slice(*np.searchsorted(run.time, (at - _BEFORE_STEP, at + _AFTER_STEP)))
+    return slice(int(np.searchsorted(run.time, run.time[-1] - _CLOSE_UP)), len(run.time))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='compare',
+        description='Run several controllers on the same experiments, and put them into one table and one picture.',
+        epilog='A run that is there already, with equal parameters and the same controller, is not made again.',
+    )
+    parser.add_argument(
+        '--controllers',
+        nargs='+',
+        default=['adaptive_nn', 'pid'],
+        metavar='CONTROLLER',
+        help=f"{', '.join(CONTROLLERS)}, an installed package's entry point, or module:Class; default adaptive_nn pid",
+    )
+    parser.add_argument(
+        '--experiments', nargs='+', choices=EXPERIMENTS, metavar='EXPERIMENT', help=', '.join(EXPERIMENTS)
+    )
+    parser.add_argument(
+        '--params-file',
+        nargs='+',
+        type=Path,
+        action='extend',
+        metavar='FILE',
+        help=f'parameter files instead of {DEFAULT_FILE}; without --experiments they describe the experiment',
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], dest='parameters', metavar='NODE:PARAMETER:=VALUE', help='as of rig'
+    )
+    parser.add_argument(
+        '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'
+    )
+    parser.add_argument(
+        '--output', type=Path, metavar='DIRECTORY', help='default runs/compare, or runs/compare-without-ros'
+    )
+    return parser
+
+
+def _comparison(options: argparse.Namespace) -> Comparison:
+    nodes: dict[str, str] = {}
+    for name in options.controllers:
+        nodes[name] = CONTROLLERS[name] if name in CONTROLLERS else load_controller(name).node
+    experiments: Mapping[str, Mapping[str, object]] = EXPERIMENTS
+    if options.experiments:
+        experiments = {name: EXPERIMENTS[name] for name in options.experiments}
+    elif options.params_file:
+        experiments = {options.params_file[-1].stem: {}}
+    arguments = [word for text in options.parameters for word in ('-p', text)]
+    overrides = {
+        f'{pattern.strip("/")}:{name}'.removeprefix('**:'): value
+        for pattern, parameters in parse_ros_arguments(['--ros-args', *arguments]).overrides
+        for name, value in parameters.items()
+    }
+    return Comparison(nodes, experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compare; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
+    options = _parser().parse_args(arguments)
+    directory = options.output or Path('runs') / ('compare-without-ros' if options.without_ros else 'compare')
+
+    def work() -> int:
+        cases = _comparison(options).cases()
+        run_cases(cases.values(), directory, without_ros=options.without_ros, keep_failed=True)
+        runs = {key: Run.open(directory / case.name) for key, case in cases.items()}
+        rows = [read_row(*key, run) for key, run in runs.items()]
+        written, table = write_rows(rows, directory / 'compare')
+        print(table.read_text('utf8'))
+        picture = draw_runs(runs, directory / 'compare')
+        print(f'{table}\n{written}\n{picture}')
+        return 1 if any(row.note for row in rows) else 0
+
+    return exit_code('compare', work)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""`compare`: which runs it makes, and that its table says what the bags hold."""
+
+import csv
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.registry import NODE_PARAMETERS
+from hdd_servo_ros.studies.compare import Comparison, main
+
+ROOT = Path(__file__).parents[2]
+PATH = 'my_controller:MyController'
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """Work in a folder that holds the example."""
+    shutil.copy(ROOT / 'examples' / 'my_controller.py', tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, 'path', [*sys.path])
+    monkeypatch.setenv('PYTHONPATH', str(ROOT))
+    yield tmp_path
+    sys.modules.pop('my_controller', None)
+    NODE_PARAMETERS.pop('my_controller', None)
+
+
+def table():
+    with Path('out/compare.csv').open(newline='', encoding='utf8') as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_cases():
+    nodes = {'pid': 'pid_controller', PATH: 'my_controller'}
+    overrides = {'my_controller:spring': 0.01, 'duration': 1.0, 'vcm_plant:gain': 5e7}
+    cases = Comparison(nodes, {'slow': {'reference_generator:frequency': 5.0}}, ('a.yaml',), overrides).cases()
+    assert list(cases) == [('slow', 'pid'), ('slow', 'my_controller')]
+    pid, mine = cases.values()
+    assert (pid.name, pid.controller, pid.files) == ('slow-pid', 'pid', ('a.yaml',))
+    assert (mine.name, mine.controller) == ('slow-my_controller', PATH)
+    common = {'reference_generator:frequency': 5.0, 'duration': 1.0, 'vcm_plant:gain': 5e7}
+    assert pid.overrides == common
+    assert mine.overrides == {**common, 'my_controller:spring': 0.01}
+
+
+def test_the_table_is_that_of_the_bags(capsys):
+    """Sine and step, two controllers: the figures again from the signals, by their definitions."""
+    arguments = ['--controllers', 'pid', PATH, '--experiments', 'sine_100_hz', 'step_5_um', '--without-ros']
+    arguments += ['--output', 'out', '-p', 'duration:=0.14', '-p', 'my_controller:spring:=0.01']
+    assert main(arguments) == 0
+    rows = table()
+    pairs = [(experiment, name) for experiment in ('sine_100_hz', 'step_5_um') for name in ('pid', 'my_controller')]
+    assert [(row['experiment'], row['controller']) for row in rows] == pairs
+    for row in rows:
+        signals = read_signals(Path('out') / f'{row["experiment"]}-{row["controller"]}')
+        x_d, x = signals.reference[:, 0], signals.head[:, 0]
+        error = 1e3 * (x - x_d)
+        assert float(row['peak control, whole run [V]']) == np.abs(signals.control[:, 0]).max()
+        if row['experiment'] == 'sine_100_hz':
+            late = error[700:]
+            assert float(row['rms error [nm]']) == pytest.approx(np.sqrt(np.mean(late**2)), rel=1e-12)
+            assert float(row['max error [nm]']) == pytest.approx(np.abs(late).max(), rel=1e-12)
+            assert row['overshoot, worst [%]'] == ''
+        else:
+            # Edges at 0, 50 and 100 ms, up, down, up.
+            pieces = [(0, 500, 5.0), (500, 1000, -5.0), (1000, 1401, 5.0)]
+            overshoot = max(100.0 * ((x[a:b] - x_d[a]) / height).max() for a, b, height in pieces)
+            assert float(row['overshoot, worst [%]']) == pytest.approx(overshoot, rel=1e-9)
+            outside = [np.flatnonzero(np.abs(x[a:b] - x_d[a]) > 0.1)[-1] + 1 for a, b, _ in pieces]
+            assert float(row['2 % settling time, worst [ms]']) == pytest.approx(max(outside) * 0.1, rel=1e-6)
+            steady = [abs(error[(a + b) // 2 : b].mean()) for a, b, _ in pieces]
+            assert float(row['steady error, worst [nm]']) == pytest.approx(max(steady), rel=1e-9)
+            assert row['rms error [nm]'] == ''
+    spring = {row['controller']: float(row['rms error [nm]']) for row in rows[:2]}
+    assert spring['my_controller'] < 0.8 * spring['pid']
+    said = capsys.readouterr().out
+    assert Path('out/compare.md').read_text('utf8').strip() in said
+    assert f'| sine_100_hz | pid | {spring["pid"]:.3g} |' in said
+    assert Path('out/compare.png').stat().st_size > 20_000
+
+    # The same again makes no run; another file of the controller does.
+    assert main(arguments) == 0
+    assert '4 of 4 runs are in out already' in capsys.readouterr().out
+    with Path('my_controller.py').open('a') as stream:
+        stream.write('# another controller\n')
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert '2 of 4 runs are in out already' in said
+    assert 'sine_100_hz-my_controller runs again: my_controller was another' in said
+
+
+def test_the_experiment_of_a_parameter_file():
+    Path('fast.yaml').write_text('/**/reference_generator:\n  ros__parameters:\n    frequency: 150.0\n')
+    default = str(ROOT / 'params' / 'seagate_7200_10.yaml')
+    arguments = ['--controllers', 'pid', '--params-file', default, 'fast.yaml', '--without-ros']
+    assert main([*arguments, '--output', 'out', '-p', 'duration:=0.02']) == 0
+    assert [row['experiment'] for row in table()] == ['fast']
+    content = yaml.safe_load(Path('out/fast-pid/run.yaml').read_text())
+    assert content['nodes']['/reference_generator']['parameters']['frequency'] == 150.0
+
+
+def test_a_run_that_fails_stands_in_the_table():
+    source = Path('my_controller.py').read_text()
+    Path('my_controller.py').write_text(source.replace('return p.spring', 'return 1.0 / (77 - tick) + p.spring'))
+    arguments = ['--controllers', PATH, 'pid', '--experiments', 'sine_100_hz', '--without-ros', '--output', 'out']
+    assert main([*arguments, '-p', 'duration:=0.02']) == 1
+    mine, pid = table()
+    assert mine['note'].startswith('failed: my_controller: step raised ZeroDivisionError')
+    assert mine['note'].endswith('at tick 77')
+    assert mine['rms error [nm]'] == ''
+    assert pid['note'] == ''
+    assert float(pid['rms error [nm]']) > 0.0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['--controllers', 'no_such'], "controller = 'no_such' is refused: one of adaptive_nn, pid, open_loop"),
+        (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
+        (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
+        (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
+    ],
+)
+def test_wrong_arguments(capsys, arguments, said):
+    assert main(arguments) == 2
+    errors = capsys.readouterr().err
+    assert said in errors
+    assert errors.count('\n') == 1
+    assert not Path('runs').exists()
+
+
+def test_through_the_graph_the_same_bits(bench):
+    """The whole command once through the graph; its bags equal those without it."""
+    for mode in ([], ['--without-ros']):
+        arguments = ['--controllers', PATH, '--experiments', 'sine_100_hz', '-p', 'duration:=0.05', *mode]
+        answer = bench.python('-m', 'hdd_servo_ros.studies.compare', *arguments)
+        assert answer.returncode == 0, answer.stderr + answer.stdout
+        assert '1 of 1 runs: sine_100_hz-my_controller' in answer.stdout
+    runs = bench.directory / 'runs'
+    left, right = (runs / name / 'sine_100_hz-my_controller' for name in ('compare', 'compare-without-ros'))
+    assert first_difference(left, right) is None
