@@ -57,6 +57,7 @@ setup(
         'matplotlib>=3.6',
         'plotly>=5.15',
         'PyYAML>=6.0.1',
+        'tornado>=6.4',
         'tqdm>=4.64',
     ],
     extras_require={
@@ -66,9 +67,7 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
             'ros-jazzy-common-interfaces>=5.3.6',
         ],
-        # The view of `scope` in the browser, for machines without a display.
-        'scope': ['tornado>=6.4'],
-        'test': ['tornado>=6.4', 'pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
+        'test': ['pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
         'lint': ['ruff>=0.15', 'mypy>=1.19', 'types-PyYAML', 'types-tqdm'],
         'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],
     },
