@@ -11,6 +11,7 @@ from hdd_servo_ros.reporting.panels import Panel
 
 _COLUMNS = 2
 _LEGEND_LINES = 8
+_LEGEND_COLUMNS = 3
 
 
 def write_picture(panels: Sequence[Panel], title: str, path: Path) -> None:
@@ -41,11 +42,21 @@ def _draw(axis: Axes, panel: Panel) -> None:
     if panel.logarithmic and any((trace.y > 0.0).any() for trace in panel.traces):
         axis.set_xscale('log')
         axis.set_yscale('log')
-    axis.set_title(panel.title + (', last periods' if panel.close_up else ''), fontsize=10)
+    named = 1 < len(panel.traces) <= _LEGEND_LINES
+    # The legend stands between title and frame, where it hides nothing.
+    lines = -(-len(panel.traces) // _LEGEND_COLUMNS) if named else 0
+    axis.set_title(panel.title + (', last periods' if panel.close_up else ''), fontsize=10, pad=6.0 + 11.0 * lines)
     axis.set_xlabel(panel.x_label, fontsize=9)
     axis.set_ylabel(panel.y_label, fontsize=9)
     axis.tick_params(labelsize=8)
     axis.grid(alpha=0.3)
     axis.margins(x=0.01)
-    if 1 < len(panel.traces) <= _LEGEND_LINES:
-        axis.legend(loc='upper right', fontsize=7)
+    if named:
+        axis.legend(
+            loc='lower center',
+            bbox_to_anchor=(0.5, 1.0),
+            borderaxespad=0.2,
+            ncols=_LEGEND_COLUMNS,
+            fontsize=7,
+            frameon=False,
+        )
