@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 TOOLS = sorted(path.stem for path in (ROOT / 'hdd_servo_ros' / 'tools').glob('[a-z]*.py'))
 OWN_TEST = ('write-your-own-controller',)
 """Documents whose commands have a test of their own."""
@@ -22,6 +22,12 @@ BLOCKS = [
 
 def commands(block):
     return [shlex.split(line, comments=True) for line in block.splitlines() if shlex.split(line, comments=True)]
+
+
+def launch_arguments(file):
+    """Return the names of the arguments that a launch file declares."""
+    texts = [(ROOT / 'launch' / file).read_text(), (ROOT / 'hdd_servo_ros' / 'launching.py').read_text()]
+    return set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", ''.join(texts)))
 
 
 @pytest.mark.parametrize('block', BLOCKS)
@@ -50,6 +56,9 @@ def test_commands(bench, block):
             started.append(bench.start(name, *paths, '-p', 'duration:=0.02', '-p', 'plot:=false', defaults=False))
         elif command[0] == 'make':
             assert subprocess.run(['make', '-n', *command[1:]], cwd=ROOT, capture_output=True).returncode == 0, command
+        elif command[:3] == ['ros2', 'launch', 'hdd_servo_ros']:
+            # test_ros2_command.py runs it, where there is a `ros2`.
+            assert {word.partition(':=')[0] for word in command[4:]} <= launch_arguments(command[3]), command
         elif command[:2] == ['python', '-m']:
             assert bench.python('-m', command[2], '--help').returncode == 0, command
         else:

@@ -74,7 +74,8 @@ def run(bench, outside):
 
 
 def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
-    simulated = bench.start('simulate', *RUN, '-p', 'bag_recorder:run_dir:=simulated')
+    dumped = ('-p', 'use_sim_time:=false', '-p', 'start_type_description_service:=true')  # what a dump holds besides
+    simulated = bench.start('simulate', *RUN, *dumped, '-p', 'bag_recorder:run_dir:=simulated')
     for node in NODES:
         declared = {declaration.name: declaration for declaration in node_declarations(node)}
         listed = run.ask(node, ListParameters).result.names

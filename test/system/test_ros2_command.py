@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -352,6 +353,18 @@ def test_launch_of_a_run_that_is_refused_or_fails(ros2):
     for command, words in commands.items():
         assert command.wait() == 1, command.output
         assert words in command.output
+
+
+@pytest.mark.timeout(400)
+def test_launches_of_the_documents(ros2):
+    text = (Path(__file__).parents[2] / 'docs' / 'ros2.md').read_text()
+    lines = [shlex.split(line) for line in text.splitlines() if line.startswith('ros2 launch ')]
+    assert len(lines) > 3
+    shortened = ('duration:=0.02', 'rate:=0.0')
+    for number, words in enumerate(lines):
+        live = ('viewer:=none',) if words[3] == 'live.launch.py' else ()
+        command = ros2.start(*words[1:], *shortened, *live, f'run_dir:=run{number}')
+        assert command.wait() == 0, command.output
 
 
 def test_interrupting_a_launch(ros2):
