@@ -43,7 +43,7 @@ def description(make: Callable[[LaunchContext], list[LaunchDescriptionEntity]], 
             DeclareLaunchArgument(
                 'controller',
                 default_value='adaptive_nn',
-                description=f'Controller of the loop: {", ".join(CONTROLLERS)}.',
+                description=f'Controller of the loop: {", ".join(CONTROLLERS)}, or your own as module:Class.',
             ),
             DeclareLaunchArgument(
                 'params',
@@ -86,14 +86,14 @@ def description(make: Callable[[LaunchContext], list[LaunchDescriptionEntity]], 
 
 def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return every node of the graph as a process of its own."""
+    names = [*NODES, *(['bag_recorder'] if value(context, 'record') == 'true' else [])]
+    end = EndOfRun(len(names) + 1)
     controller = value(context, 'controller')
-    if controller not in CONTROLLERS:
-        raise ValueError(f'controller:={controller} is refused: one of {", ".join(CONTROLLERS)}')
-    names = [*NODES, CONTROLLERS[controller]]
-    if value(context, 'record') == 'true':
-        names.append('bag_recorder')
-    end = EndOfRun(len(names))
-    return [_node(context, name, [], end) for name in names]
+    if controller in CONTROLLERS:
+        control = _node(context, CONTROLLERS[controller], [], end)
+    else:
+        control = _node(context, 'outside_controller', [], end, arguments=[controller])
+    return [*(_node(context, name, [], end) for name in names), control]
 
 
 def composed(context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -106,16 +106,23 @@ def value(context: LaunchContext, name: str) -> str:
     return str(LaunchConfiguration(name).perform(context))
 
 
-def _node(context: LaunchContext, executable: str, ros_arguments: Sequence[str], end: 'EndOfRun') -> Node:
-    arguments = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
+def _node(
+    context: LaunchContext,
+    executable: str,
+    ros_arguments: Sequence[str],
+    end: 'EndOfRun',
+    arguments: Sequence[str] = (),
+) -> Node:
+    of_all = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
     for name in _OF_NODES:
         if value(context, name):
-            arguments += ['-p', f'{name}:={value(context, name)}']
+            of_all += ['-p', f'{name}:={value(context, name)}']
     return Node(
         package=PACKAGE,
         executable=executable,
         namespace=value(context, 'namespace') or None,
-        ros_arguments=[*arguments, *ros_arguments, *shlex.split(value(context, 'ros_args'))],
+        arguments=list(arguments),
+        ros_arguments=[*of_all, *ros_arguments, *shlex.split(value(context, 'ros_args'))],
         output='both',
         on_exit=end,
         sigterm_timeout=_CLOSING,

@@ -346,6 +346,9 @@ def test_launch_of_a_run_that_is_refused_or_fails(ros2):
     unwritable.write_text('')
     commands = {
         ros2.launch('composed.launch.py', 'controller:=nonsense'): "controller = 'nonsense' is refused",
+        ros2.launch(
+            'rig.launch.py', 'controller:=nonsense', 'namespace:=/bench3'
+        ): "controller = 'nonsense' is refused",
         ros2.launch('rig.launch.py', 'ros_args:=-p gain:=-1.0', 'namespace:=/bench2'): 'gain = -1.0 is refused',
         ros2.launch('rig.launch.py', f'run_dir:={unwritable}/run', 'namespace:=/bench1'): 'run failed',
         ros2.launch('composed.launch.py', 'record:=maybe'): 'Valid options',
