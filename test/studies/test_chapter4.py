@@ -87,7 +87,7 @@ def test_two_sample_times_agree(runs):
     assert coarse == pytest.approx(fine, rel=0.05)
 
 
-@pytest.mark.parametrize(('value', 'least'), zip(COMPARED_LAMBDAS, (20.0, 4.0, 4.0), strict=True))
+@pytest.mark.parametrize(('value', 'least'), [*zip(COMPARED_LAMBDAS, (20.0, 4.0, 4.0), strict=True)])
 def test_pid_under_the_same_peak(runs, value, least):
     own = runs.metrics(NN_BY_LAMBDA[value], LAST_HALF)
     pid = runs.metrics(PID_BY_LAMBDA[value], LAST_HALF)
