@@ -16,7 +16,7 @@ process's Hessenberg matrix with one column changed. The frequency is normalised
 import argparse
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +33,12 @@ METHODS = (SANATHANAN_KOERNER, LEVY)
 ITERATIONS = 20
 """Rounds of the iteration at most; it settles in about five."""
 _SETTLED = 1e-6
+_LEAST_WEIGHED = 1e-15
 SMALLEST_DEVIATION = 2e-3
 """Relative deviation below which a point is not believed: what is not noise (friction, folding) is about as large."""
 _NEIGHBOURS = 9
+_IMAGES = 3
+_FOLDING_ROUNDS = 4
 MOST_POLES = 12
 
 
@@ -229,6 +232,8 @@ def identify(
     for _ in range(1 if method == LEVY else ITERATIONS):
         fitted, denominator, found = _linear_fit(s, target, weight, free, zeros)
         error = float(np.sqrt(np.mean(np.abs((fitted - target) * inverse) ** 2)))
+        if not np.isfinite(error):
+            error = np.inf
         if best is None or error < best.error:
             best = Model(
                 found.zeros * unit,
@@ -236,10 +241,12 @@ def identify(
                 found.leading * scale * unit ** (poles - zeros),
                 error,
             )
-        if abs(error - last) <= _SETTLED * error:
+        if np.isfinite(error) and abs(error - last) <= _SETTLED * error:
             break
         last = error
-        weight = start / np.abs(denominator)
+        magnitude = np.abs(denominator)
+        # A denominator that a poor start leaves at nothing somewhere must not make that point the only one.
+        weight = start / np.maximum(magnitude, _LEAST_WEIGHED * magnitude.max())
     assert best is not None
     return best
 
@@ -274,7 +281,9 @@ def _linear_fit(
     d_values = denominator.values @ a / (weight * target)
     leading = numerator.leading(b) / denominator.leading(a)
     model = Model(numerator.roots(b), denominator.roots(a), leading, np.nan)
-    return n_values / d_values, d_values, model
+    with np.errstate(divide='ignore', invalid='ignore'):  # the caller sees to what is not finite
+        fitted = n_values / d_values
+    return fitted, d_values, model
 
 
 def select_order(
@@ -299,7 +308,20 @@ def select_order(
         Largest number of poles, integrators included.
     """
     f = np.asarray(frequency, dtype=np.float64)
-    numbers = 2 * len(f)
+    return _selected(
+        lambda poles, zeros: identify(f, response, poles, zeros, integrators=integrators, deviation=deviation),
+        len(f),
+        integrators,
+        most_poles,
+        known_deviation=deviation is not None,
+    )
+
+
+def _selected(
+    fit: Callable[[int, int], Model], points: int, integrators: int, most_poles: int, *, known_deviation: bool
+) -> Model:
+    """Return the best of the models that ``fit`` makes for numbers of poles and zeros; see :func:`select_order`."""
+    numbers = 2 * points
     best: Model | None = None
     least = np.inf
     for poles in range(max(integrators, 1), most_poles + 1):
@@ -307,14 +329,14 @@ def select_order(
             unknowns = poles - integrators + zeros + 1
             if numbers < 2 * unknowns:
                 break
-            model = identify(f, response, poles, zeros, integrators=integrators, deviation=deviation)
+            model = fit(poles, zeros)
             chi_squared = numbers * model.error**2
-            misfit = numbers * np.log(max(chi_squared, 1e-300)) if deviation is None else chi_squared
+            misfit = numbers * np.log(max(chi_squared, 1e-300)) if not known_deviation else chi_squared
             criterion = misfit + unknowns * np.log(numbers)
             if criterion < least:
                 best, least = model, criterion
     if best is None:
-        raise ValueError(f'{len(f)} points are too few to select an order')
+        raise ValueError(f'{points} points are too few to select an order')
     return best
 
 
@@ -344,7 +366,10 @@ def identify_measured(
     method: str = SANATHANAN_KOERNER,
 ) -> Model:
     """
-    Fit a measured response, its hold taken out, weighted by its measured variance if it has one.
+    Fit a measured response, weighted by its measured variance if it has one, with what sampling did to it taken out.
+
+    That is the hold, which divides, and what is folded back from beyond half the sampling rate: the fitted model says
+    how much that is, it is subtracted, and the rest fitted again.
 
     Parameters
     ----------
@@ -356,15 +381,48 @@ def identify_measured(
         Of the loop's computation, before the hold [s].
     """
     dynamics = held(measured.frequency, measured.hold, delay)
-    response = measured.response / dynamics
+    response = measured.response
     deviation = believed_deviation(measured)
     if deviation is not None:
         deviation = deviation / np.abs(dynamics)
-    if poles == 0:
-        return select_order(measured.frequency, response, integrators=integrators, deviation=deviation)
-    return identify(
-        measured.frequency, response, poles, zeros, integrators=integrators, deviation=deviation, method=method
-    )
+
+    def fit(poles: int, zeros: int) -> Model:
+        best: Model | None = None
+        folded: ComplexArray = np.zeros(len(response), dtype=np.complex128)
+        for _ in range(1 + _FOLDING_ROUNDS):
+            model = identify(
+                measured.frequency,
+                (measured.response - folded) / dynamics,
+                poles,
+                zeros,
+                integrators=integrators,
+                deviation=deviation,
+                method=method,
+            )
+            if best is not None and model.error >= best.error:
+                break
+            best = model
+            if measured.hold == 0.0 or zeros > poles - 2 or method == LEVY:
+                break  # nothing is folded, or the model does not fall off or is too poor to say how
+            folded = _folded_back(model, measured, delay)
+        assert best is not None
+        return best
+
+    if poles > 0:
+        return fit(poles, zeros)
+    return _selected(fit, len(response), integrators, MOST_POLES, known_deviation=deviation is not None)
+
+
+def _folded_back(model: Model, measured: FrequencyResponse, delay: float) -> ComplexArray:
+    """Return what a sampled response of the model has from the images of each frequency about the sampling rate."""
+    folded: ComplexArray = np.zeros(len(measured.frequency), dtype=np.complex128)
+    for image in range(-_IMAGES, _IMAGES + 1):
+        if image != 0:
+            frequency = measured.frequency + image / measured.hold
+            # A velocity that was read and divided by j 2 pi f has each image's own frequency in it.
+            factor = np.where(measured.by_velocity, frequency / measured.frequency, 1.0)
+            folded += factor * model.response(frequency) * held(frequency, measured.hold, delay)
+    return folded
 
 
 def table(model: Model, rigid_order: int = 2) -> str:

@@ -20,9 +20,11 @@ _HEADER = (
     'amplitude [V]',
     'averages',
     'hold [s]',
+    'output',
 )
 _FREQUENCY_UNITS = {'': 1.0, 'Hz': 1.0, 'kHz': 1e3, 'rad/s': 0.5 / np.pi}
 _PHASE_UNITS = {'': 1.0, 'deg': 1.0, '°': 1.0, 'rad': 180.0 / np.pi}
+_VELOCITY = 'velocity'
 _NAMES = {'gain': 'magnitude', 'freq': 'frequency', 'mag': 'magnitude'}
 
 
@@ -43,6 +45,8 @@ class FrequencyResponse:
         Of the excitation [V], shape (n,); 0 where it is not known.
     averages
         Number of records behind each point, shape (n,); 1 says that the coherence means nothing.
+    by_velocity
+        Whether the output's velocity was read and divided by j 2 pi f, shape (n,).
     hold
         How long the input was held from one sample to the next [s]: the response has that hold in it; 0 for none.
     """
@@ -52,6 +56,7 @@ class FrequencyResponse:
     coherence: Array
     amplitude: Array
     averages: NDArray[np.int64]
+    by_velocity: NDArray[np.bool_]
     hold: float = 0.0
 
     @classmethod
@@ -60,7 +65,15 @@ class FrequencyResponse:
         frequencies = np.asarray(frequency, dtype=np.float64)
         count = len(frequencies)
         values = np.asarray(response, dtype=np.complex128)
-        return cls(frequencies, values, np.ones(count), np.zeros(count), np.ones(count, dtype=np.int64), hold)
+        return cls(
+            frequencies,
+            values,
+            np.ones(count),
+            np.zeros(count),
+            np.ones(count, dtype=np.int64),
+            np.zeros(count, dtype=np.bool_),
+            hold,
+        )
 
     def between(self, lowest: float, highest: float) -> 'FrequencyResponse':
         """Return the points from ``lowest`` to ``highest`` [Hz], both included."""
@@ -72,6 +85,7 @@ class FrequencyResponse:
             coherence=self.coherence[inside],
             amplitude=self.amplitude[inside],
             averages=self.averages[inside],
+            by_velocity=self.by_velocity[inside],
         )
 
     def relative_deviation(self) -> Array | None:
@@ -96,6 +110,7 @@ class FrequencyResponse:
             self.amplitude,
             self.averages,
             np.full(len(self.frequency), self.hold),
+            np.where(self.by_velocity, _VELOCITY, 'displacement'),
         )
         with path.open('w', newline='', encoding='utf8') as stream:
             writer = csv.writer(stream)
@@ -118,7 +133,8 @@ def read_csv(path: Path) -> FrequencyResponse:
     Return the response in a CSV file.
 
     The first line may name the columns, with units in brackets: ``frequency [Hz]`` (or kHz, rad/s), ``magnitude``
-    (linear or [dB]), ``phase [deg]`` (or rad), and perhaps ``coherence``, ``averages``, ``amplitude``, ``hold [s]``.
+    (linear or [dB]), ``phase [deg]`` (or rad), and perhaps ``coherence``, ``averages``, ``amplitude``, ``hold [s]``,
+    ``output`` (``velocity`` where that was read).
     Without such a line the first three columns are frequency [Hz], linear magnitude and phase [deg]. Lines that begin
     with ``#`` are comments. The rows may come in any order.
 
@@ -179,7 +195,7 @@ def _cell(row: Sequence[str], place: int, name: str, number: int) -> float:
         if not _is_number(text) or not np.isfinite(float(text)):
             raise ValueError(f'line {number}: {name} is {text!r}, not a finite number')
         return float(text)
-    return 0.0
+    return float(name == 'output' and text == _VELOCITY)
 
 
 def _response(table: Mapping[str, Array], units: Mapping[str, str], path: Path) -> FrequencyResponse:
@@ -201,5 +217,6 @@ def _response(table: Mapping[str, Array], units: Mapping[str, str], path: Path) 
         table.get('coherence', ones)[order],
         table.get('amplitude', 0.0 * ones)[order],
         np.rint(table.get('averages', ones)[order]).astype(np.int64),
+        table.get('output', 0.0 * ones)[order] != 0.0,
         holds.pop(),
     )

@@ -102,7 +102,7 @@ def test_levy_is_the_least_squares_of_3_25():
 
 @settings(max_examples=40, deadline=None)
 @given(
-    st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.01, 0.4)), min_size=1, max_size=5),
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.01, 0.4)), min_size=1, max_size=4),
     st.floats(1e-6, 1e6),
     st.integers(0, 2),
 )
@@ -111,7 +111,7 @@ def test_exact_data_give_the_poles_back(drawn, scale, integrators):
     shifts = np.cumsum([0.2 + 0.3 * shift for shift, _ in drawn])
     w = 2.0 * np.pi * 50.0 * 10.0**shifts
     damping = np.array([value for _, value in drawn])
-    frequency = np.geomspace(20.0, 30_000.0, 240)
+    frequency = np.geomspace(20.0, 8000.0, 240)
     response = np.full(len(frequency), scale, dtype=complex) / (2j * np.pi * frequency) ** integrators
     for omega, xi in zip(w, damping, strict=True):
         response *= freqs([omega**2], [1.0, 2.0 * xi * omega, omega**2], frequency)
@@ -148,7 +148,7 @@ def test_the_measured_variance_weighs():
     bad = (BAND > 7000.0) & (BAND < 8000.0)
     spoilt[bad] *= 1.5 * np.exp(2j)
     coherence = np.where(bad, 1e-3, 1.0 / (1.0 + 7.0 * 0.002**2))
-    measured = FrequencyResponse(BAND, spoilt, coherence, np.ones(200), np.full(200, 8))
+    measured = FrequencyResponse(BAND, spoilt, coherence, np.ones(200), np.full(200, 8), np.zeros(200, dtype=bool))
     deviation = believed_deviation(measured)
     assert deviation is not None
     assert deviation[bad].min() > 100.0 * np.abs(spoilt[~bad]).min() * 0.002

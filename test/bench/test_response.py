@@ -12,7 +12,13 @@ def measured(count=5, averages=4):
     response = 40.0 / (1.0 + 1j * frequency / 100.0)
     ones = np.ones(count)
     return FrequencyResponse(
-        frequency, response, 0.99 * ones, 0.1 * ones, np.full(count, averages, dtype=np.int64), hold=1e-5
+        frequency,
+        response,
+        0.99 * ones,
+        0.1 * ones,
+        np.full(count, averages, dtype=np.int64),
+        frequency > 500.0,
+        hold=1e-5,
     )
 
 
@@ -21,7 +27,7 @@ def test_a_csv_brings_back_what_was_written(tmp_path):
     written = measured()
     written.write_csv(path)
     assert path.read_text().splitlines()[0] == (
-        'frequency [Hz],magnitude [um/V],phase [deg],coherence,amplitude [V],averages,hold [s]'
+        'frequency [Hz],magnitude [um/V],phase [deg],coherence,amplitude [V],averages,hold [s],output'
     )
     read = read_csv(path)
     np.testing.assert_array_equal(read.frequency, written.frequency)
@@ -29,6 +35,7 @@ def test_a_csv_brings_back_what_was_written(tmp_path):
     np.testing.assert_array_equal(read.coherence, written.coherence)
     np.testing.assert_array_equal(read.amplitude, written.amplitude)
     np.testing.assert_array_equal(read.averages, written.averages)
+    np.testing.assert_array_equal(read.by_velocity, [False, False, False, True, True])
     assert read.hold == 1e-5
 
 
@@ -86,7 +93,12 @@ def test_the_deviation_from_the_coherence_is_that_of_repeated_measurements():
     mean = records.mean(axis=1)
     coherence = averages * np.abs(mean) ** 2 / np.sum(np.abs(records) ** 2, axis=1)
     found = FrequencyResponse(
-        np.arange(1.0, points + 1), mean, coherence, np.ones(points), np.full(points, averages, dtype=np.int64)
+        np.arange(1.0, points + 1),
+        mean,
+        coherence,
+        np.ones(points),
+        np.full(points, averages, dtype=np.int64),
+        np.zeros(points, dtype=bool),
     ).relative_deviation()
     assert found is not None
     assert np.sqrt(np.mean(found**2)) == pytest.approx(np.std(mean), rel=0.05)
