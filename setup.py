@@ -19,6 +19,7 @@ NODES = (
     'outside_controller',
     'reference_generator',
     'deterministic_timer',
+    'signal_analyzer',
     'bag_recorder',
     'rig',
 )

@@ -14,6 +14,7 @@ PURPOSE = {
     'adaptive_nn_controller': 'The adaptive neural network controller, eqs. (4.10) to (4.21) of the thesis.',
     'pid_controller': 'The conventional PID controller, the baseline.',
     'open_loop_controller': 'Drives the plant open loop: the voltage is x of /reference.',
+    'signal_analyzer': "Sweeps a sine through the drive and writes its frequency response, in a controller's place.",
     'bag_recorder': 'Writes every topic of the run into a rosbag2 bag, and run.yaml beside it.',
     'rig': 'The whole graph in one process: runs the experiment, records it, sums it up and plots it.',
     'simulate': 'The same experiment as rig without middleware: the same parameters, the same bag, much faster.',

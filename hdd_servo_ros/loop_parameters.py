@@ -1,6 +1,7 @@
 """Parameters that belong to the run and the lockstep rather than to a block; no ROS import."""
 
 import dataclasses
+from collections.abc import Mapping
 
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 from hdd_servo_ros.schedule import FORM, Change, parse_schedule
@@ -48,7 +49,13 @@ class TimerParameters(ParameterSet):
     sample_time: float = parameter(
         1e-4, 'sample time T; a whole number of nanoseconds', unit='s', above=0.0, read_only=True
     )
-    duration: float = parameter(1.0, 'length of the run; ticks 0 to duration/T', unit='s', above=0.0, read_only=True)
+    duration: float = parameter(
+        1.0,
+        'length of the run; ticks 0 to duration/T; 0 for as long as a node takes that has a plan (signal_analyzer)',
+        unit='s',
+        minimum=0.0,
+        read_only=True,
+    )
     rate: float = parameter(
         0.0,
         'pace: 0 as fast as the graph goes, 1 real time, 0.1 slow motion; the bits do not depend on it',
@@ -79,6 +86,11 @@ class TimerParameters(ParameterSet):
             raise ParameterError(
                 'sample_time', self.sample_time, 'a positive whole number of nanoseconds [s]'
             ) from None
+        if self.duration == 0.0:
+            if self.schedule:
+                allowed = 'empty with duration = 0: its times must lie within a duration that is given'
+                raise ParameterError('schedule', self.schedule, allowed)
+            return
         if abs(self.duration / self.sample_time - self.last_tick) > 1e-6 * self.last_tick or self.last_tick < 1:
             raise ParameterError('duration', self.duration, f'a multiple of sample_time = {self.sample_time!r} s [s]')
 
@@ -91,8 +103,38 @@ class TimerParameters(ParameterSet):
 
     @property
     def last_tick(self) -> int:
-        """N, the number of the last tick."""
+        """N, the number of the last tick; 0 where a node's plan decides, see :func:`last_tick_of_run`."""
         return round(self.duration / self.sample_time)
+
+
+def last_tick_of_run(timer: TimerParameters, needed: Mapping[str, int]) -> int:
+    """
+    Return N of a run.
+
+    Parameters
+    ----------
+    timer
+        The timer's parameters.
+    needed
+        The last tick of each node that has a plan of its own, by the node's name.
+
+    Raises
+    ------
+    ParameterError
+        If the duration is shorter than a plan, or 0 without any.
+    """
+    name = 'deterministic_timer:duration'
+    if not needed:
+        if timer.duration == 0.0:
+            raise ParameterError(name, 0.0, 'above 0 s: no node of this run has a plan that says how long it takes')
+        return timer.last_tick
+    node, longest = max(needed.items(), key=lambda item: item[1])
+    if timer.duration == 0.0:
+        return longest
+    if timer.last_tick < longest:
+        allowed = f'0 for as long as {node} takes, or at least its {longest * timer.sample_time:.9g} s'
+        raise ParameterError(name, timer.duration, allowed)
+    return timer.last_tick
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +160,7 @@ class RigParameters(ParameterSet):
 
     controller: str = parameter(
         'adaptive_nn',
-        'controller of the loop: adaptive_nn, pid, open_loop, the name of an entry point of the group '
+        'controller of the loop: adaptive_nn, pid, open_loop, signal_analyzer, the name of an entry point of the group '
         'hdd_servo_ros.controllers, or the import path module:Class of your own',
         read_only=True,
     )

@@ -6,6 +6,7 @@ from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.control.open_loop import OpenLoopParameters
 from hdd_servo_ros.control.pid import PidParameters
@@ -25,6 +26,7 @@ CONTROLLERS = {
     'adaptive_nn': 'adaptive_nn_controller',
     'pid': 'pid_controller',
     'open_loop': 'open_loop_controller',
+    'signal_analyzer': 'signal_analyzer',
 }
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
 
@@ -39,6 +41,7 @@ NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
     'adaptive_nn_controller': (*_EVERY_CONTROLLER, AdaptiveNnParameters),
     'pid_controller': (*_EVERY_CONTROLLER, PidParameters),
     'open_loop_controller': (*_EVERY_CONTROLLER, OpenLoopParameters),
+    'signal_analyzer': (*_EVERY_CONTROLLER, SignalAnalyzerParameters),
     'bag_recorder': (*_EVERY_NODE, RecorderParameters),
     'rig': (RigParameters,),
     'simulate': (RigParameters,),

@@ -16,12 +16,19 @@ from typing import Any
 import numpy as np
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.controllers import ControllerKind, load_controller
 from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.loop.experiment import Experiment, Rows
-from hdd_servo_ros.loop_parameters import DriveNameParameters, RecorderParameters, RigParameters, TimerParameters
+from hdd_servo_ros.loop_parameters import (
+    DriveNameParameters,
+    RecorderParameters,
+    RigParameters,
+    TimerParameters,
+    last_tick_of_run,
+)
 from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
@@ -31,6 +38,7 @@ from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.reporting.progress import Progress
+from hdd_servo_ros.reporting.response import write_response
 from hdd_servo_ros.schedule import Step, plan, refuse_strangers
 from hdd_servo_ros.ticks import Ticks, sample_time_to_nanoseconds
 from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
@@ -108,6 +116,8 @@ class Simulation:
         }
         self.schedule = self._plan(sets, mappings)
         self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks)
+        needed: int = getattr(self.experiment.controller, 'last_tick', 0)
+        self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
 
     @staticmethod
     def _sets(arguments: RosArguments, node: str, *aliases: str) -> dict[type[Any], Any]:
@@ -173,8 +183,8 @@ class Simulation:
         """Return what ``run.yaml`` says of the run before it has ended."""
         return {
             'sample_time': self.timer.sample_time,
-            'last_tick_planned': self.timer.last_tick,
-            'duration': self.timer.last_tick * self.timer.sample_time,
+            'last_tick_planned': self.last_tick,
+            'duration': self.last_tick * self.timer.sample_time,
             'rate': 0.0,
             **self.offers,
             'nodes': self.nodes,
@@ -238,7 +248,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     exit_code, directory
         As of `rig`; the run's folder, None if it was not recorded.
     """
-    last_tick, parameters = simulation.timer.last_tick, simulation.recorder
+    last_tick, parameters = simulation.last_tick, simulation.recorder
     simulation.experiment.compile()
     for warning in getattr(simulation.experiment.controller, 'warnings', tuple)():
         print(f'simulate: warning: {warning}', file=sys.stderr)
@@ -283,7 +293,8 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)
             if bad is not None:
-                status, reason, exit_code = FAILED, f'{bad[0]}: not finite at tick {bad[1]}', 1
+                told = getattr(simulation.experiment.controller, 'fault', str)()
+                status, reason, exit_code = FAILED, told or f'{bad[0]}: not finite at tick {bad[1]}', 1
                 rows = _cut(rows, bad[1])
             if recorder is not None and len(rows.head):
                 recorder.write_ticks(rows.first_tick + len(rows.head) - 1, *packer.pack(rows))
@@ -303,6 +314,11 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     finally:
         if recorder is not None:
             recorder.finish(status, reason)
+        if isinstance(simulation.experiment.controller, SignalAnalyzer):
+            for line in write_response(
+                simulation.experiment.controller, None if recorder is None else recorder.directory
+            ):
+                print(f'simulate: {line}', file=sys.stderr)
         for number, handler in previous.items():
             signal.signal(number, handler)
     if status != FINISHED:

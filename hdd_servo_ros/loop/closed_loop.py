@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import dsp_step
 from hdd_servo_ros.bench.ldv import ldv_step
+from hdd_servo_ros.bench.signal_analyzer import signal_analyzer_step
 from hdd_servo_ros.control.adaptive_nn import adaptive_nn_step
 from hdd_servo_ros.control.open_loop import open_loop_step
 from hdd_servo_ros.control.pid import pid_step
@@ -12,8 +13,8 @@ from hdd_servo_ros.drive.plant import plant_output, plant_step
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.signals.reference import reference_step
 
-CONTROLLERS = ('adaptive_nn', 'pid', 'open_loop')
-ADAPTIVE_NN, PID, OPEN_LOOP = range(len(CONTROLLERS))
+CONTROLLERS = ('adaptive_nn', 'pid', 'open_loop', 'signal_analyzer')
+ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(CONTROLLERS))
 
 
 @compiled
@@ -83,6 +84,18 @@ def closed_loop(
             )
         elif controller_kind == PID:
             u, unsaturated, feedback = pid_step(
+                controller_constants,
+                controller_state,
+                estimates,
+                tick,
+                displacement_volts,
+                velocity_volts,
+                x_d,
+                dx_d,
+                ddx_d,
+            )
+        elif controller_kind == SIGNAL_ANALYZER:
+            u, unsaturated, feedback = signal_analyzer_step(
                 controller_constants,
                 controller_state,
                 estimates,

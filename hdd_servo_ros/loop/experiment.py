@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
@@ -18,6 +19,7 @@ from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS, closed_loop
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations, from_mapping
+from hdd_servo_ros.registry import CONTROLLERS as CONTROLLER_NODES
 from hdd_servo_ros.registry import NODE_PARAMETERS
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
@@ -28,6 +30,7 @@ BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
     'adaptive_nn_controller': (AdaptiveNn, AdaptiveNnParameters),
     'pid_controller': (Pid, PidParameters),
     'open_loop_controller': (OpenLoop, OpenLoopParameters),
+    'signal_analyzer': (SignalAnalyzer, SignalAnalyzerParameters),
 }
 """The block and the parameters behind each node's name."""
 
@@ -122,8 +125,8 @@ class Experiment:
     sample_time
         T [s].
     controller
-        ``'adaptive_nn'``, ``'pid'`` or ``'open_loop'``; the name or import path of one from outside, as
-        :func:`~hdd_servo_ros.controllers.load_controller` takes it; or any object that satisfies
+        ``'adaptive_nn'``, ``'pid'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of one from
+        outside, as :func:`~hdd_servo_ros.controllers.load_controller` takes it; or any object that satisfies
         :class:`~hdd_servo_ros.control.controller.Controller`. The latter two are called from Python, tick by tick.
     parameters
         For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
@@ -154,7 +157,7 @@ class Experiment:
         self.controller: Controller
         if isinstance(controller, str) and controller in CONTROLLERS:
             self._kind = CONTROLLERS.index(controller)
-            node = f'{controller}_controller'
+            node = CONTROLLER_NODES[controller]
             self.controller = self._block(node, sections)
             dsp = dsp_parameters(node, sections.get(node, {}))
         elif isinstance(controller, str):

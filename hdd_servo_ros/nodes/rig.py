@@ -7,7 +7,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from hdd_servo_ros.controllers import load_controller
-from hdd_servo_ros.loop_parameters import RigParameters, TimerParameters
+from hdd_servo_ros.loop_parameters import RigParameters, TimerParameters, last_tick_of_run
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
@@ -18,16 +18,18 @@ from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
+from hdd_servo_ros.nodes.signal_analyzer import SignalAnalyzerNode
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
 from hdd_servo_ros.registry import refuse_unknown
 from hdd_servo_ros.reporting.show import show_run
-from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.loop_node import LoopNode, last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters
 
 CONTROLLER_NODES: dict[str, Callable[[], ControllerNode]] = {
     'adaptive_nn': AdaptiveNnController,
     'pid': PidController,
     'open_loop': OpenLoopController,
+    'signal_analyzer': SignalAnalyzerNode,
 }
 
 
@@ -58,6 +60,11 @@ class Rig:
             LdvSensor(),
             controller(),
         ]
+        # At once: the peers would find it out as well, but only when all are there.
+        last_tick_of_run(
+            timer.parameters[TimerParameters],
+            last_ticks_needed(self.nodes, timer.parameters[TimerParameters].sample_time),
+        )
         self.recorder: BagRecorder | None = None
         if timer.parameters[TimerParameters].record:
             self.recorder = BagRecorder(separate_process=True)

@@ -48,7 +48,9 @@ class Progress:
             self._bar.update(done - self._bar.n)
         elif now >= self._line_due or tick * self._sample_time >= self._total:
             self._line_due = now + _LINE_PERIOD
-            print(f'{self._title} {done:.2f} of {self._total:.2f} s, {factor}', file=sys.stderr, flush=True)
+            left = (now - self._started) * (self._total / done - 1.0) if done else 0.0
+            text = f'{self._title} {done:.2f} of {self._total:.2f} s, {factor}, {left:.0f} s left'
+            print(text, file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Leave the bar as it is, and end its line."""

@@ -2,13 +2,19 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.run_folder import read_run_yaml
+from hdd_servo_ros.reporting.response import CSV, describe
 from hdd_servo_ros.reporting.summary import summary
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
     """Print the summary of a recorded run, and draw it into its folder as ``run.png`` if asked to."""
+    if (directory / CSV).is_file():
+        # A sweep follows no reference: what there is to show has been written when it ended.
+        print(f'{"response":>16}  {describe(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
+        return
     signals, run = read_signals(directory), read_run_yaml(directory)
     print(summary(signals, run, directory))
     if plot:

@@ -3,6 +3,7 @@
 import importlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -161,6 +162,8 @@ class LoopNode(Node):
         self._publish: list[Callable[[bytes], None]] = []
         self.tick = 0
         """The next tick that this node fires for."""
+        self.run_directory: Path | None = None
+        """Where the run is recorded, once that is known; on the recorder's machine."""
         self.last_tick = -1
         self.changes = 0
         """How often parameters were changed behind tick 0."""
@@ -180,6 +183,10 @@ class LoopNode(Node):
     def offers(self) -> dict[str, str]:
         """Return texts that concern the whole run, such as the drive's name."""
         return {}
+
+    def last_tick_needed(self, sample_time: float) -> int:
+        """Return the last tick that this node has a plan for at a sample time [s], 0 if any number of ticks will do."""
+        return 0
 
     def prepare(self, run: Run) -> None:
         """Build the block for the run's sample time; called once, before tick 0."""
@@ -216,6 +223,11 @@ class LoopNode(Node):
 
     paced = False
     """Whether :meth:`seconds_until_due` has a say."""
+
+    @property
+    def directory(self) -> str:
+        """Where this node records the run; empty for one that does not."""
+        return ''
 
     def seconds_until_due(self) -> float:
         """Return for how long this node must not fire yet although its inputs are there [s of wall time]."""
@@ -350,6 +362,12 @@ class LoopNode(Node):
         if not math.isfinite(x + y + z):
             raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
         self._publish[output](message)
+
+
+def last_ticks_needed(nodes: Iterable[LoopNode], sample_time: float) -> dict[str, int]:
+    """Return the last tick of each node that has a plan at a sample time [s], by its full name."""
+    needed = {node.get_fully_qualified_name(): node.last_tick_needed(sample_time) for node in nodes}
+    return {name: tick for name, tick in needed.items() if tick}
 
 
 def publishers_of(node: Node, topic: str) -> str:

@@ -19,17 +19,18 @@ import socket
 import time
 import uuid
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters
+from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters, last_tick_of_run
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.ros.errors import RunError
-from hdd_servo_ros.ros.loop_node import UNKNOWN_NODE, LoopNode, publishers_of
+from hdd_servo_ros.ros.loop_node import UNKNOWN_NODE, LoopNode, last_ticks_needed, publishers_of
 from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, Run
 from hdd_servo_ros.schedule import parse_schedule, refuse_strangers
 from hdd_servo_ros.topics import CLOCK, RECORDED
@@ -105,6 +106,10 @@ class Peers:
         if self.state in (WAITING, READY):
             said['nodes'] = self._own_nodes()
             said['hears'] = list(self._heard)
+        directory = next((node.directory for node in self._nodes if node.directory), '')
+        if directory:
+            said['directory'] = str(Path(directory).absolute())
+            self._tell_directory(said['directory'])
         if self._timer is not None:
             timer = self._timer.parameters[TimerParameters]
             said['timer'] = {'sample_time': timer.sample_time, 'last_tick': timer.last_tick, 'rate': timer.rate}
@@ -133,11 +138,17 @@ class Peers:
             said['nodes'] = known.get('nodes', {})
         said.setdefault('nodes', {})
         self._heard[process] = said
+        if said.get('directory'):
+            self._tell_directory(said['directory'])
         self._heard_at[process] = time.monotonic()
         if said['state'] in (FAILED, INTERRUPTED):
             self._hear_end(process, said)
         if said.get('run') and self.run is None:
             self._hear_start(said['run'])
+
+    def _tell_directory(self, directory: str) -> None:
+        for node in self._nodes:
+            node.run_directory = Path(directory)
 
     def _hear_end(self, process: str, said: dict[str, Any]) -> None:
         if self.run is None and said['state'] == INTERRUPTED:
@@ -218,7 +229,16 @@ class Peers:
 
     def _own_nodes(self) -> dict[str, dict[str, Any]]:
         """Return what there is to say of this process's nodes; their parameters may change until the run starts."""
-        return {node.get_fully_qualified_name(): _describe(node) for node in self._nodes}
+        described = {node.get_fully_qualified_name(): _describe(node) for node in self._nodes}
+        timer = self._timer_said()
+        if timer is not None:
+            try:
+                needed = last_ticks_needed(self._nodes, timer['sample_time'])
+            except ParameterError as error:
+                raise RunError(str(error)) from None
+            for name, tick in needed.items():
+                described[name]['last_tick_needed'] = tick
+        return described
 
     def _known_nodes(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Iterate over all nodes that say who they are; one that fell silent may have been killed."""
@@ -355,12 +375,14 @@ class Peers:
         frame_id = next((d['offers']['frame_id'] for d in nodes.values() if 'frame_id' in d['offers']), '')
         processes = [self.identifier, *self._heard]
         name = self._timer.get_fully_qualified_name()
+        needed = {name: node['last_tick_needed'] for name, node in nodes.items() if 'last_tick_needed' in node}
         try:
             refuse_strangers(timer.changes, list(nodes))
+            last_tick = last_tick_of_run(timer, needed)
         except ParameterError as error:
             raise RunError(str(error)) from None
         schedule = list(timer.schedule)
-        return Run(timer.sample_time, timer.last_tick, timer.rate, frame_id, name, nodes, processes, schedule)
+        return Run(timer.sample_time, last_tick, timer.rate, frame_id, name, nodes, processes, schedule)
 
     # During the run.
 

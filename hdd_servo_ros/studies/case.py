@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import hdd_servo_ros
-from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.run_folder import FINISHED
 from hdd_servo_ros.simulate import Simulation
@@ -108,8 +107,7 @@ class PlannedRun:
         self.log = directory / f'{case.name}.log'
         self.arguments: Sequence[str] = case.arguments(defaults, self.directory)
         self._simulation = Simulation(parse_ros_arguments(self.arguments))
-        timer: TimerParameters = self._simulation.timer
-        self.ticks = timer.last_tick + 1
+        self.ticks = self._simulation.last_tick + 1
 
     def obstacle(self, run: Mapping[str, Any]) -> str:
         """Return why a recorded run cannot stand for this one, in a few words; empty if it can."""

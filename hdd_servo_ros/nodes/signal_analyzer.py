@@ -1,0 +1,48 @@
+"""`signal_analyzer`: sweeps a sine through the drive, in a controller's place, and writes the response."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters, plan
+from hdd_servo_ros.nodes.controller_node import ControllerNode
+from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.reporting.response import write_response
+from hdd_servo_ros.ros.errors import NotFiniteError, RunError
+from hdd_servo_ros.ros.run import Outcome
+
+
+class SignalAnalyzerNode(ControllerNode):
+    """The node around :class:`SignalAnalyzer`."""
+
+    def __init__(self) -> None:
+        super().__init__('signal_analyzer', SignalAnalyzerParameters, SignalAnalyzer)
+
+    def trial(self, make: Callable[[Any, float], Any], kind: type[Any]) -> Any:
+        # Whether the sweep goes too high is for the run's sample time to say.
+        parameters: SignalAnalyzerParameters = self.parameters[kind]
+        return make(parameters, 0.1 / parameters.stop_frequency)
+
+    def last_tick_needed(self, sample_time: float) -> int:
+        return sum(point.ticks for point in plan(self.parameters[SignalAnalyzerParameters], sample_time)) - 1
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        try:
+            super().step(tick, stamp, messages)
+        except NotFiniteError as error:
+            assert isinstance(self._controller, SignalAnalyzer)
+            raise RunError(self._controller.fault() or str(error)) from None
+
+    def finish(self, outcome: Outcome) -> None:
+        assert isinstance(self._controller, SignalAnalyzer)
+        for line in write_response(self._controller, self.run_directory):
+            self.get_logger().info(line)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('signal_analyzer', SignalAnalyzerNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,51 @@
+"""Bode plots of measured and fitted frequency responses."""
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.response import FrequencyResponse
+
+
+def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
+    """
+    Draw gain and phase, and the coherence if one was measured.
+
+    Parameters
+    ----------
+    responses
+        By their labels; the later ones are drawn as lines over the points of the first.
+    title
+        Of the figure.
+    """
+    measured = [response for response in responses.values() if response.averages.min() > 1]
+    figure = Figure(figsize=(8.5, 7.5), layout='constrained')
+    FigureCanvasAgg(figure)
+    if title:
+        figure.suptitle(title)
+    heights = (3, 2, 1)[: 3 if measured else 2]
+    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    gain, phase = axes[0], axes[1]
+    for i, (label, response) in enumerate(responses.items()):
+        style = {'marker': '.', 'markersize': 3.5, 'linewidth': 0.8} if i == 0 else {'linewidth': 1.2}
+        gain.semilogx(response.frequency, 20.0 * np.log10(np.abs(response.response)), label=label, **style)
+        phase.semilogx(response.frequency, _degrees(response), **style)
+    gain.set_ylabel('gain [dB, µm/V]')
+    phase.set_ylabel('phase [°]')
+    if len(responses) > 1:
+        gain.legend(fontsize=8)
+    for response in measured:
+        axes[2].semilogx(response.frequency, response.coherence, linewidth=0.8)
+        axes[2].set_ylabel('coherence')
+        axes[2].set_ylim(0.0, 1.05)
+    axes[-1].set_xlabel('frequency [Hz]')
+    for axis in axes:
+        axis.grid(which='both', alpha=0.3)
+    return figure
+
+
+def _degrees(response: FrequencyResponse) -> NDArray[np.float64]:
+    """Return the phase without jumps, from -180 degrees rather than +180 for a double integrator."""
+    degrees: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(response.response)))
+    return degrees - 360.0 if degrees[0] > 90.0 else degrees

@@ -1,0 +1,52 @@
+"""A measured frequency response on disk: its CSV and its picture."""
+
+from pathlib import Path
+
+from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
+from hdd_servo_ros.recording.run_folder import default_run_directory
+
+CSV = 'response.csv'
+PICTURE = 'response.png'
+
+
+def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str]:
+    """
+    Write what an analyzer has measured so far, complete or not, and return lines that say where and what.
+
+    Parameters
+    ----------
+    analyzer
+        The analyzer; its parameter ``plot`` says whether to draw.
+    directory
+        Folder of the run; a new one below ``runs`` if there is none here.
+    """
+    response = analyzer.response()
+    lines = []
+    spoilt = analyzer.spoilt()
+    if spoilt:
+        frequencies = ', '.join(f'{frequency:.5g}' for frequency in spoilt)
+        lines.append(f'left out, since the vibrometer was overloaded: {frequencies} Hz')
+    if len(response.frequency) == 0:
+        return lines
+    if directory is None or not directory.is_dir():
+        directory = default_run_directory('signal_analyzer')
+        directory.mkdir(parents=True)
+    response.write_csv(directory / CSV)
+    lines.append(f'{describe(response)}: {directory / CSV}')
+    if analyzer.parameters.plot:
+        # Imported late: a sweep that draws nothing need not wait for matplotlib.
+        from hdd_servo_ros.reporting.bode import bode
+
+        bode({'measured': response}).savefig(directory / PICTURE, dpi=100)
+        lines.append(f'Bode plot: {directory / PICTURE}')
+    return lines
+
+
+def describe(response: FrequencyResponse) -> str:
+    """Return a measured response in a few words."""
+    lowest, highest = response.frequency[0], response.frequency[-1]
+    return (
+        f'{len(response.frequency)} points from {lowest:.5g} to {highest:.5g} Hz, '
+        f'coherence at least {response.coherence.min():.4f}'
+    )

@@ -1,0 +1,148 @@
+"""
+A recorded sweep: its response from the bag alone, and what Levy's method and the iteration find in it.
+
+    python -m hdd_servo_ros.studies.swept_sine RUN [--noise 0.01]
+
+Writes `response.csv` and `response.png` into the run's folder anew, the latter with the identified model drawn over the
+measurement (fig. 5.3), and prints the table of true and identified gain and modes.
+"""
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.bench.response import FrequencyResponse, held
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
+from hdd_servo_ros.drive import transfer
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.reporting.bode import bode
+from hdd_servo_ros.reporting.response import CSV, PICTURE, describe
+
+FROM = 400.0
+"""Lowest frequency used [Hz]: below, the friction makes the response depend on the amplitude."""
+ZEROS = 4
+"""Of (5.2) and (5.3) together; (5.1) to (5.5) have ten poles."""
+POLES = 10
+
+
+def response_of_run(run: Run) -> FrequencyResponse:
+    """
+    Return what the analyzer measured in a run, from `/ldv` and the parameters alone.
+
+    Raises
+    ------
+    ValueError
+        If the run is no sweep from tick 0 on, or its `/estimates` say something else.
+    """
+    node = _node_parameters(run, 'signal_analyzer')
+    analyzer = SignalAnalyzer(block_parameters('signal_analyzer', node), run.sample_time)
+    ticks = run.ticks
+    if len(ticks) == 0 or ticks[0] != 0:
+        raise ValueError('the bag does not begin with tick 0')
+    analyzer.replay(run.ldv)
+    for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
+        if run.estimates[name][-1] != value:
+            raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')
+    return analyzer.response()
+
+
+def _node_parameters(run: Run, name: str) -> Mapping[str, object]:
+    for full_name, node in run.description.get('nodes', {}).items():
+        if full_name.rsplit('/', 1)[-1] == name:
+            parameters: Mapping[str, object] = node['parameters']
+            return {key: tuple(value) if isinstance(value, list) else value for key, value in parameters.items()}
+    raise ValueError(f'run.yaml tells of no {name}')
+
+
+def with_noise(measured: FrequencyResponse, level: float, seed: int) -> FrequencyResponse:
+    """Return a measurement with complex noise of an rms of ``level`` times each point's magnitude, and no coherence."""
+    rng = np.random.default_rng(seed)
+    count = len(measured.frequency)
+    noise = (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(2.0)
+    return dataclasses.replace(
+        measured,
+        response=measured.response * (1.0 + level * noise),
+        coherence=np.ones(count),
+        averages=np.ones(count, dtype=np.int64),
+    )
+
+
+def true_modes(parameters: PlantParameters) -> list[tuple[float, float]]:
+    """Return natural frequency [Hz] and damping of the drive's resonances, by frequency."""
+    poles = np.roots(transfer.resonance(parameters.resonance)[1])
+    upper = sorted(poles[poles.imag > 0.0], key=abs)
+    return [(abs(pole) / (2.0 * np.pi), -pole.real / abs(pole)) for pole in upper]
+
+
+def compare(parameters: PlantParameters, models: Mapping[str, Model]) -> str:
+    """Return a table (Markdown) of true and identified gain and modes; the deviations in brackets."""
+    found = {name: ([mode for mode in model.modes() if mode.pole.imag > 0.0], model) for name, model in models.items()}
+    rows = [['', 'true', *found]]
+    gain = parameters.rigid_gain
+    rows.append(['gain', f'{gain:.5g}', *(_deviation(model.rigid_gain(), gain, 5) for _, model in found.values())])
+    true = true_modes(parameters)
+    for i, (frequency, damping) in enumerate(true):
+        # Those of highest frequency: a pair below them is the rigid body on the friction's spring.
+        modes = [pairs[len(pairs) - len(true) + i] if len(pairs) >= len(true) else None for pairs, _ in found.values()]
+        rows.append(
+            [
+                f'mode {i + 1} [Hz]',
+                f'{frequency:.1f}',
+                *(_deviation(mode.frequency if mode else None, frequency, 6) for mode in modes),
+            ]
+        )
+        rows.append(
+            ['damping', f'{damping:.5f}', *(_deviation(mode.damping if mode else None, damping, 4) for mode in modes)]
+        )
+    lines = ['| ' + ' | '.join(row) + ' |' for row in rows]
+    return '\n'.join([lines[0], '|---' * len(rows[0]) + '|', *lines[1:]])
+
+
+def _deviation(found: float | None, true: float, digits: int) -> str:
+    if found is None:
+        return 'not found'
+    return f'{found:.{digits}g} ({100.0 * (found / true - 1.0):+.2g} %)'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Answer for one run; returns 2 for one that is no sweep."""
+    parser = argparse.ArgumentParser(
+        prog='python -m hdd_servo_ros.studies.swept_sine',
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument('run', type=Path, help='folder of a run of signal_analyzer')
+    parser.add_argument('--noise', type=float, default=0.0, help='relative rms of noise to add before identifying')
+    parser.add_argument('--seed', type=int, default=0, help='of that noise')
+    parser.add_argument('--from', type=float, default=FROM, dest='lowest', metavar='HZ', help='lowest frequency used')
+    given = parser.parse_args(arguments)
+    try:
+        run = Run.open(given.run)
+        measured = response_of_run(run)
+        plant = block_parameters('vcm_plant', _node_parameters(run, 'vcm_plant'))
+        used = measured.between(given.lowest, np.inf)
+        if given.noise:
+            used = with_noise(used, given.noise, given.seed)
+        models = {method: identify_measured(used, POLES, ZEROS, method=method) for method in (LEVY, METHODS[0])}
+    except (OSError, ValueError) as error:
+        print(f'swept_sine: {given.run}: {error}', file=sys.stderr)
+        return 2
+    measured.write_csv(given.run / CSV)
+    fitted = models[METHODS[0]].response(measured.frequency) * held(measured.frequency, measured.hold)
+    curves = {'measured': measured, 'identified': FrequencyResponse.of(measured.frequency, fitted)}
+    bode(curves).savefig(given.run / PICTURE, dpi=100)
+    print(describe(measured))
+    print(compare(plant, models))
+    print(f'written: {given.run / CSV}, {given.run / PICTURE}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
