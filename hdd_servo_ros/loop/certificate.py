@@ -156,7 +156,7 @@ def certify(
     ideals = {'run': run_values(mass, controller, friction, v, seen, d)}
     if plant.friction.model == 'lugre' and controller.sigma.enabled:
         region = ((min(x.min(), 0.0), max(x.max(), 0.0)), (min(v.min(), 0.0), max(v.max(), 0.0)))
-        ideals = {'theorem': theorem_values(_known(plant, d), controller, region), **ideals}
+        ideals = {'theorem': theorem_values(known_plant(plant, d), controller, region), **ideals}
     energies = {kind: np.empty(len(x)) for kind in ideals}
     pieces = replay_weights(controller, sample_time, signals.reference, signals.ldv, signals.control, signals.estimates)
     for piece, weights, compensator in pieces:
@@ -179,7 +179,8 @@ def certify(
     return tuple(certificates)
 
 
-def _known(plant: PlantParameters, disturbance_bound: float) -> KnownPlant:
+def known_plant(plant: PlantParameters, disturbance_bound: float) -> KnownPlant:
+    """Return what the theorem knows of a drive, with the bound of |d| [V]."""
     friction = plant.friction
     return KnownPlant(
         mass=1.0 / plant.rigid_gain,

@@ -8,9 +8,14 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.loop.certificate_margin import CertificateMargin
+from hdd_servo_ros.loop.experiment import block_parameters
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
+from hdd_servo_ros.ros.run import Run
+
+_R = AdaptiveNn.estimate_names.index('r')
 
 
 class AdaptiveNnController(ControllerNode):
@@ -19,6 +24,22 @@ class AdaptiveNnController(ControllerNode):
     def __init__(self) -> None:
         super().__init__('adaptive_nn_controller', AdaptiveNnParameters, AdaptiveNn)
         self.create_service(Trigger, '~/reset', self._reset)
+        self._drive: dict[str, Any] | None = None
+        self._at_start: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
+        self._first_r = 0.0
+        self._margin: CertificateMargin | None = None
+
+    def prepare(self, run: Run) -> None:
+        super().prepare(run)
+        self._drive = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
+        # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
+        self.step = self._first_step  # type: ignore[method-assign]
+
+    def _first_step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        del self.step
+        self._at_start = self.parameters[AdaptiveNnParameters]
+        self.step(tick, stamp, messages)
+        self._first_r = float(self._controller.estimates[_R])
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Reset what was learnt by a parameter, so that the bag shows the tick and a replay does the same."""
@@ -29,18 +50,36 @@ class AdaptiveNnController(ControllerNode):
 
     def diagnose(self) -> Iterable[Diagnosis]:
         yield from super().diagnose()
+        yield self._diagnose_adaptation()
+        yield self._diagnose_certificate()
+
+    def _diagnose_certificate(self) -> Diagnosis:
+        if self.tick == 0:
+            return Diagnosis('certificate', OK, 'no tick yet')
+        if self._drive is None or self.changes:
+            return Diagnosis('certificate', OK, 'none: the drive is not known, or parameters were changed')
+        if self._margin is None:
+            values = {name: tuple(v) if isinstance(v, list) else v for name, v in self._drive['parameters'].items()}
+            self._margin = CertificateMargin(self._at_start, block_parameters('vcm_plant', values), self._first_r)
+        r = float(self._controller.estimates[_R])
+        found = self._margin.at(self.tick * self._ticks.sample_time, r)
+        if found is None:
+            return Diagnosis('certificate', OK, self._margin.why_not or 'not known yet')
+        if found['margin'] < 0.0:
+            return Diagnosis('certificate', WARN, 'the bound of theorem 4.1 is violated', {**found, 'r': r})
+        return Diagnosis('certificate', OK, 'inside the bound of theorem 4.1', {**found, 'r': r})
+
+    def _diagnose_adaptation(self) -> Diagnosis:
         parameters: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
         values = dict(zip(self._controller.estimate_names, self._controller.estimates.tolist(), strict=True))
         if not all(map(math.isfinite, values.values())):
-            yield Diagnosis('adaptation', ERROR, 'an estimate is not finite', values)
-            return
+            return Diagnosis('adaptation', ERROR, 'an estimate is not finite', values)
         laws: dict[str, Any] = {'sigma_hat': parameters.sigma, 'm_hat': parameters.mass, 'phi_hat': parameters.phi}
         bounds = {name: (law.minimum, law.maximum) for name, law in laws.items()}
         at_bounds = [name for name, (low, high) in bounds.items() if not low < values[name] < high]
         if parameters.projection and at_bounds:
-            yield Diagnosis('adaptation', WARN, f'at its bound: {", ".join(at_bounds)}', values)
-        else:
-            yield Diagnosis('adaptation', OK, 'estimates are finite', values)
+            return Diagnosis('adaptation', WARN, f'at its bound: {", ".join(at_bounds)}', values)
+        return Diagnosis('adaptation', OK, 'estimates are finite', values)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -69,7 +69,7 @@ class LivePlot:
             axes.set_ylabel(label)
             axes.grid(alpha=0.3)
             if lines:
-                axes.legend(loc='upper left', fontsize='small', ncols=3)
+                axes.legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), fontsize='small', ncols=6, frameon=False)
         self._axes[-1].set_xlabel('time of the run [s]')
 
     @staticmethod

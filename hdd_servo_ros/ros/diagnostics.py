@@ -42,7 +42,7 @@ class Diagnosis:
 
 class DiagnosticsPublisher:
     """
-    Publishes what the nodes of a process say of themselves.
+    Publishes what the nodes of a process say of themselves, if anybody listens.
 
     Parameters
     ----------
@@ -64,6 +64,8 @@ class DiagnosticsPublisher:
         if now < self._due:
             return
         self._due = now + PERIOD
+        if not self._publisher.get_subscription_count():
+            return
         array = DiagnosticArray()
         array.header.stamp = self._clock.now().to_msg()
         array.status = [_status(node, diagnosis) for node in self._nodes for diagnosis in node.diagnose()]

@@ -91,6 +91,9 @@ def test_a_pause_longer_than_any_timeout_in_separate_processes(bench, remote):
 
 def test_stop_ends_the_run_with_a_closed_bag(bench, remote):
     process = bench.start('rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    remote.timer_at_last('pause')
+    remote.timer('step')
+    time.sleep(0.3)
     assert remote.timer('stop')[0]
     assert process.wait() == 130, process.output
     said = bench.run_yaml('run')
@@ -123,12 +126,16 @@ def test_reset_and_diagnostics(bench, outside, remote):
         'deterministic_timer: ticks',
         'adaptive_nn_controller: control',
         'adaptive_nn_controller: adaptation',
+        'adaptive_nn_controller: certificate',
         'ldv_sensor: range',
         'bag_recorder: recording',
     }
     assert {status.level for status in reports[-1].status} == {b'\x00'}
     values = {value.key: value.value for value in latest('deterministic_timer: ticks').values}
     assert float(values['real-time factor']) == pytest.approx(0.05, rel=0.2)
+    outside.spin_until(lambda: 'inside the bound' in latest('adaptive_nn_controller: certificate').message)
+    margin = {value.key: float(value.value) for value in latest('adaptive_nn_controller: certificate').values}
+    assert 0.0 < margin['margin'] == pytest.approx(margin['bound on |r|'] - abs(margin['r']), rel=1e-4)
     stamps = [report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec for report in reports]
     assert min(after - before for before, after in itertools.pairwise(stamps)) > 0.9
     # A control limit below what the law asks for, and a vibrometer that cannot follow.

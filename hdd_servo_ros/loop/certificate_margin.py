@@ -1,0 +1,57 @@
+"""The margin of the stability certificate while a run goes on, for the diagnostics."""
+
+import threading
+from collections.abc import Mapping
+
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
+from hdd_servo_ros.control.certificate import CertificateMonitor
+from hdd_servo_ros.control.ideal_values import theorem_values
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.certificate import known_plant
+from hdd_servo_ros.parameters import ParameterError
+
+
+class CertificateMargin:
+    """
+    The bound on |r| of theorem 4.1 less |r|, from the drive's known constants.
+
+    The theorem's constants are found in a thread of their own, which takes some tenths of a second: the loop waits for
+    nothing. The region of (4.13) is that of the network's lattice.
+
+    Parameters
+    ----------
+    controller, plant
+        The controller and the drive as they stand at tick 0.
+    first_r
+        r at tick 0 [um/s].
+    """
+
+    def __init__(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
+        self.why_not = ''
+        """Why there is no certificate; empty if there is one or will be."""
+        self._monitor: CertificateMonitor | None = None
+        if plant.friction.model != 'lugre':
+            self.why_not = f'the theorem is about LuGre friction, not {plant.friction.model}'
+        else:
+            threading.Thread(target=self._find, args=(controller, plant, first_r), daemon=True).start()
+
+    def _find(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
+        network = controller.network
+        region = (
+            (network.position_minimum, network.position_maximum),
+            (network.velocity_minimum, network.velocity_maximum),
+        )
+        try:
+            ideal = theorem_values(known_plant(plant, abs(plant.disturbance.amplitude)), controller, region)
+            monitor = CertificateMonitor(controller, ideal)
+            monitor.margin(0.0, first_r)
+        except ParameterError as error:
+            self.why_not = str(error)
+        else:
+            self._monitor = monitor
+
+    def at(self, time: float, r: float) -> Mapping[str, float] | None:
+        """Return bound and margin [um/s] at a time [s], None as long as they are not known."""
+        if self._monitor is None:
+            return None
+        return {'margin': self._monitor.margin(time, r), 'bound on |r|': self._monitor.limit(time)}
