@@ -101,7 +101,8 @@ class Recording:
         )
         recorder = content.setdefault(f'{self.namespace}/bag_recorder', {'ros__parameters': {}})
         recorder['ros__parameters'] |= {'run_dir': str(output)}
-        rig = {'controller': self.said['controller'], 'plot': False}
+        # A controller from outside the package is loaded by what it was given as, not by its node's name.
+        rig = {'controller': self.said.get('controller_class', self.said['controller']), 'plot': False}
         return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
 
     def remaps(self) -> list[str]:
