@@ -43,7 +43,7 @@ def test_a_schedule_gives_the_same_bits_everywhere(bench):
     for name in ('simulate', 'rig'):
         bench.run(name, *DURATION, *SCHEDULE, '-p', f'run_dir:={name}', '-p', 'plot:=false')
     for process in bench.start_nodes('processes', *DURATION, *SCHEDULE).values():
-        assert process.wait() == 0, process.output
+        assert process.wait(90.0) == 0, process.output
     simulated = bench.directory / 'simulate'
     for run in ('rig', 'processes'):
         assert first_difference(simulated, bench.directory / run) is None
@@ -73,7 +73,7 @@ def test_a_wrong_entry_is_refused_before_the_run(bench, name, entry, said):
 def test_a_wrong_entry_ends_all_processes_before_the_run(bench):
     entry = '0.05 vcm_plant friction.stiffness -1.0'
     for process in bench.start_nodes('run', *DURATION, '-p', f"schedule:=['{entry}']").values():
-        assert process.wait() == 1
+        assert process.wait(90.0) == 1
         assert entry in process.output
         assert 'above 0' in process.output
     assert not (bench.directory / 'run').exists()
