@@ -280,16 +280,17 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         if shown is not None:
             shown.show(0)
         for first_tick, count in simulation.pieces(last_tick):
-            for change in simulation.apply_schedule(first_tick):
-                if recorder is not None:
-                    recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
             if rows is None or len(rows.head) != count:
                 rows = simulation.experiment.empty_rows(first_tick, count)
             try:
+                for change in simulation.apply_schedule(first_tick):
+                    if recorder is not None:
+                        recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
                 rows = simulation.experiment.run(first_tick, count, rows)
             except ControllerError as error:
                 status, reason, exit_code = FAILED, str(error), 1
-                rows = _cut(dataclasses.replace(rows, first_tick=first_tick), error.tick)
+                # A change that fails does so after the tick before.
+                rows = _cut(dataclasses.replace(rows, first_tick=first_tick), max(error.tick, first_tick))
             warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)
             if bad is not None:

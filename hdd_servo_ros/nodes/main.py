@@ -85,8 +85,10 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
             changes = timer.parameters[TimerParameters].changes
             for node in nodes:
                 node.plan(changes)
-            # A node of the package that is not here may run elsewhere; the handshake will know.
-            refuse_strangers(changes, [*(node.get_fully_qualified_name() for node in nodes), *NODE_PARAMETERS])
+            # A node that is not here may run elsewhere, beside a timer alone even one from outside of this package; the
+            # handshake will know.
+            if len(nodes) > 1:
+                refuse_strangers(changes, [*(node.get_fully_qualified_name() for node in nodes), *NODE_PARAMETERS])
 
 
 def _refuse_unknown_nodes(name: str, command_line: Sequence[str], nodes: Sequence[str]) -> None:

@@ -276,8 +276,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = [read_row(*key, run) for key, run in runs.items()]
         written, table = write_rows(rows, directory / 'compare')
         print(table.read_text('utf8'))
-        picture = draw_runs(runs, directory / 'compare')
-        print(f'{table}\n{written}\n{picture}')
+        print(f'{table}\n{written}')
+        # One that failed at tick 0 has nothing to draw.
+        begun = {key: run for key, run in runs.items() if run.description['last_tick'] >= 0}
+        if begun:
+            print(draw_runs(begun, directory / 'compare'))
         return 1 if any(row.note for row in rows) else 0
 
     return exit_code('compare', work)

@@ -28,11 +28,13 @@ def example(bench):
 
 
 def test_the_same_bits_everywhere(example):
-    simulated = example.start('simulate', *SHORT, *SPRING, '-p', f'controller:={PATH}', '-p', 'run_dir:=simulated')
-    rig = example.start('rig', *SHORT, *SPRING, '-p', f'rig:controller:={PATH}', '-p', 'run_dir:=rig')
+    """With a change of a parameter at a tick, by schedule."""
+    planned = (*SHORT, '-p', "deterministic_timer:schedule:=['0.05 my_controller spring 0.02']")
+    simulated = example.start('simulate', *planned, *SPRING, '-p', f'controller:={PATH}', '-p', 'run_dir:=simulated')
+    rig = example.start('rig', *planned, *SPRING, '-p', f'rig:controller:={PATH}', '-p', 'run_dir:=rig')
     for process in (simulated, rig):
         assert process.wait() == 0, process.output
-    processes = list(example.start_nodes('processes', *SHORT, nodes=OTHERS).values())
+    processes = list(example.start_nodes('processes', *planned, nodes=OTHERS).values())
     processes.append(example.start('my_controller', *SPRING, script=example.directory / 'my_controller.py'))
     for process in processes:
         assert process.wait() == 0, process.output
@@ -43,7 +45,13 @@ def test_the_same_bits_everywhere(example):
         assert content['controller'] == 'my_controller'
         assert content['controller_class'] == PATH
         assert content['nodes']['/my_controller']['parameters']['spring'] == 0.01
-    assert np.ptp(read_signals(example.directory / 'rig').control[:, 0]) > 0.05
+    signals = read_signals(example.directory / 'rig')
+    left = signals.control[:, 0] + 4.0 * signals.ldv[:, 0] - 0.5 * signals.reference[:, 0]
+    left += 9.7e-5 * (5000.0 * signals.ldv[:, 1] - signals.reference[:, 1])
+    spring = np.where(signals.time < 0.05, 0.01, 0.02)
+    np.testing.assert_allclose(left, spring * signals.reference[:, 0], atol=1e-12)
+    replayed = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 
 def test_by_its_own_executable_with_a_live_change(example):
