@@ -12,6 +12,8 @@ from hdd_servo_ros.help import PURPOSE
 from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.parameter_files import parse_ros_arguments
 from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.registry import NODE_PARAMETERS, node_declarations, refuse_unknown
 from hdd_servo_ros.simulate import Simulation, simulate
 
@@ -234,8 +236,6 @@ def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
     law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
     made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
     exit_code, directory = simulate(made, progress=False)
-    from hdd_servo_ros.recording.bag_reader import read_signals
-
     ticks = len(read_signals(directory).time)
     errors = capsys.readouterr().err
     if not said:
@@ -245,6 +245,17 @@ def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
         assert said in errors
         assert 'at tick 301' in errors
         assert errors.count('\n') == 1
+
+
+def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, capsys):
+    refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
+    module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
+    made = simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
+    exit_code, directory = simulate(made, progress=False)
+    assert exit_code == 1
+    assert 'spring: update raised AssertionError' in capsys.readouterr().err
+    assert len(read_signals(directory).time) == 300
+    assert [change.tick for change in Run.open(directory).parameter_changes] == [100]
 
 
 def test_after_what_is_not_finite_it_is_not_asked_again(tmp_path):
