@@ -238,7 +238,23 @@ class Peers:
                 raise RunError(str(error)) from None
             for name, tick in needed.items():
                 described[name]['last_tick_needed'] = tick
+            for name, refused in self._refusals(timer):
+                described[name]['refuses'] = refused
         return described
+
+    def _refusals(self, timer: dict[str, Any]) -> Iterator[tuple[str, str]]:
+        """
+        Iterate over nodes of this process and why they cannot do what the timer's schedule says of them.
+
+        They only say so. The timer ends the run for it when all are ready, so that nobody misses the reason.
+        """
+        if timer.get('schedule'):
+            changes = parse_schedule(timer['schedule'], timer['sample_time'], timer['last_tick'])
+            for node in self._nodes:
+                try:
+                    node.plan(changes)
+                except ParameterError as error:
+                    yield node.get_fully_qualified_name(), str(error)
 
     def _known_nodes(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Iterate over all nodes that say who they are; one that fell silent may have been killed."""
@@ -264,7 +280,6 @@ class Peers:
             yield 'deterministic_timer'
         else:
             self._check_sample_time(timer['sample_time'])
-            self._check_schedule(timer)
         nodes = list(self._known_nodes())
         for node in self._nodes:
             for wire in node.inputs:
@@ -319,15 +334,6 @@ class Peers:
                     f'deterministic_timer has {sample_time!r} s'
                 )
 
-    def _check_schedule(self, timer: dict[str, Any]) -> None:
-        if timer.get('schedule'):
-            changes = parse_schedule(timer['schedule'], timer['sample_time'], timer['last_tick'])
-            try:
-                for node in self._nodes:
-                    node.plan(changes)
-            except ParameterError as error:
-                raise RunError(str(error)) from None
-
     @staticmethod
     def _check_announced(topic: str, announced: Sequence[str]) -> None:
         if len(announced) > 1:
@@ -375,6 +381,9 @@ class Peers:
         frame_id = next((d['offers']['frame_id'] for d in nodes.values() if 'frame_id' in d['offers']), '')
         processes = [self.identifier, *self._heard]
         name = self._timer.get_fully_qualified_name()
+        for node in nodes.values():
+            if 'refuses' in node:
+                raise RunError(node['refuses'])
         needed = {name: node['last_tick_needed'] for name, node in nodes.items() if 'last_tick_needed' in node}
         try:
             refuse_strangers(timer.changes, list(nodes))
