@@ -7,6 +7,7 @@ PYTHON ?= $(shell for p in $(PYTHONS); do if $$p -c '$(SUITABLE)' 2>/dev/null; t
 
 VENV := .venv
 BIN := $(VENV)/bin
+CHAPTERS := chapter4 chapter5
 # A run is this machine's own affair unless its user says otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # Where the environment's ROS packages lie; the wheels do not say it themselves.
@@ -23,7 +24,7 @@ PARAMS ?= params/seagate_7200_10.yaml
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
 	@echo 'make simulate  the same experiment without middleware'
-	@echo 'make figures   the experiments of chapter 4 by the graph, its figures and tables; ARGS="--without-ros" is faster'
+	@echo 'make figures   the experiments of chapters 4 and 5 by the graph, figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff and mypy'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
@@ -38,7 +39,7 @@ simulate: $(VENV)/.run
 	@$(BIN)/simulate --ros-args --params-file $(PARAMS) $(ARGS)
 
 figures: $(VENV)/.run
-	$(BIN)/study chapter4 $(ARGS)
+	$(foreach chapter,$(CHAPTERS),$(BIN)/study $(chapter) $(ARGS) &&) true
 
 test: $(VENV)/.develop
 	$(BIN)/python -m pytest $(ARGS)

@@ -10,7 +10,7 @@ from hdd_servo_ros.parameter_files import ArgumentError
 from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.recorded import RecordedRuns
 
-CHAPTERS = ('chapter4',)
+CHAPTERS = ('chapter4', 'chapter5')
 FIGURES = 'figures'
 """The folder of the pictures and tables, beside those of the runs."""
 _PREFIXES = ('fig_', 'table_')

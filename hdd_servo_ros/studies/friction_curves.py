@@ -5,7 +5,7 @@ The friction curves of figs. 2.1, 2.2 and 5.5, as pictures.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,19 @@ Array = npt.NDArray[np.float64]
 
 SAMPLE_TIME = 1.0e-4
 """T of section 5.4 [s]."""
+
+SLIDING_AMPLITUDE = 5.0
+"""Of u = 5 sin t, section 5.4 [N]."""
+SLIDING_FREQUENCY = 0.15915494309189535
+"""The same's, 1/(2 pi) [Hz]."""
+SLIDING_DURATION = 12.6
+"""Two periods of it [s]."""
+PRESLIDING_AMPLITUDES = (0.9, 0.6, 0.3)
+"""Of sines below the breakaway force [N]."""
+PRESLIDING_FREQUENCY = 2.0
+"""Of these [Hz]."""
+PRESLIDING_DURATION = 1.5
+"""Three periods of it [s]."""
 
 SECTION_5_4 = PlantParameters(
     gain=1.0,
@@ -65,7 +78,13 @@ def main(output_directory: Path) -> list[Path]:
     pictures = {
         'fig_2_1_static_friction.png': draw_static_friction(),
         'fig_2_2_dahl.png': draw_dahl(),
-        'fig_5_5_lugre_hysteresis.png': draw_lugre_hysteresis(),
+        'fig_5_5_lugre_hysteresis.png': draw_lugre_hysteresis(
+            simulate_sine(SLIDING_AMPLITUDE, SLIDING_FREQUENCY, SLIDING_DURATION),
+            {
+                amplitude: simulate_sine(amplitude, PRESLIDING_FREQUENCY, PRESLIDING_DURATION)
+                for amplitude in PRESLIDING_AMPLITUDES
+            },
+        ),
     }
     for name, figure in pictures.items():
         figure.savefig(output_directory / name, dpi=110)
@@ -109,21 +128,35 @@ def draw_dahl() -> Figure:
     return figure
 
 
-def draw_lugre_hysteresis() -> Figure:
-    """Draw fig. 5.5: the LuGre model of section 5.4 in sliding and, below breakaway, in presliding."""
+def draw_lugre_hysteresis(sliding: Array, presliding: Mapping[float, Array]) -> Figure:
+    """
+    Draw fig. 5.5: the LuGre model of section 5.4 in sliding and, below breakaway, in presliding.
+
+    Parameters
+    ----------
+    sliding
+        Rows of position [m], velocity [m/s] and friction [N] under u = 5 sin t.
+    presliding
+        The same under sines of ``PRESLIDING_FREQUENCY``, by their amplitude [N]; the first third is not drawn.
+    """
     figure, axes = _figure(3, 'LuGre hysteresis, parameters of section 5.4 (fig. 5.5)')
-    sliding = simulate(5.0 * np.sin(SAMPLE_TIME * np.arange(126_000)))
     axes[0].plot(sliding[:, 0], sliding[:, 2], linewidth=1.0)
     _label(axes[0], 'u = 5 sin t', 'position [m]', 'friction [N]')
     slow = np.abs(sliding[:, 1]) < 0.02
     axes[1].plot(1e3 * sliding[slow, 1], sliding[slow, 2], '.', markersize=1.5)
     _label(axes[1], 'the same about zero velocity', 'velocity [mm/s]', 'friction [N]')
-    for amplitude in (0.9, 0.6, 0.3):
-        rows = simulate(amplitude * np.sin(2.0 * np.pi * 2.0 * SAMPLE_TIME * np.arange(15_000)))[5000:]
-        axes[2].plot(1e6 * rows[:, 0], rows[:, 2], label=f'u = {amplitude} sin 4$\\pi$t', linewidth=1.0)
+    for amplitude, rows in presliding.items():
+        settled = rows[len(rows) // 3 :]
+        axes[2].plot(1e6 * settled[:, 0], settled[:, 2], label=f'u = {amplitude} sin 4$\\pi$t', linewidth=1.0)
     _label(axes[2], 'presliding, below $f_s$ = 1.5 N', 'position [µm]', 'friction [N]')
     axes[2].legend(fontsize=7, loc='upper left')
     return figure
+
+
+def simulate_sine(amplitude: float, frequency: float, duration: float) -> Array:
+    """Return what :func:`simulate` does under a sine with amplitude [N] and frequency [Hz]."""
+    time = SAMPLE_TIME * np.arange(round(duration / SAMPLE_TIME))
+    return simulate(amplitude * np.sin(2.0 * np.pi * frequency * time))
 
 
 def simulate(control: Array) -> Array:

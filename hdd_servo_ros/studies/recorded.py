@@ -2,6 +2,7 @@
 
 import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,11 @@ class RecordedRuns:
     def __getitem__(self, case: Case) -> Run:
         """Return a case's run; errors as of :meth:`Run.open`."""
         return self._open(self._directory / case.name)
+
+    def parameters(self, case: Case) -> dict[str, dict[str, Any]]:
+        """Return the parameters of a case's nodes under their own names, as its ``run.yaml`` has them."""
+        nodes = self[case].description['nodes']
+        return {name.rsplit('/', 1)[-1]: node['parameters'] for name, node in nodes.items()}
 
     def metrics(self, case: Case, transient: float, unit: float = 1.0) -> TrackingMetrics:
         """

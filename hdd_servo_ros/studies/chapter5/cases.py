@@ -1,0 +1,155 @@
+"""The runs that several figures and tables of chapter 5 share."""
+
+import dataclasses
+
+from hdd_servo_ros.studies.case import Case
+
+FILE = 'seagate_7200_10.yaml'
+STEPS = 'step_references.yaml'
+COMPENSATOR = 'hysteresis_compensator.yaml'
+DELAY = 'one_sample_delay.yaml'
+TRANSIENT = 2.0
+"""The errors on sines count from here on [s]."""
+NANOMETRES = 1e3
+"""nm a um."""
+DURATION = 10.0
+"""Of all runs but those that last a minute: a loop that bursts later than the usual second has failed [s]."""
+FREQUENCIES = (100.0, 200.0)
+"""Of the sines of figs. 5.7 to 5.12 [Hz]."""
+HYSTERESIS_FREQUENCY = 80.0
+"""Of figs. 5.6 and 5.21 [Hz]."""
+HEIGHTS = (0.5, 5.0)
+"""Of the steps of figs. 5.13 to 5.18 [um]."""
+STEP_FREQUENCY = 10.0
+"""Of the square wave that makes them [Hz]."""
+LAMBDAS = (100.0, 300.0, 595.0, 1000.0, 1600.0)
+"""Of figs. 5.19 and 5.20 [1/s]; 595 is the thesis's."""
+SAME_GAINS = {
+    'pid_controller:proportional_gain': 7.96e-5 * 595.0,
+    'pid_controller:derivative_gain': 7.96e-5,
+    'pid_controller:integral_gain': 0.0,
+}
+"""PID as the law's own -k r: k_p = k lambda, k_d = k."""
+
+
+def sine(name: str, controller: str, frequency: float, *overlays: str, **overrides: object) -> Case:
+    """
+    Return a run on a sine of 2 um.
+
+    Parameters
+    ----------
+    name
+        Of the case, without the frequency.
+    controller
+        As of `rig`.
+    frequency
+        Of the sine [Hz].
+    overlays
+        Parameter files over that of the drive.
+    overrides
+        Parameters of the controller, with ``__`` for a dot.
+    """
+    reference = {'waveform': 'sine', 'amplitude': 2.0, 'frequency': frequency}
+    return _case(f'{name}_{frequency:g}_hz', controller, overlays, reference, overrides)
+
+
+def steps(name: str, controller: str, height: float, *overlays: str, **overrides: object) -> Case:
+    """Return a run on a square wave whose edges have the given height [um]; parameters as of :func:`sine`."""
+    reference = {'waveform': 'square', 'amplitude': 0.5 * height, 'frequency': STEP_FREQUENCY}
+    return _case(f'{name}_{height:g}_um', controller, overlays, reference, overrides)
+
+
+def open_loop(amplitude: float) -> Case:
+    """Return a run with a sine of 80 Hz and the given amplitude [V] as the command."""
+    reference = {'waveform': 'sine', 'amplitude': amplitude, 'frequency': HYSTERESIS_FREQUENCY}
+    return _case(f'open_loop_{amplitude:g}_v', 'open_loop', (), reference, {})
+
+
+def lasting(case: Case, duration: float) -> Case:
+    """Return a case that lasts longer or shorter [s]."""
+    overrides = {**case.overrides, 'deterministic_timer:duration': duration}
+    return dataclasses.replace(case, name=f'{case.name}_{duration:g}_s', overrides=overrides)
+
+
+def _case(
+    name: str,
+    controller: str,
+    overlays: tuple[str, ...],
+    reference: dict[str, object],
+    overrides: dict[str, object],
+) -> Case:
+    values: dict[str, object] = {'deterministic_timer:duration': DURATION}
+    values |= {f'reference_generator:{key}': value for key, value in reference.items()}
+    values |= {f'{controller}_controller:{key.replace("__", ".")}': value for key, value in overrides.items()}
+    return Case(name, controller, (FILE, *overlays), values)
+
+
+_SAME = {key.split(':')[1]: value for key, value in SAME_GAINS.items()}
+NN = {f: sine('nn', 'adaptive_nn', f) for f in FREQUENCIES}
+"""The law of the thesis with the shipped gains, by frequency."""
+PID = {f: sine('pid', 'pid', f) for f in FREQUENCIES}
+"""PID tuned by the same rule."""
+PID_SAME_GAINS = {f: sine('pid_same_gains', 'pid', f, **_SAME) for f in FREQUENCIES}
+NN_COMPENSATOR = {f: sine('nn_compensator', 'adaptive_nn', f, COMPENSATOR) for f in FREQUENCIES}
+"""Beyond the thesis: the signed network over the reference."""
+NN_COMPENSATOR_MINUTE = {f: lasting(case, 60.0) for f, case in NN_COMPENSATOR.items()}
+NN_DELAY = {f: sine('nn_delay', 'adaptive_nn', f, DELAY) for f in FREQUENCIES}
+PID_DELAY = {f: sine('pid_delay', 'pid', f, DELAY) for f in FREQUENCIES}
+
+LAW_STEPS = {h: steps('law_steps', 'adaptive_nn', h) for h in HEIGHTS}
+"""The law of the thesis, which has no integral, by height."""
+NN_STEPS = {h: steps('nn_steps', 'adaptive_nn', h, STEPS) for h in HEIGHTS}
+"""With integral action."""
+PID_STEPS = {h: steps('pid_steps', 'pid', h) for h in HEIGHTS}
+
+LAMBDA_SINES = {
+    value: NN[100.0]
+    if value == 595.0
+    else sine(f'nn_lambda_{value:g}', 'adaptive_nn', 100.0, error_filter_lambda=value)
+    for value in LAMBDAS
+}
+"""All but lambda as shipped."""
+LAMBDA_STEPS = {
+    value: LAW_STEPS[5.0]
+    if value == 595.0
+    else steps(f'law_steps_lambda_{value:g}', 'adaptive_nn', 5.0, error_filter_lambda=value)
+    for value in LAMBDAS
+}
+LAMBDA_INTEGRAL_STEPS = {
+    value: steps(
+        f'nn_steps_lambda_{value:g}',
+        'adaptive_nn',
+        5.0,
+        STEPS,
+        error_filter_lambda=value,
+        integral_gain=0.13 * value**2,
+    )
+    for value in LAMBDAS
+}
+"""With integral action in the ratio of step_references.yaml, lambda_i = 0.13 lambda^2."""
+
+_TERMS = ('sigma', 'mass', 'network', 'phi')
+_OFF = {f'{term}__enabled': False for term in _TERMS}
+
+
+def _hysteresis(name: str, *overlays: str, **overrides: object) -> Case:
+    return sine(f'hysteresis_{name}', 'adaptive_nn', HYSTERESIS_FREQUENCY, *overlays, **overrides)
+
+
+HYSTERESIS_OFF = _hysteresis('off', **_OFF)
+"""No compensation: the law's -k r alone."""
+HYSTERESIS_ON = _hysteresis('on')
+"""The whole law."""
+HYSTERESIS = {
+    'no compensation: only -k r': HYSTERESIS_OFF,
+    'whole law': HYSTERESIS_ON,
+    'without sigma_hat': _hysteresis('without_sigma', sigma__enabled=False),
+    'without m_hat': _hysteresis('without_mass', mass__enabled=False),
+    'without network': _hysteresis('without_network', network__enabled=False),
+    'without phi_hat': _hysteresis('without_phi', phi__enabled=False),
+    'only sigma_hat': _hysteresis('only_sigma', **{**_OFF, 'sigma__enabled': True}),
+    'only network': _hysteresis('only_network', **{**_OFF, 'network__enabled': True}),
+    'whole law and compensator': _hysteresis('compensator', COMPENSATOR),
+    'only compensator': _hysteresis('only_compensator', COMPENSATOR, **_OFF),
+}
+"""Who shrinks the loop of fig. 5.21."""

@@ -1,0 +1,76 @@
+"""Layouts that several figures of chapter 5 share."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+ESTIMATES = {
+    'sigma_hat': (r'$\hat\sigma$ [µV s/µm]', 1e6, 'C0'),
+    'm_hat': (r'$\hat m$ [nV s²/µm]', 1e9, 'C1'),
+    'phi_hat': (r'$\hat\varphi$ [mV]', 1e3, 'C2'),
+    'W_norm': (r'$\|\hat W\|$ [mV]', 1e3, 'C3'),
+}
+"""Axis label, factor to its unit, and colour of what figs. 5.11, 5.12, 5.17 and 5.18 show."""
+Quantity = Callable[[Run], NDArray[np.float64]]
+
+
+def draw_start_and_end(
+    runs: RecordedRuns,
+    path: Path,
+    title: str,
+    label: str,
+    cases: Mapping[str, Case],
+    quantity: Quantity,
+    end: float,
+    start: float = 0.5,
+) -> Path:
+    """
+    Draw a quantity of several runs, from their start on and over their last moments.
+
+    Parameters
+    ----------
+    runs, path
+        As of a figure's ``make``.
+    title, label
+        Of the figure, and of the quantity.
+    cases
+        The runs by their name in the legend.
+    quantity
+        What to draw of a run's run.
+    end, start
+        How much of the end and of the start to draw [s].
+    """
+    figure = new_figure(title, height=5.5)
+    start_axes, end_axes = figure.subplots(2, 1)
+    for place, (name, case) in enumerate(cases.items()):
+        run = runs[case]
+        values = quantity(run)
+        style = {'color': f'C{place}', 'label': name, 'linewidth': 0.9}
+        early = run.time <= start
+        draw(start_axes, run.time[early], values[early], **style)
+        late = run.time >= run.time[-1] - end
+        draw(end_axes, run.time[late], values[late], **style)
+    for axes in (start_axes, end_axes):
+        axes.set_ylabel(label)
+    end_axes.set_xlabel('time [s]')
+    legend_above(start_axes)
+    return save(figure, path)
+
+
+def draw_estimates(runs: RecordedRuns, path: Path, title: str, case: Case) -> Path:
+    """Draw the four estimates of a run over the whole of it."""
+    figure = new_figure(title, height=6.5)
+    run = runs[case]
+    every = figure.subplots(len(ESTIMATES), 1, sharex=True)
+    for axes, (name, (label, factor, color)) in zip(every, ESTIMATES.items(), strict=True):
+        draw(axes, run.time, factor * run.estimates[name], color=color)
+        axes.set_ylabel(label)
+    every[-1].set_xlabel('time [s]')
+    return save(figure, path)

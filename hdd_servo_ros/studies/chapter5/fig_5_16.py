@@ -1,0 +1,14 @@
+"""Fig. 5.16: control on steps of 5 um."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.step_figures import compared, draw_control
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_HEIGHT = 5.0
+CASES = tuple(compared(_HEIGHT).values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw it for PID, the law of the thesis, and the adaptive NN controller with integral action."""
+    return draw_control(runs, path, '5.16', _HEIGHT)

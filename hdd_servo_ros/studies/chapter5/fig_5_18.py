@@ -1,0 +1,15 @@
+"""Fig. 5.18: estimates on steps of 5 um."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.cases import NN_STEPS
+from hdd_servo_ros.studies.chapter5.drawing import draw_estimates
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_CASE = NN_STEPS[5.0]
+CASES = (_CASE,)
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the four estimates of the adaptive NN controller with integral action."""
+    return draw_estimates(runs, path, 'Fig. 5.18: estimates, steps of 5 µm', _CASE)

@@ -1,0 +1,17 @@
+"""Fig. 5.20: tracking error over lambda on the sine of 2 um at 100 Hz."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.cases import LAMBDA_SINES
+from hdd_servo_ros.studies.chapter5.drawing import draw_start_and_end
+from hdd_servo_ros.studies.chapter5.measures import error
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+CASES = tuple(LAMBDA_SINES.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the transient and the adapted error."""
+    title = 'Fig. 5.20: tracking error, sine of 2 µm at 100 Hz, k held'
+    cases = {rf'$\lambda$ = {value:g} 1/s': case for value, case in LAMBDA_SINES.items()}
+    return draw_start_and_end(runs, path, title, 'error [nm]', cases, error, 0.02, start=0.1)

@@ -1,0 +1,14 @@
+"""Fig. 5.7: tracking error on the sine of 2 um at 100 Hz."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.sine_figures import compared, draw_error
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_FREQUENCY = 100.0
+CASES = tuple(compared(_FREQUENCY).values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw it for PID, the adaptive NN controller, and this with its compensator."""
+    return draw_error(runs, path, '5.7', _FREQUENCY)

@@ -1,0 +1,14 @@
+"""Fig. 5.8: control on the sine of 2 um at 100 Hz."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.sine_figures import compared, draw_control
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_FREQUENCY = 100.0
+CASES = tuple(compared(_FREQUENCY).values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw it for PID, the adaptive NN controller, and this with its compensator."""
+    return draw_control(runs, path, '5.8', _FREQUENCY)

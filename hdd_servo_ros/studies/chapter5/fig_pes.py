@@ -1,0 +1,30 @@
+"""Spectrum of the position error signal on the sines of 2 um."""
+
+from pathlib import Path
+
+from hdd_servo_ros.loop.metrics import amplitude_spectrum
+from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, TRANSIENT
+from hdd_servo_ros.studies.chapter5.measures import error
+from hdd_servo_ros.studies.chapter5.sine_figures import compared
+from hdd_servo_ros.studies.output import legend_above, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+CASES = tuple(case for frequency in FREQUENCIES for case in compared(frequency).values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw the amplitudes over frequency, one panel a sine."""
+    figure = new_figure('Position error signal: amplitude spectrum, lines of 10 Hz, 2 to 10 s', height=5.5)
+    every = figure.subplots(2, 1, sharex=True)
+    for axes, frequency in zip(every, FREQUENCIES, strict=True):
+        for place, (name, case) in enumerate(compared(frequency).items()):
+            run = runs[case]
+            pes = error(run)[run.time >= TRANSIENT]
+            lines, amplitudes = amplitude_spectrum(pes, run.sample_time, 10.0)
+            axes.semilogy(lines, amplitudes, color=f'C{place}', linewidth=0.9, label=name)
+        axes.set_xlim(0.0, 2000.0)
+        axes.set_ylim(1e-3, 2e2)
+        axes.set_ylabel(f'{frequency:g} Hz: amplitude [nm]')
+    legend_above(every[0])
+    every[-1].set_xlabel('frequency [Hz]')
+    return save(figure, path)

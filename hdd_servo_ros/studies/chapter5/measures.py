@@ -1,0 +1,62 @@
+"""What the figures and tables of chapter 5 measure on recorded runs."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.loop.metrics import StepResponse, loop_area, rms, step_response
+from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, NANOMETRES, STEP_FREQUENCY
+
+FIRST_MILLISECONDS = 5e-3
+"""What counts as the transient after an edge [s]."""
+START = 0.05
+"""What counts as the transient of a sine: five periods at 100 Hz [s]."""
+
+
+def error(run: Run) -> NDArray[np.float64]:
+    """Return x - x_d of the head's true position [nm], shape (n,)."""
+    return run.error * NANOMETRES
+
+
+def edges(run: Run) -> StepResponse:
+    """Return the answers to all edges but the first, which starts from zero and is half as high."""
+    found = step_response(run.time, run.desired_position, run.position)
+    return dataclasses.replace(
+        found, **{field.name: getattr(found, field.name)[1:] for field in dataclasses.fields(found)}
+    )
+
+
+def error_after_edges(run: Run) -> float:
+    """Return the rms error over the first 5 ms after each edge from 1 s on [nm]."""
+    since_edge = np.mod(run.time + 1e-9, 0.5 / STEP_FREQUENCY)
+    chosen = (since_edge < FIRST_MILLISECONDS) & (run.time >= 1.0)
+    return rms(error(run)[chosen])
+
+
+def last_cycles(run: Run, cycles: int) -> slice:
+    """Return the rows of the last periods of 80 Hz, without the first point repeated."""
+    rows = round(cycles / HYSTERESIS_FREQUENCY / run.sample_time)
+    return slice(len(run.time) - rows, None)
+
+
+@dataclasses.dataclass(frozen=True)
+class LoopAreas:
+    """Areas of the loops over the true displacement, the mean of the last 2 s [V um]."""
+
+    feedback: float
+    """Of the feedback part of the command, -k r."""
+    command: float
+    """Of the command."""
+    friction: float
+    """Of the pivot's friction."""
+
+
+def loop_areas(run: Run) -> LoopAreas:
+    """Return the areas of a run at 80 Hz."""
+    cycles = round(2.0 * HYSTERESIS_FREQUENCY)
+    rows = last_cycles(run, cycles)
+    x = run.position[rows]
+    forces = (run.feedback[rows], run.command[rows], run.head[rows, 2])
+    return LoopAreas(*(loop_area(x, force, cycles) for force in forces))

@@ -1,0 +1,38 @@
+"""What figs. 5.7 to 5.10 share: error and control on the sines."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.chapter5.cases import NN, NN_COMPENSATOR, PID
+from hdd_servo_ros.studies.chapter5.drawing import draw_start_and_end
+from hdd_servo_ros.studies.chapter5.measures import error
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+
+def compared(frequency: float) -> dict[str, Case]:
+    """Return the runs of one frequency [Hz] by their name in the legend."""
+    return {
+        'PID': PID[frequency],
+        'adaptive NN': NN[frequency],
+        'adaptive NN with compensator': NN_COMPENSATOR[frequency],
+    }
+
+
+def draw_error(runs: RecordedRuns, path: Path, number: str, frequency: float) -> Path:
+    """Draw a figure of the tracking errors."""
+    title = f'Fig. {number}: tracking error, sine of 2 µm at {frequency:g} Hz'
+    return draw_start_and_end(runs, path, title, 'error [nm]', compared(frequency), error, 3.0 / frequency)
+
+
+def draw_control(runs: RecordedRuns, path: Path, number: str, frequency: float) -> Path:
+    """Draw a figure of the commands."""
+    title = f'Fig. {number}: control, sine of 2 µm at {frequency:g} Hz'
+    return draw_start_and_end(
+        runs,
+        path,
+        title,
+        'u [V]',
+        compared(frequency),
+        lambda run: run.command,
+        3.0 / frequency,
+    )

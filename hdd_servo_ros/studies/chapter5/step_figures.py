@@ -1,0 +1,75 @@
+"""What figs. 5.13 to 5.16 share: response and control on the steps."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.chapter5.cases import LAW_STEPS, NN_STEPS, PID_STEPS
+from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_EDGE = 5.0
+"""Time of the rising edge that is drawn [s]."""
+_BEFORE = 0.002
+_AFTER = 0.015
+"""How much before and after it [s]."""
+
+
+def compared(height: float) -> dict[str, Case]:
+    """Return the runs of one height [um] by their name in the legend."""
+    return {
+        'PID': PID_STEPS[height],
+        'law of the thesis': LAW_STEPS[height],
+        'adaptive NN with integral': NN_STEPS[height],
+    }
+
+
+def draw_response(runs: RecordedRuns, path: Path, number: str, height: float) -> Path:
+    """Draw a figure of the step responses, and of what they leave as error."""
+    figure = new_figure(f'Fig. {number}: response to a step of {height:g} µm', height=5.5)
+    position, error = figure.subplots(2, 1, sharex=True)
+    for place, (name, case) in enumerate(compared(height).items()):
+        run = runs[case]
+        milliseconds, shown = edge_window(run.time)
+        x_d, x = run.desired_position[shown], run.position[shown]
+        if place == 0:
+            draw(position, milliseconds, x_d, color='0.2', linestyle=':', label='reference')
+        draw(position, milliseconds, x, color=f'C{place}', label=name)
+        draw(error, milliseconds, 100.0 * (x - x_d) / height, color=f'C{place}')
+    error.axhspan(-2.0, 2.0, color='0.85', zorder=0)
+    error.set_ylim(-20.0, 35.0)
+    position.set_ylabel('position [µm]')
+    error.set_ylabel('error [% of the step]')
+    error.set_xlabel('time after the edge [ms]; grey: the band of 2 %')
+    legend_above(position)
+    return save(figure, path)
+
+
+def draw_control(runs: RecordedRuns, path: Path, number: str, height: float) -> Path:
+    """Draw a figure of the commands, whole and without their peaks."""
+    figure = new_figure(f'Fig. {number}: control, step of {height:g} µm', height=5.5)
+    whole, close = figure.subplots(2, 1, sharex=True)
+    largest = 0.0
+    for place, (name, case) in enumerate(compared(height).items()):
+        run = runs[case]
+        milliseconds, shown = edge_window(run.time)
+        u = run.command[shown]
+        for axes in (whole, close):
+            draw(axes, milliseconds, u, color=f'C{place}', label=name)
+        if name != 'PID':
+            largest = max(largest, float(np.abs(u).max()))
+    close.set_ylim(-largest, largest)
+    for axes in (whole, close):
+        axes.set_ylabel('u [V]')
+    close.set_xlabel('time after the edge [ms]')
+    legend_above(whole)
+    return save(figure, path)
+
+
+def edge_window(time: NDArray[np.float64]) -> tuple[NDArray[np.float64], slice]:
+    """Return time since the edge that is drawn [ms], and the rows about it."""
+    first, last = np.searchsorted(time, (_EDGE - _BEFORE, _EDGE + _AFTER))
+    shown = slice(int(first), int(last))
+    return 1e3 * (time[shown] - _EDGE), shown

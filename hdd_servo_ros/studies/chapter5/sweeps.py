@@ -1,0 +1,43 @@
+"""The swept sines of figs. 5.3 and 5.4."""
+
+import math
+
+from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.studies.chapter5.cases import FILE
+from hdd_servo_ros.studies.recorded import RecordedRuns
+from hdd_servo_ros.studies.swept_sine import FROM, POLES, ZEROS, response_of_run
+
+SANATHANAN_KOERNER = METHODS[0]
+
+WIDE = Case('swept_sine', 'signal_analyzer', (FILE, 'swept_sine.yaml'))
+"""10 Hz to 20 kHz, sampled fast enough for the fourth mode."""
+AMPLITUDES = (0.1, 0.05, 0.03, 0.01)
+"""Of fig. 5.4 [V]."""
+
+
+def _low(amplitude: float) -> Case:
+    overrides = {
+        'deterministic_timer:sample_time': 1e-4,
+        'signal_analyzer:stop_frequency': 400.0,
+        'signal_analyzer:range_limits': (),
+        'signal_analyzer:points_per_decade': (30,),
+        'signal_analyzer:amplitudes': (amplitude,),
+    }
+    return Case(f'swept_sine_{amplitude:g}_v', 'signal_analyzer', (FILE, 'swept_sine.yaml'), overrides)
+
+
+LOW = {amplitude: _low(amplitude) for amplitude in AMPLITUDES}
+"""10 to 400 Hz, by amplitude."""
+
+
+def response(runs: RecordedRuns, case: Case) -> FrequencyResponse:
+    """Return what the analyzer measured, from the bag."""
+    return response_of_run(runs[case])
+
+
+def identified(measured: FrequencyResponse) -> dict[str, Model]:
+    """Return the models of Levy's method and of the iteration, by the method's name, from where friction ends."""
+    used = measured.between(FROM, math.inf)
+    return {method: identify_measured(used, POLES, ZEROS, method=method) for method in (LEVY, SANATHANAN_KOERNER)}

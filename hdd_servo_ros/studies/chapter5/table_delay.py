@@ -1,0 +1,38 @@
+"""Table: tracking errors with one sample of delay."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_DELAY, PID, PID_DELAY, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
+from hdd_servo_ros.studies.output import write_table
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_RUNS = {'adaptive NN': (NN, NN_DELAY), 'PID': (PID, PID_DELAY)}
+CASES = tuple(case for pair in _RUNS.values() for cases in pair for case in cases.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Write one row a controller and frequency."""
+    rows = []
+    for name, (prompt, late) in _RUNS.items():
+        for frequency in FREQUENCIES:
+            before, after = (runs.metrics(cases[frequency], TRANSIENT, NM) for cases in (prompt, late))
+            rows.append(
+                (
+                    name,
+                    f'{frequency:g}',
+                    before.rms_error,
+                    after.rms_error,
+                    after.max_error,
+                    after.rms_error / before.rms_error,
+                )
+            )
+    header = (
+        'controller',
+        'frequency [Hz]',
+        'rms error without delay [nm]',
+        'rms error with one sample [nm]',
+        'max error with one sample [nm]',
+        'rms error grows by',
+    )
+    return write_table(path, 'Sine of 2 um, 2 to 10 s; one sample: one_sample_delay.yaml, tuned for it.', header, rows)

@@ -1,0 +1,39 @@
+"""Table: 200 random drives, gain, modes and friction within +-20 %, by simulation without bags."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
+from hdd_servo_ros.studies.chapter5.random_drives import errors_on_random_drives, trials
+from hdd_servo_ros.studies.output import write_table
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+DRIVES = 200
+_RUNS = {'adaptive NN': NN, 'PID': PID, 'adaptive NN with compensator': NN_COMPENSATOR}
+CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Make the recorded runs again on each of ``DRIVES`` drives, and write one row a frequency and controller."""
+    cases = {(frequency, name): cases[frequency] for frequency in FREQUENCIES for name, cases in _RUNS.items()}
+    due = [trial for case in cases.values() for trial in trials(runs, case, DRIVES)]
+    errors = np.array(errors_on_random_drives(due)).reshape(len(cases), DRIVES, 2)
+    rows = []
+    for ((frequency, name), case), (rms, largest) in zip(cases.items(), errors.transpose(0, 2, 1), strict=True):
+        nominal = runs.metrics(case, TRANSIENT, NM).rms_error
+        rows.append((f'{frequency:g}', name, nominal, float(np.median(rms)), float(rms.max()), float(largest.max())))
+    header = (
+        'frequency [Hz]',
+        'controller',
+        'rms error, nominal drive [nm]',
+        'median rms error [nm]',
+        'worst rms error [nm]',
+        'worst error of all [nm]',
+    )
+    title = (
+        f'Sine of 2 um, 2 to 10 s. The nominal drive from bags; {DRIVES} drives with gain, modes and friction drawn '
+        'within +-20 %, simulated without recording.'
+    )
+    return write_table(path, title, header, rows)

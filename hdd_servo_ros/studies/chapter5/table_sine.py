@@ -1,0 +1,46 @@
+"""Table: tracking errors on the sines of 2 um, all controllers."""
+
+from pathlib import Path
+
+from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, PID_SAME_GAINS, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
+from hdd_servo_ros.studies.output import write_table
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_RUNS = {
+    'adaptive NN': NN,
+    'PID tuned by the same rule': PID,
+    'PID with the same gains': PID_SAME_GAINS,
+    'adaptive NN with compensator': NN_COMPENSATOR,
+}
+CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Write one row a controller and frequency."""
+    rows = []
+    for frequency in FREQUENCIES:
+        for name, cases in _RUNS.items():
+            found = runs.metrics(cases[frequency], TRANSIENT, NM)
+            own = runs.metrics(NN[frequency], TRANSIENT, NM).rms_error
+            rows.append(
+                (
+                    f'{frequency:g}',
+                    name,
+                    found.rms_error,
+                    found.max_error,
+                    found.tmr,
+                    found.peak_control,
+                    own / found.rms_error,
+                )
+            )
+    header = (
+        'frequency [Hz]',
+        'controller',
+        'rms error [nm]',
+        'max error [nm]',
+        'TMR [nm]',
+        'peak control [V]',
+        "adaptive NN's rms error over this one",
+    )
+    return write_table(path, 'Sine of 2 um, 2 to 10 s; peak control from 0 s.', header, rows)

@@ -1,0 +1,33 @@
+"""Table: the gains of section 5.5, as printed and as magnitudes."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hdd_servo_ros.loop.metrics import rms
+from hdd_servo_ros.studies.chapter5.measures import error
+from hdd_servo_ros.studies.chapter5.thesis_gains_cases import READINGS
+from hdd_servo_ros.studies.output import write_table
+from hdd_servo_ros.studies.recorded import RecordedRuns
+
+_DIVERGED = 1e5
+"""An error larger than this is none of a servo: 100 um, beyond the vibrometer's range of 80 um [nm]."""
+CASES = tuple(case for cases in READINGS.values() for case in cases)
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Write one row a run."""
+    rows = []
+    for name, cases in READINGS.items():
+        for case in cases:
+            run = runs[case]
+            e = error(run)
+            beyond = np.flatnonzero(np.abs(e) > _DIVERGED)
+            last = rms(e[run.time >= run.time[-1] - 1.0])
+            outcome = f'diverged after {run.time[beyond[0]]:.2g} s' if len(beyond) else last
+            reference = case.overrides['reference_generator:waveform']
+            frequency = case.overrides['reference_generator:frequency']
+            height = 'sine of 2 um' if reference == 'sine' else 'steps of 1 um'
+            rows.append((name, f'{height}, {frequency:g} Hz', outcome, float(np.abs(run.command).max())))
+    header = ('reading', 'reference', 'rms error in the last second [nm]', 'peak control [V]')
+    return write_table(path, 'Gains of section 5.5 in um, s and V; runs of 10 s.', header, rows)
