@@ -47,7 +47,7 @@ def draw_start_and_end(
     end, start
         How much of the end and of the start to draw [s].
     """
-    figure = new_figure(title, height=5.5)
+    figure = new_figure(title)
     start_axes, end_axes = figure.subplots(2, 1)
     for place, (name, case) in enumerate(cases.items()):
         run = runs[case]

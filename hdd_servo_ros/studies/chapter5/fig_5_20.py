@@ -14,4 +14,4 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw the transient and the adapted error."""
     title = 'Fig. 5.20: tracking error, sine of 2 µm at 100 Hz, k held'
     cases = {rf'$\lambda$ = {value:g} 1/s': case for value, case in LAMBDA_SINES.items()}
-    return draw_start_and_end(runs, path, title, 'error [nm]', cases, error, 0.02, start=0.1)
+    return draw_start_and_end(runs, path, title, 'error [nm]', cases, error, 0.01, start=0.05)
