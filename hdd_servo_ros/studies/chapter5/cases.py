@@ -122,11 +122,11 @@ LAMBDA_INTEGRAL_STEPS = {
         5.0,
         STEPS,
         error_filter_lambda=value,
-        integral_gain=0.13 * value**2,
+        integral_gain=0.138 * value**2,
     )
     for value in LAMBDAS
 }
-"""With integral action in the ratio of step_references.yaml, lambda_i = 0.13 lambda^2."""
+"""With integral action in the ratio of step_references.yaml, lambda_i = 0.138 lambda^2."""
 
 _TERMS = ('sigma', 'mass', 'network', 'phi')
 _OFF = {f'{term}__enabled': False for term in _TERMS}
