@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import rms
+from hdd_servo_ros.loop.metrics import NANOMETRES, rms
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
 from hdd_servo_ros.studies.chapter import figures, make_figures
 from hdd_servo_ros.studies.chapter5 import table_random_drives
@@ -21,7 +21,6 @@ from hdd_servo_ros.studies.chapter5.cases import (
     LAMBDA_STEPS,
     LAMBDAS,
     LAW_STEPS,
-    NANOMETRES,
     NN,
     NN_COMPENSATOR,
     NN_DELAY,

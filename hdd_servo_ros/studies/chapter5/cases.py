@@ -10,8 +10,6 @@ COMPENSATOR = 'hysteresis_compensator.yaml'
 DELAY = 'one_sample_delay.yaml'
 TRANSIENT = 2.0
 """The errors on sines count from here on [s]."""
-NANOMETRES = 1e3
-"""nm a um."""
 DURATION = 10.0
 """Of all runs but those that last a minute: a loop that bursts later than the usual second has failed [s]."""
 FREQUENCIES = (100.0, 200.0)
@@ -24,10 +22,10 @@ STEP_FREQUENCY = 10.0
 """Of the square wave that makes them [Hz]."""
 LAMBDAS = (100.0, 300.0, 595.0, 1000.0, 1600.0)
 """Of figs. 5.19 and 5.20 [1/s]; 595 is the thesis's."""
-SAME_GAINS = {
-    'pid_controller:proportional_gain': 7.96e-5 * 595.0,
-    'pid_controller:derivative_gain': 7.96e-5,
-    'pid_controller:integral_gain': 0.0,
+_SAME_GAINS = {
+    'proportional_gain': 7.96e-5 * 595.0,
+    'derivative_gain': 7.96e-5,
+    'integral_gain': 0.0,
 }
 """PID as the law's own -k r: k_p = k lambda, k_d = k."""
 
@@ -84,12 +82,11 @@ def _case(
     return Case(name, controller, (FILE, *overlays), values)
 
 
-_SAME = {key.split(':')[1]: value for key, value in SAME_GAINS.items()}
 NN = {f: sine('nn', 'adaptive_nn', f) for f in FREQUENCIES}
 """The law of the thesis with the shipped gains, by frequency."""
 PID = {f: sine('pid', 'pid', f) for f in FREQUENCIES}
 """PID tuned by the same rule."""
-PID_SAME_GAINS = {f: sine('pid_same_gains', 'pid', f, **_SAME) for f in FREQUENCIES}
+PID_SAME_GAINS = {f: sine('pid_same_gains', 'pid', f, **_SAME_GAINS) for f in FREQUENCIES}
 NN_COMPENSATOR = {f: sine('nn_compensator', 'adaptive_nn', f, COMPENSATOR) for f in FREQUENCIES}
 """Beyond the thesis: the signed network over the reference."""
 NN_COMPENSATOR_MINUTE = {f: lasting(case, 60.0) for f, case in NN_COMPENSATOR.items()}

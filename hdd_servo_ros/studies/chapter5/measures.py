@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.loop.metrics import StepResponse, loop_area, rms, step_response
+from hdd_servo_ros.loop.metrics import NANOMETRES, StepResponse, loop_area, rms, step_response
 from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, NANOMETRES, STEP_FREQUENCY
+from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, STEP_FREQUENCY
 
 FIRST_MILLISECONDS = 5e-3
 """What counts as the transient after an edge [s]."""

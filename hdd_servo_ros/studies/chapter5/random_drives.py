@@ -12,9 +12,9 @@ import numpy as np
 from tqdm import tqdm
 
 from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import tracking_metrics
+from hdd_servo_ros.loop.metrics import NANOMETRES, tracking_metrics
 from hdd_servo_ros.studies.case import Case
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
 from hdd_servo_ros.studies.recorded import RecordedRuns
 
 SPREAD = 0.2

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.loop.metrics import NANOMETRES
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_DELAY, PID, PID_DELAY, TRANSIENT
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
 
@@ -16,7 +16,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     rows = []
     for name, (prompt, late) in _RUNS.items():
         for frequency in FREQUENCIES:
-            before, after = (runs.metrics(cases[frequency], TRANSIENT, NM) for cases in (prompt, late))
+            before, after = (runs.metrics(cases[frequency], TRANSIENT, NANOMETRES) for cases in (prompt, late))
             rows.append(
                 (
                     name,

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.loop.metrics import NANOMETRES
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS, HYSTERESIS_OFF, TRANSIENT
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.chapter5.measures import loop_areas
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
@@ -18,7 +18,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for name, case in HYSTERESIS.items():
         areas = loop_areas(runs[case])
         reduction = f'{100.0 * (1.0 - areas.feedback / without):.1f} %'
-        error = runs.metrics(case, TRANSIENT, NM).rms_error
+        error = runs.metrics(case, TRANSIENT, NANOMETRES).rms_error
         rows.append((name, 1e3 * areas.feedback, reduction, 1e3 * areas.command, 1e3 * areas.friction, error))
     header = (
         'variant',

@@ -4,11 +4,10 @@ from pathlib import Path
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.loop.experiment import block_parameters
-from hdd_servo_ros.loop.metrics import rms
+from hdd_servo_ros.loop.metrics import NANOMETRES, rms
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.chapter5.cases import LAMBDA_INTEGRAL_STEPS, LAMBDA_SINES, LAMBDA_STEPS, TRANSIENT
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_after_edges
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
@@ -21,7 +20,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     rows = []
     for value in LAMBDA_SINES:
         sine, step = runs[LAMBDA_SINES[value]], runs[LAMBDA_STEPS[value]]
-        found = runs.metrics(LAMBDA_SINES[value], TRANSIENT, NM)
+        found = runs.metrics(LAMBDA_SINES[value], TRANSIENT, NANOMETRES)
         with_integral = edges(runs[LAMBDA_INTEGRAL_STEPS[value]]).worst()
         rows.append(
             (
@@ -31,10 +30,10 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                 found.rms_error,
                 rms(sine.command[sine.time < START]),
                 error_after_edges(step),
-                NM * edges(step).median()['steady_error'],
+                NANOMETRES * edges(step).median()['steady_error'],
                 runs.metrics(LAMBDA_STEPS[value], 0.0).peak_control,
                 with_integral['overshoot'],
-                NM * with_integral['steady_error'],
+                NANOMETRES * with_integral['steady_error'],
             )
         )
     header = (

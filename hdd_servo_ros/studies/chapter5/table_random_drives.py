@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hdd_servo_ros.loop.metrics import NANOMETRES
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, TRANSIENT
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.chapter5.random_drives import errors_on_random_drives, trials
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
@@ -22,7 +22,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     errors = np.array(errors_on_random_drives(due)).reshape(len(cases), DRIVES, 2)
     rows = []
     for ((frequency, name), case), (rms, largest) in zip(cases.items(), errors.transpose(0, 2, 1), strict=True):
-        nominal = runs.metrics(case, TRANSIENT, NM).rms_error
+        nominal = runs.metrics(case, TRANSIENT, NANOMETRES).rms_error
         rows.append((f'{frequency:g}', name, nominal, float(np.median(rms)), float(rms.max()), float(largest.max())))
     header = (
         'frequency [Hz]',

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.loop.metrics import NANOMETRES
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, PID_SAME_GAINS, TRANSIENT
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
 
@@ -21,8 +21,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     rows = []
     for frequency in FREQUENCIES:
         for name, cases in _RUNS.items():
-            found = runs.metrics(cases[frequency], TRANSIENT, NM)
-            own = runs.metrics(NN[frequency], TRANSIENT, NM).rms_error
+            found = runs.metrics(cases[frequency], TRANSIENT, NANOMETRES)
+            own = runs.metrics(NN[frequency], TRANSIENT, NANOMETRES).rms_error
             rows.append(
                 (
                     f'{frequency:g}',

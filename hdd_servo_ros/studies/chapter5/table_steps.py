@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.loop.metrics import NANOMETRES
 from hdd_servo_ros.studies.chapter5.cases import HEIGHTS, LAW_STEPS, NN_STEPS, PID_STEPS
-from hdd_servo_ros.studies.chapter5.cases import NANOMETRES as NM
 from hdd_servo_ros.studies.chapter5.measures import edges
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
@@ -30,7 +30,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                     worst['overshoot'],
                     _milliseconds(worst['settling_time']),
                     _milliseconds(median['settling_time']),
-                    NM * worst['steady_error'],
+                    NANOMETRES * worst['steady_error'],
                     runs.metrics(cases[height], 0.0).peak_control,
                 )
             )
