@@ -221,6 +221,16 @@ def test_a_random_drive_is_drawn_within_its_range(runs):
     assert 1.18 < max(ratios) <= 1.2
 
 
+def test_no_case_sets_an_empty_list():
+    """simulate takes one, but a ROS node does not, and so neither does the graph."""
+    assert not [
+        case.name
+        for figure in figures('chapter5').values()
+        for case in figure.CASES
+        if () in case.overrides.values() or [] in case.overrides.values()
+    ]
+
+
 def test_every_figure_and_table_is_made(directory, monkeypatch):
     monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
     made = drawn()

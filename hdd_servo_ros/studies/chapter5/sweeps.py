@@ -21,7 +21,7 @@ def _low(amplitude: float) -> Case:
     overrides = {
         'deterministic_timer:sample_time': 1e-4,
         'signal_analyzer:stop_frequency': 400.0,
-        'signal_analyzer:range_limits': (),
+        'signal_analyzer:range_limits': (200.0,),  # a ROS node takes no empty list
         'signal_analyzer:points_per_decade': (30,),
         'signal_analyzer:amplitudes': (amplitude,),
     }
