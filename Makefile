@@ -17,6 +17,8 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport PYTHONPATH
 
 ARGS ?=
+# Test files that run at a time; half of what a system test waits for is another process.
+JOBS ?= 2
 PARAMS ?= params/seagate_7200_10.yaml
 
 .PHONY: help run simulate figures test lint bench docs ws clean
@@ -42,7 +44,7 @@ figures: $(VENV)/.run
 	$(foreach chapter,$(CHAPTERS),$(BIN)/study $(chapter) $(ARGS) &&) true
 
 test: $(VENV)/.develop
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 lint: $(VENV)/.develop
 	$(BIN)/ruff check .

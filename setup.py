@@ -68,7 +68,7 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
             'ros-jazzy-common-interfaces>=5.3.6',
         ],
-        'test': ['pytest>=7.4', 'pytest-timeout>=2.2', 'hypothesis>=6.98'],
+        'test': ['pytest>=7.4', 'pytest-timeout>=2.2', 'pytest-xdist>=3.5', 'hypothesis>=6.98'],
         'lint': ['ruff>=0.15', 'mypy>=1.19', 'types-PyYAML', 'types-tqdm'],
         'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],
     },

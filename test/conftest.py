@@ -1,5 +1,6 @@
 """Real processes for the system tests: each test has its own ROS domain, and every process is ended by its pid."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import yaml
 
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS
 from hdd_servo_ros.loop.experiment import Experiment
+from hdd_servo_ros.numerics.compiled import kernel_cache_directory
 from hdd_servo_ros.testing.domain import take_domain
 
 ROOT = Path(__file__).parent.parent
@@ -129,10 +131,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile the kernels before any test that starts processes: their time limits are for running, not for that."""
     if not any('bench' in getattr(item, 'fixturenames', ()) for item in session.items):
         return
-    for name in CONTROLLERS:
-        whole = Experiment(1e-4, name)
-        whole.run(0, 2)
-        Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do
+    # One of the test processes compiles, the others wait for what it then finds.
+    with (kernel_cache_directory() / 'tests.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for name in CONTROLLERS:
+            whole = Experiment(1e-4, name)
+            whole.run(0, 2)
+            Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do
 
 
 @pytest.fixture

@@ -49,9 +49,7 @@ def keys(requirements):
 def test_every_requirement_has_its_rosdep_key(manifest, distribution):
     depends = texts(manifest, 'depend', 'exec_depend')
     assert len(depends) == len(set(depends))
-    # One who installs by rosdep gets the view in the browser too.
-    required = keys(distribution.install_requires) | keys(distribution.extras_require['scope'])
-    assert required - WITHOUT_KEY == {key for key in depends if key.startswith('python3-')}
+    assert keys(distribution.install_requires) - WITHOUT_KEY == {key for key in depends if key.startswith('python3-')}
     tested = {key for key in texts(manifest, 'test_depend') if key.startswith('python3-')}
     assert keys(distribution.extras_require['test']) == tested
 
