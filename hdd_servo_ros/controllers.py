@@ -186,6 +186,8 @@ def _import(name: str, module: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is not None and (module == error.name or module.startswith(f'{error.name}.')):
             reason = f'there is no module {error.name} on sys.path or in {here}'
+            if module.endswith('.py'):
+                reason += '; a module is named without .py'
         else:
             reason = f'importing {module} raised {described(error)}'
         raise _refused(name, reason) from None

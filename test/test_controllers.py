@@ -152,6 +152,12 @@ def test_a_module_that_is_not_there(name, tmp_path):
         load_controller(name)
 
 
+def test_a_file_named_instead_of_its_module(tmp_path):
+    module = write(tmp_path, GOOD)
+    with pytest.raises(ParameterError, match=r'a module is named without \.py'):
+        load_controller(f'{module}.py:Spring')
+
+
 @pytest.mark.parametrize('name', ['a:', ':B', 'a b:C', '../a:B'])
 def test_what_is_no_import_path(name):
     with pytest.raises(ParameterError, match='is not an import path module:Class'):

@@ -10,6 +10,7 @@ their bounds into the run's folder as ``certificate.png``.
 
 import argparse
 import dataclasses
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -201,6 +202,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('run', type=Path, help='run folder')
     parser.add_argument('--disturbance', type=float, help='bound of a disturbance from a node of its own [V]')
     options = parser.parse_args(arguments)
+    if options.disturbance is not None and not 0.0 <= options.disturbance < math.inf:
+        parser.error(f'--disturbance {options.disturbance:g} is no bound: a finite number at least 0 [V]')
     try:
         report = certificate_of_run(options.run, options.disturbance)
         print(table(report))

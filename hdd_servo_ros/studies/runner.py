@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from hdd_servo_ros.parameter_files import ArgumentError
 from hdd_servo_ros.recording.run_folder import FAILED, read_run_yaml
 from hdd_servo_ros.studies.case import Case, PlannedRun
 
@@ -57,7 +58,7 @@ def run_cases(
     Raises
     ------
     ParameterError, ArgumentError
-        If a case's parameters are not allowed; nothing has run then.
+        If a case's parameters are not allowed, or a file stands where the folder should; nothing has run then.
     StudyError
         If a run fails, something that is no run stands in its place, or another study is at work in the folder.
     """
@@ -66,7 +67,10 @@ def run_cases(
         if by_name.setdefault(case.name, case) != case:
             raise StudyError(f'two different cases have the name {case.name!r}')
     planned = [PlannedRun(case, defaults or {}, directory) for case in by_name.values()]
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise ArgumentError(f'{directory} cannot be a folder: a file stands there') from None
     with _alone_in(directory):
         due = [run for run in planned if not _is_there(run, say)]
         if len(due) < len(planned):

@@ -31,6 +31,7 @@ import argparse
 import dataclasses
 import itertools
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -41,7 +42,10 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import Experiment, block_parameters, dsp_parameters
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
-from hdd_servo_ros.parameter_files import read_parameter_files
+from hdd_servo_ros.loop_parameters import TimerParameters
+from hdd_servo_ros.parameter_files import ArgumentError, read_parameter_files
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.studies.command import exit_code
 
 MAX_SENSITIVITY = 2.0
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
@@ -106,7 +110,7 @@ def largest_gain_on_r(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If no gain keeps it: lambda is too large for this drive and sample time.
     """
 
@@ -117,7 +121,8 @@ def largest_gain_on_r(
     # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
     g = largest(allowed, max(2.0 * error_filter_lambda / margins.gain, 10.0 / margins.gain))
     if g == 0.0:
-        raise ValueError(f'no gain gives Ms <= {MAX_SENSITIVITY:g} with lambda = {error_filter_lambda:g} 1/s')
+        allowed_lambda = f'one with which some gain gives Ms <= {MAX_SENSITIVITY:g}; this is too large [1/s]'
+        raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)
     return g
 
 
@@ -247,7 +252,7 @@ def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float =
         )
 
     peak = metrics('adaptive_nn', sections).peak_control
-    base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections['adaptive_nn_controller'])
+    base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
 
     def gains(exponents: Sequence[float]) -> dict[str, object]:
         proportional, integral, derivative = (round_down(math.exp(exponent)) for exponent in exponents)
@@ -303,7 +308,7 @@ def _print_section(node: str, gains: Mapping[str, object]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Tune, print the parameters and what they do."""
+    """Tune, print the parameters and what they do; 0 done, 2 wrong arguments or parameters, 130 interrupted."""
     parser = argparse.ArgumentParser(
         prog='python -m hdd_servo_ros.studies.tune', description='Tune both controllers for a drive by one rule.'
     )
@@ -316,6 +321,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--same-peak', action='store_true', help='tune PID alone, under the peak control of the adaptive NN controller'
     )
     options = parser.parse_args(arguments)
+    return exit_code('tune', lambda: _tune(options))
+
+
+def _tune(options: argparse.Namespace) -> int:
+    """Do what the command line asks for."""
+    TimerParameters(sample_time=options.sample_time, duration=0.0)
+    if not options.seconds > TRANSIENT:
+        raise ArgumentError(f'--seconds {options.seconds:g} is no more than the {TRANSIENT:g} s that do not count')
     sections = read_parameter_files(options.params_file)
     if options.same_peak:
         _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time))
@@ -362,4 +375,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == '__main__':
-    raise SystemExit(main())
+    sys.exit(main())

@@ -231,6 +231,9 @@ def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
     file = tampered / 'run.yaml'
     file.write_text(file.read_text().replace('feedback_gain: 10.0', 'feedback_gain: 11.0'))
     assert 'does not do what was recorded: at tick 0 u is' in refusal(tampered)
+    with pytest.raises(SystemExit, match='2'):
+        main([str(weak), '--disturbance', '-3'])
+    assert '--disturbance -3 is no bound' in capsys.readouterr().err
 
 
 def test_a_run_whose_parameters_changed_is_refused(tmp_path, capsys, monkeypatch):

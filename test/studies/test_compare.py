@@ -131,6 +131,7 @@ def test_a_run_that_fails_stands_in_the_table(answer, note):
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
         (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
+        (['--output', 'my_controller.py'], 'my_controller.py cannot be a folder: a file stands there'),
     ],
 )
 def test_wrong_arguments(capsys, arguments, said):

@@ -10,7 +10,7 @@ from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.loop.metrics import tracking_metrics
 from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.parameter_files import read_parameter_files
-from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.parameters import ParameterError, from_mapping
 from hdd_servo_ros.studies.tune import (
     largest,
     largest_gain_on_r,
@@ -112,8 +112,28 @@ def test_same_peak_finds_the_shipped(overlays):
 
 
 def test_a_hopeless_lambda_is_refused():
-    with pytest.raises(ValueError, match='lambda = 50000'):
+    with pytest.raises(ParameterError, match='error_filter_lambda = 50000'):
         largest_gain_on_r(LoopMargins(PlantParameters(), T), 50000.0)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
+        (['--params-file', 'hopeless.yaml'], 'error_filter_lambda = 2500.0 is refused'),
+        (['--sample-time', '-1'], 'sample_time = -1.0 is refused'),
+        (['--same-peak', '--sample-time', '0'], 'sample_time = 0.0 is refused'),
+        (['--seconds', '2'], '--seconds 2 is no more than the 2 s that do not count'),
+    ],
+)
+def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    section = '/**/adaptive_nn_controller:\n  ros__parameters:\n    error_filter_lambda: 2500.0\n'
+    (tmp_path / 'hopeless.yaml').write_text(section)
+    assert main(arguments) == 2
+    errors = capsys.readouterr().err
+    assert said in errors
+    assert errors.count('\n') == 1
 
 
 def test_the_command_prints_a_parameter_file(tmp_path, capsys):
