@@ -10,7 +10,7 @@ import csv
 import dataclasses
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from hdd_servo_ros.loop.metrics import is_stepwise
 from hdd_servo_ros.parameter_files import parse_ros_arguments
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.recording.run_folder import FINISHED
-from hdd_servo_ros.registry import CONTROLLERS
+from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, node_declarations
 from hdd_servo_ros.reporting.run_metrics import run_metrics, shown_unit
 from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.command import exit_code
@@ -97,7 +97,12 @@ class Comparison:
 
     def _given(self, node: str) -> dict[str, object]:
         others = set(self.controllers.values()) - {node}
-        return {name: value for name, value in self.overrides.items() if name.partition(':')[0] not in others}
+        foreign = _known(others) - _known(NODE_PARAMETERS.keys() - others)
+        return {
+            name: value
+            for name, value in self.overrides.items()
+            if name not in foreign and name.partition(':')[0] not in others
+        }
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +127,12 @@ class Row:
     values: Mapping[str, float]
     headers: Mapping[str, str]
     note: str = ''
+
+
+def _known(nodes: Iterable[str]) -> set[str]:
+    """Return the names of all parameters of nodes."""
+    registered = NODE_PARAMETERS.keys() & set(nodes)
+    return {declaration.name for node in registered for declaration in node_declarations(node)}
 
 
 def read_row(experiment: str, controller: str, run: Run) -> Row:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.registry import NODE_PARAMETERS
@@ -47,6 +48,17 @@ def test_cases():
     common = {'reference_generator:frequency': 5.0, 'duration': 1.0, 'vcm_plant:gain': 5e7}
     assert pid.overrides == common
     assert mine.overrides == {**common, 'my_controller:spring': 0.01}
+
+
+def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
+    nodes = {'pid': 'pid_controller', 'adaptive_nn': 'adaptive_nn_controller', PATH: load_controller(PATH).node}
+    overrides = {'spring': 0.01, 'control_limit': 5.0, 'proportional_gain': 0.4, 'no_such': 1.0}
+    cases = Comparison(nodes, {'slow': {}}, ('a.yaml',), overrides).cases()
+    # The drive has a control_limit, and of what nobody has each run says so.
+    everywhere = {'control_limit', 'no_such'}
+    found = {controller: set(case.overrides) - everywhere for (_, controller), case in cases.items()}
+    assert found == {'pid': {'proportional_gain'}, 'adaptive_nn': set(), 'my_controller': {'spring'}}
+    assert all(everywhere <= case.overrides.keys() for case in cases.values())
 
 
 def test_the_table_is_that_of_the_bags(capsys):
