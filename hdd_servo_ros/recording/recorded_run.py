@@ -100,6 +100,8 @@ class Run:
         ------
         FileNotFoundError
             If there is no closed bag.
+        OSError
+            If its ``run.yaml`` is damaged.
         BagError
             If the bag cannot be read, or holds the same topic in several namespaces and none is given.
         """
@@ -109,6 +111,8 @@ class Run:
         for directory in (path, path.parent):
             if (directory / 'bag' / 'metadata.yaml').is_file() and (directory / 'run.yaml').is_file():
                 description = read_run_yaml(directory)
+                if not isinstance(description.get('topics'), dict):
+                    raise OSError(f'{directory / "run.yaml"} is damaged: it names no topics')
                 break
         topics = dict(description['topics']) if description else _loop_topics(bag, namespace)
         return cls(path, bag, description, topics)

@@ -112,12 +112,19 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     ------
     FileNotFoundError
         If the folder holds none.
+    OSError
+        If it cannot be read, or says nothing of a run.
     """
     path = directory / 'run.yaml'
     if not path.is_file():
         raise FileNotFoundError(f'{directory} is not a run folder: it has no run.yaml')
-    content = yaml.safe_load(path.read_text('utf8'))
-    assert isinstance(content, dict)
+    try:
+        content = yaml.safe_load(path.read_text('utf8'))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        told = ' '.join(str(error).split())
+        raise OSError(f'{path} is damaged: {told}') from None
+    if not isinstance(content, dict):
+        raise OSError(f'{path} is damaged: it names nothing of a run')
     return content
 
 

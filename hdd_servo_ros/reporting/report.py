@@ -5,6 +5,7 @@ No ROS import, and nothing but the runs' bags and their ``run.yaml`` is read.
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,6 +37,11 @@ def report_run(run: Run, directory: Path, after: float | None = None) -> list[Pa
     -------
     list of Path
         What was written.
+
+    Raises
+    ------
+    ValueError
+        If the bag holds nothing to report, or nothing lies after that time.
     """
     # Late: an error in the arguments is told before matplotlib is there.
     from hdd_servo_ros.reporting.page import write_page
@@ -43,6 +49,8 @@ def report_run(run: Run, directory: Path, after: float | None = None) -> list[Pa
 
     metrics = run_metrics(run, after)
     panels = run_panels(run, after)
+    if not panels:
+        raise ValueError(f'{run.path}: nothing to report: the bag holds neither /control nor /reference with /head')
     title = f'{run.controller} on {run.frame_id}: {run_name(run)}'
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
@@ -158,6 +166,18 @@ def _flat(values: dict[str, Any], prefix: str) -> list[tuple[str, str]]:
     return lines
 
 
+def _directories(runs: Sequence[Run], output: Path | None) -> list[Path]:
+    """Return where each run's own report goes: below ``output``, a name that several have with a number behind it."""
+    if output is None or len(runs) == 1:
+        return [output or run.path for run in runs]
+    directories: list[Path] = []
+    for run in runs:
+        name = run_name(run)
+        numbered = (output / (f'{name}-{number}' if number > 1 else name) for number in itertools.count(1))
+        directories.append(next(directory for directory in numbered if directory not in directories))
+    return directories
+
+
 def _print_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
     widths = [max(len(line[column]) for line in [head, *lines]) for column in range(len(head))]
     for line in [head, *lines]:
@@ -191,10 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _refuse_different_units(runs)
         written = []
         jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
-        for name, run in zip(run_names(runs), jobs, strict=True):
-            directory = run.path
-            if options.output is not None:
-                directory = options.output / Path(name).name if len(runs) > 1 else options.output
+        for directory, run in zip(_directories(runs, options.output), jobs, strict=True):
             written += report_run(run, directory, options.after)
         if len(runs) > 1:
             beside = options.run[0].resolve().parent if options.output is None else options.output

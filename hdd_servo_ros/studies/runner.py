@@ -99,7 +99,7 @@ def _is_there(run: PlannedRun, say: Callable[[str], None]) -> bool:
         return False
     try:
         obstacle = run.obstacle(read_run_yaml(run.directory))
-    except FileNotFoundError as error:
+    except OSError as error:
         raise StudyError(f'{error}: move it out of the way') from None
     if obstacle:
         say(f'{run.case.name} runs again: {obstacle}')

@@ -133,6 +133,20 @@ def test_several_runs_are_compared(runs, tmp_path, capsys):
         assert len(line['x']) == 301
 
 
+def test_reports_of_one_name_do_not_overwrite_each_other(runs, tmp_path):
+    assert main([*map(str, (runs['nn'], runs['nn'] / 'bag', runs['pid'])), '--output', str(tmp_path)]) == 0
+    reports = {path.parent.name for path in tmp_path.glob('*/report.html')}
+    assert reports == {'nn', 'nn-2', 'pid'}
+
+
+@pytest.mark.parametrize('said', ['a: [', '- 1', 'controller: pid', b'\xff'])
+def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, said):
+    (tmp_path / 'bag').symlink_to(runs['nn'] / 'bag')
+    (tmp_path / 'run.yaml').write_bytes(said if isinstance(said, bytes) else said.encode())
+    assert main([str(tmp_path)]) == 2
+    assert f'report: {tmp_path / "run.yaml"} is damaged: ' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
@@ -140,11 +154,13 @@ def test_several_runs_are_compared(runs, tmp_path, capsys):
         (['{nn}', '--after', '3'], 'nothing after 3.0 s: the run ends at 1 s'),
         (['{nn}', '{study}'], 'runs in different units cannot be compared'),
         (['{nn}', '--output', '{file}'], 'report: '),
+        (['{head_alone}'], 'nothing to report: the bag holds neither /control nor /reference with /head'),
     ],
 )
 def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, arguments, words):
     (tmp_path / 'file').write_text('')
-    names = {**runs, 'file': tmp_path / 'file'}
+    names = {**runs, 'file': tmp_path / 'file', 'head_alone': tmp_path / 'bag'}
+    write_constants(names['head_alone'], {HEAD: 0.02})
     if '{study}' in arguments:
         names['study'] = simulated(tmp_path / 'study', '-p', 'duration:=0.1', '-p', 'length_unit:=m')
     assert main([argument.format(**names) for argument in arguments]) == 2
@@ -159,16 +175,19 @@ def test_metrics_of_a_square_wave(runs):
     assert 'control_loop_area' not in found
 
 
-def test_a_bag_of_another_recorder_with_two_topics(tmp_path):
-    """Without run.yaml, without /control and /estimates: what can be said is said."""
-    writer = BagWriter(
-        tmp_path / 'bag', 'mcap', [(f'/x/{topic.name}', topic.type_name, 10) for topic in (REFERENCE, HEAD)], {}
-    )
+def write_constants(path, values):
+    """Write a bag of another recorder: topics with one value each."""
+    writer = BagWriter(path, 'mcap', [(f'/x/{topic.name}', topic.type_name, 10) for topic in values], {})
     codec, ticks = VectorCodec('drive'), Ticks(1e-3)
     for tick in range(1000):
-        for place, x in enumerate((0.0, 0.02)):
+        for place, x in enumerate(values.values()):
             writer.write((place,), (10**9 + tick,), (codec.pack(ticks.stamp(tick), x, 0.0, 0.0),))
     writer.close()
+
+
+def test_a_bag_of_another_recorder_with_two_topics(tmp_path):
+    """Without run.yaml, without /control and /estimates: what can be said is said."""
+    write_constants(tmp_path / 'bag', {REFERENCE: 0.0, HEAD: 0.02})
     run = Run.open(tmp_path / 'bag')
     found = {metric.name: metric.value for metric in run_metrics(run)}
     assert found['rms_error'] == pytest.approx(20.0)
