@@ -29,6 +29,10 @@ class PeerParameters(ParameterSet):
     )
 
 
+LONGEST_RUN = 2.0e9
+"""[s]; a stamp counts its seconds in 31 bits."""
+
+
 @dataclasses.dataclass(frozen=True)
 class SampleTimeParameters(ParameterSet):
     """A node's own idea of T, for those who want it checked."""
@@ -54,6 +58,7 @@ class TimerParameters(ParameterSet):
         'length of the run; ticks 0 to duration/T; 0 for as long as a node takes that has a plan (signal_analyzer)',
         unit='s',
         minimum=0.0,
+        maximum=LONGEST_RUN,
         read_only=True,
     )
     rate: float = parameter(
@@ -129,6 +134,9 @@ def last_tick_of_run(timer: TimerParameters, needed: Mapping[str, int]) -> int:
             raise ParameterError(name, 0.0, 'above 0 s: no node of this run has a plan that says how long it takes')
         return timer.last_tick
     node, longest = max(needed.items(), key=lambda item: item[1])
+    if longest * timer.sample_time > LONGEST_RUN:
+        allowed = f'0 takes as long as {node} does, {longest * timer.sample_time:.3g} s: at most {LONGEST_RUN:g} s'
+        raise ParameterError(name, timer.duration, allowed)
     if timer.duration == 0.0:
         return longest
     if timer.last_tick < longest:

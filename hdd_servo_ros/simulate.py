@@ -5,6 +5,7 @@ No ROS import: the loop is one compiled kernel, and its rows are packed into the
 """
 
 import dataclasses
+import heapq
 import itertools
 import signal
 import sys
@@ -164,8 +165,11 @@ class Simulation:
     def pieces(self, last_tick: int) -> Iterator[tuple[int, int]]:
         """Iterate over first tick and count of what is run in one piece: no piece goes beyond a scheduled change."""
         chunk = CHUNK if self.experiment.is_compiled else PYTHON_CHUNK
-        starts = {step.tick for _, step in self.schedule}.union(range(0, last_tick + 1, chunk))
-        yield from ((start, end - start) for start, end in itertools.pairwise([*sorted(starts), last_tick + 1]))
+        changes = sorted({step.tick for _, step in self.schedule})
+        # Merged as they come: the pieces of a run of days are too many to keep.
+        merged = heapq.merge(changes, range(0, last_tick + 1, chunk), (last_tick + 1,))
+        starts = (start for start, _ in itertools.groupby(merged))
+        yield from ((start, end - start) for start, end in itertools.pairwise(starts))
 
     def _check_sample_times(self, sets: dict[str, dict[type[Any], Any]]) -> None:
         for name, kinds in sets.items():

@@ -30,15 +30,21 @@ T, AT_POINT, AT_FREQUENCY, AT_AMPLITUDE, LAST_REAL, LAST_IMAG, LAST_COHERENCE = 
 
 HIGHEST = 0.45
 """Highest frequency over the sampling rate."""
+LOWEST = 1e-3
+"""Lowest frequency [Hz]."""
+MOST_CYCLES = 1e6
+"""Upper bound of what is waited for and measured at a frequency [cycles]."""
+LONGEST_TIME = 1e5
+"""The same [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SignalAnalyzerParameters(ParameterSet):
     """Parameters of :class:`SignalAnalyzer`; 100 mV at low and 50 mV to 1 V at high frequency, as in section 5.3."""
 
-    start_frequency: float = parameter(10.0, 'first frequency of the sweep', unit='Hz', above=0.0, read_only=True)
+    start_frequency: float = parameter(10.0, 'first frequency of the sweep', unit='Hz', minimum=LOWEST, read_only=True)
     stop_frequency: float = parameter(
-        4000.0, 'last frequency of the sweep; at most 0.45/T', unit='Hz', above=0.0, read_only=True
+        4000.0, 'last frequency of the sweep; at most 0.45/T', unit='Hz', minimum=LOWEST, read_only=True
     )
     range_limits: tuple[float, ...] = parameter(
         (200.0, 1000.0, 4000.0),
@@ -63,16 +69,31 @@ class SignalAnalyzerParameters(ParameterSet):
         read_only=True,
     )
     settle_cycles: float = parameter(
-        1.0, 'cycles before each measurement that are not measured', unit='cycles', minimum=0.0, read_only=True
+        1.0,
+        'cycles before each measurement that are not measured',
+        unit='cycles',
+        minimum=0.0,
+        maximum=MOST_CYCLES,
+        read_only=True,
     )
     settle_time: float = parameter(
-        0.02, 'time before each measurement that is not measured, at least', unit='s', minimum=0.0, read_only=True
+        0.02,
+        'time before each measurement that is not measured, at least',
+        unit='s',
+        minimum=0.0,
+        maximum=LONGEST_TIME,
+        read_only=True,
     )
     integrate_cycles: float = parameter(
-        3.0, 'cycles that are measured, at least', unit='cycles', minimum=2.0, read_only=True
+        3.0, 'cycles that are measured, at least', unit='cycles', minimum=2.0, maximum=MOST_CYCLES, read_only=True
     )
     integrate_time: float = parameter(
-        0.02, 'time that is measured at each frequency, at least', unit='s', minimum=0.0, read_only=True
+        0.02,
+        'time that is measured at each frequency, at least',
+        unit='s',
+        minimum=0.0,
+        maximum=LONGEST_TIME,
+        read_only=True,
     )
     averages: int = parameter(
         8,

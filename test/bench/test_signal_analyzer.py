@@ -232,6 +232,9 @@ def test_each_range_has_its_density():
         ({'stop_frequency': 5.0}, 'stop_frequency = 5.0 is refused: at least start_frequency'),
         ({'range_limits': (2000.0, 1000.0)}, 'range_limits = (2000.0, 1000.0) is refused: rising'),
         ({'amplitudes': (0.1, 0.2, 0.3)}, 'amplitudes = (0.1, 0.2, 0.3) is refused: 1 element, or 2'),
+        ({'start_frequency': 0.0}, 'start_frequency = 0.0 is refused: a finite number at least 0.001 [Hz]'),
+        ({'settle_time': 1e300}, 'settle_time = 1e+300 is refused'),
+        ({'integrate_cycles': 1e300}, 'integrate_cycles = 1e+300 is refused'),
         ({'points_per_decade': ()}, 'points_per_decade = () is refused: 1 element, or 2'),
     ],
 )
