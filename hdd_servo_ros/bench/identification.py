@@ -440,6 +440,22 @@ def table(model: Model, rigid_order: int = 2) -> str:
     return '\n'.join(lines)
 
 
+def _count(text: str) -> int:
+    """Return a number of poles or zeros; argparse tells what is none."""
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f'{number} is negative')
+    return number
+
+
+def _time(text: str) -> float:
+    """Return a time [s]; argparse tells what is none."""
+    number = float(text)
+    if not 0.0 <= number < np.inf:
+        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
+    return number
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify the response of a CSV file and print gain and modes; returns 2 for bad arguments or a bad file."""
     parser = argparse.ArgumentParser(
@@ -447,24 +463,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
     )
     parser.add_argument('file', type=Path, help='columns named with units, as of signal_analyzer; or Hz, linear, deg')
-    parser.add_argument('--poles', type=int, default=0, help='number of poles; without it the residual selects')
-    parser.add_argument('--zeros', type=int, default=0, help='number of zeros, with --poles')
-    parser.add_argument('--integrators', type=int, default=0, help='how many of the poles are known to be at 0')
-    parser.add_argument('--rigid-order', type=int, default=2, help='poles of the rigid body: 2, or 0 for a static gain')
+    parser.add_argument('--poles', type=_count, default=0, help='number of poles; without it the residual selects')
+    parser.add_argument('--zeros', type=_count, help='number of zeros, with --poles (default: 0)')
+    parser.add_argument('--integrators', type=_count, default=0, help='how many of the poles are known to be at 0')
+    parser.add_argument(
+        '--rigid-order', type=_count, default=2, help='poles of the rigid body: 2, or 0 for a static gain'
+    )
     parser.add_argument('--from', type=float, default=0.0, dest='lowest', metavar='HZ', help='lowest frequency used')
     parser.add_argument('--to', type=float, default=np.inf, dest='highest', metavar='HZ', help='highest frequency used')
-    parser.add_argument('--hold', type=float, help="hold in the response [s], instead of the file's; 0 for none")
-    parser.add_argument('--delay', type=float, default=0.0, help='computation delay in the response [s]')
+    parser.add_argument('--hold', type=_time, help="hold in the response [s], instead of the file's; 0 for none")
+    parser.add_argument('--delay', type=_time, default=0.0, help='computation delay in the response [s]')
     parser.add_argument('--method', choices=METHODS, default=SANATHANAN_KOERNER)
     given = parser.parse_args(arguments)
     if given.method == LEVY and not given.poles:
         parser.error('--method levy wants --poles: the order is selected among iterated fits')
+    if given.zeros is not None and not given.poles:
+        parser.error('--zeros wants --poles: without it the residual selects both numbers')
+    if given.integrators > given.rigid_order:
+        parser.error(f'--integrators {given.integrators} wants --rigid-order {given.integrators} or more')
     try:
         measured = read_csv(given.file).between(given.lowest, given.highest)
         if given.hold is not None:
             measured = dataclasses.replace(measured, hold=given.hold)
         model = identify_measured(
-            measured, given.poles, given.zeros, integrators=given.integrators, delay=given.delay, method=given.method
+            measured,
+            given.poles,
+            given.zeros or 0,
+            integrators=given.integrators,
+            delay=given.delay,
+            method=given.method,
         )
     except (OSError, ValueError) as error:
         print(f'identification: {error}', file=sys.stderr)

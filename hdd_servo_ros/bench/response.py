@@ -22,8 +22,9 @@ _HEADER = (
     'hold [s]',
     'output',
 )
-_FREQUENCY_UNITS = {'': 1.0, 'Hz': 1.0, 'kHz': 1e3, 'rad/s': 0.5 / np.pi}
-_PHASE_UNITS = {'': 1.0, 'deg': 1.0, '°': 1.0, 'rad': 180.0 / np.pi}
+_FREQUENCY_UNITS = {'': 1.0, 'hz': 1.0, 'khz': 1e3, 'rad/s': 0.5 / np.pi}
+_PHASE_UNITS = {'': 1.0, 'deg': 1.0, '°': 1.0, 'degrees': 1.0, 'rad': 180.0 / np.pi, 'radians': 180.0 / np.pi}
+_SEPARATORS = ';\t,'
 _VELOCITY = 'velocity'
 _NAMES = {'gain': 'magnitude', 'freq': 'frequency', 'mag': 'magnitude'}
 
@@ -132,23 +133,28 @@ def read_csv(path: Path) -> FrequencyResponse:
     """
     Return the response in a CSV file.
 
-    The first line may name the columns, with units in brackets: ``frequency [Hz]`` (or kHz, rad/s), ``magnitude``
-    (linear or [dB]), ``phase [deg]`` (or rad), and perhaps ``coherence``, ``averages``, ``amplitude``, ``hold [s]``,
-    ``output`` (``velocity`` where that was read).
-    Without such a line the first three columns are frequency [Hz], linear magnitude and phase [deg]. Lines that begin
-    with ``#`` are comments. The rows may come in any order.
+    Commas, semicolons or tabs part the columns. The first line may name them, with units in brackets, whatever their
+    case: ``frequency [Hz]`` (or kHz, rad/s), ``magnitude`` (linear or [dB]), ``phase [deg]`` (or rad), and perhaps
+    ``coherence``, ``averages``, ``amplitude``, ``hold [s]``, ``output`` (``velocity`` where that was read). Without
+    such a line the first three columns are frequency [Hz], linear magnitude and phase [deg]. Lines that begin with
+    ``#`` are comments. The rows may come in any order.
 
     Raises
     ------
     ValueError
         If the file holds no such table; the message names the file and the line.
     """
-    with path.open(newline='', encoding='utf-8-sig') as stream:
+    try:
+        text = path.read_text('utf-8-sig').splitlines()
+        first = next((line for line in text if line.strip() and not line.lstrip().startswith('#')), '')
+        separator = next(mark for mark in _SEPARATORS if mark in first or mark == _SEPARATORS[-1])
         lines = [
             (number, [cell.strip() for cell in row])
-            for number, row in enumerate(csv.reader(stream), start=1)
+            for number, row in enumerate(csv.reader(text, delimiter=separator), start=1)
             if row and row[0].strip() and not row[0].lstrip().startswith('#')
         ]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f'{path} is no CSV file: {error}') from None
     if lines and not _is_number(lines[0][1][0]):
         columns = _columns(lines.pop(0)[1], path)
     else:
@@ -178,13 +184,13 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
     found: dict[str, tuple[int, str]] = {}
     for place, title in enumerate(header):
         match = re.fullmatch(r'([^\[(]*)(?:[\[(](.*)[\])])?', title)
-        name, unit = (match[1].strip().lower(), match[2] or '') if match else (title, '')
+        name, unit = (match[1].strip().lower(), (match[2] or '').strip().lower()) if match else (title, '')
         found.setdefault(_NAMES.get(name, name), (place, unit))
     for name, units in (('frequency', _FREQUENCY_UNITS), ('magnitude', None), ('phase', _PHASE_UNITS)):
         if name not in found:
             raise ValueError(f'{path}: no column {name!r}; there are {", ".join(header)}')
         if units is not None and found[name][1] not in units:
-            known = ', '.join(unit for unit in units if unit)
+            known = ', '.join(unit.replace('hz', 'Hz') for unit in units if unit)
             raise ValueError(f'{path}: the unit of {name} is {found[name][1]!r}; known are {known}')
     return found
 
@@ -200,7 +206,7 @@ def _cell(row: Sequence[str], place: int, name: str, number: int) -> float:
 
 def _response(table: Mapping[str, Array], units: Mapping[str, str], path: Path) -> FrequencyResponse:
     frequency = table['frequency'] * _FREQUENCY_UNITS[units['frequency']]
-    magnitude = 10.0 ** (table['magnitude'] / 20.0) if units['magnitude'] == 'dB' else table['magnitude']
+    magnitude = 10.0 ** (table['magnitude'] / 20.0) if units['magnitude'].startswith('db') else table['magnitude']
     phase = np.radians(table['phase'] * _PHASE_UNITS[units['phase']])
     order = np.argsort(frequency, kind='stable')
     if np.any(np.diff(frequency[order]) <= 0.0) or frequency[order[0]] <= 0.0:

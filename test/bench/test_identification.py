@@ -210,3 +210,21 @@ def test_the_command(tmp_path, capsys):
     assert main([str(tmp_path / 'none.csv')]) == 2
     assert main([str(path), '--from', '19000', '--poles', '10']) == 2
     assert 'too few' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        (['--poles', '-1'], 'argument --poles: -1 is negative'),
+        (['--zeros', '4'], '--zeros wants --poles'),
+        (['--hold', '-1'], 'argument --hold: -1 is no time'),
+        (['--delay', 'nan'], 'argument --delay: nan is no time'),
+        (['--integrators', '3'], '--integrators 3 wants --rigid-order 3 or more'),
+        (['--method', 'levy'], '--method levy wants --poles'),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(options, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(['response.csv', *options])
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err

@@ -45,6 +45,8 @@ def test_a_csv_brings_back_what_was_written(tmp_path):
         '# from some other analyzer\n100,2,90\n200,1,-90\n',
         'Phase (rad),Freq [kHz],Mag [dB],remark\n'
         f'{-math.pi / 2},0.2,0,last\n{math.pi / 2},0.1,{20 * math.log10(2)},first\n',
+        f'Frequency (KHZ);Magnitude (db);Phase (degrees)\n0.1;{20 * math.log10(2)};90\n0.2;0;-90\n',
+        '100\t2\t90\n200\t1\t-90\n',
         f'frequency [rad/s], gain, phase\n{200 * math.pi}, 2, 90\n{400 * math.pi}, 1, -90\n',
     ],
 )
@@ -68,6 +70,7 @@ def test_other_csvs(tmp_path, text):
         ('1,2,3\n2,1\n', "line 2: phase is ''"),
         ('1,2,3\n1,2,3\n', 'each given once'),
         ('1,-20,3\n', 'above 0'),
+        ('1;0,5;3\n', "line 1: magnitude is '0,5'"),
     ],
 )
 def test_a_bad_csv_is_refused_by_name(tmp_path, text, message):
@@ -76,6 +79,13 @@ def test_a_bad_csv_is_refused_by_name(tmp_path, text, message):
     with pytest.raises(ValueError, match=r'bad\.csv') as refused:
         read_csv(path)
     assert message in str(refused.value)
+
+
+def test_what_is_no_text_is_refused_by_name(tmp_path):
+    path = tmp_path / 'bad.csv'
+    path.write_bytes(b'frequency,\xbf\n')
+    with pytest.raises(ValueError, match=r'bad\.csv is no CSV file'):
+        read_csv(path)
 
 
 def test_between():
