@@ -367,6 +367,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ParameterError, ArgumentError, ControllerError, OSError) as error:
         print(f'simulate: {error}', file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        # Compiling takes a while, and nothing is recorded yet.
+        print('simulate: interrupted before the run began', file=sys.stderr)
+        return 128 + signal.SIGINT
     if exit_code == 0 and directory is not None:
         # Imported late: a run that draws nothing need not wait for matplotlib.
         from hdd_servo_ros.reporting.show import show_run

@@ -6,6 +6,7 @@ No ROS import, and nothing but the runs' bags and their ``run.yaml`` is read.
 
 import argparse
 import itertools
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -220,6 +221,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f'report: {error}', file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print('report: interrupted', file=sys.stderr)
+        return 128 + signal.SIGINT
     _print_table(*table)
     for path in written:
         print(path)
