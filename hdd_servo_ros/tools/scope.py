@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import importlib.util
 import json
+import math
 import os
 import queue
 import signal
@@ -16,13 +17,15 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import rclpy
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args, try_shutdown
+from rclpy.utilities import try_shutdown
 from std_msgs.msg import Float64MultiArray, String
 
+from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.recording.scope_blocks import Block
 from hdd_servo_ros.reporting.live_plot import LivePlot, lighten
@@ -192,18 +195,49 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         description='Show the signals of a run while it goes on: in a window, or without a display in the browser.',
         epilog='Waits for a run, ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',
     )
-    parser.add_argument('--window', type=float, default=0.5, metavar='S', help='how much of the run to show [s] (0.5)')
+    parser.add_argument(
+        '--window', type=_seconds, default=0.5, metavar='S', help='how much of the run to show [s] (0.5)'
+    )
     parser.add_argument('--web', action='store_true', help='show it in the browser although there is a display')
-    parser.add_argument('--port', type=int, default=8988, help='port of the view in the browser (8988)')
-    parser.add_argument('--save', type=Path, metavar='FILE', help='collect for a while, write one picture, and end')
-    parser.add_argument('--seconds', type=float, default=3.0, metavar='S', help='how long --save collects [s] (3)')
+    parser.add_argument('--port', type=_port, default=8988, help='port of the view in the browser (8988)')
+    parser.add_argument('--save', type=_picture, metavar='FILE', help='collect for a while, write one picture, and end')
+    parser.add_argument('--seconds', type=_seconds, default=3.0, metavar='S', help='how long --save collects [s] (3)')
     return parser.parse_args(arguments)
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f'{text} is not a time above 0 [s]')
+    return seconds
+
+
+def _port(text: str) -> int:
+    port = int(text)
+    if not 0 < port < 65536:
+        raise argparse.ArgumentTypeError(f'{text} is not a port from 1 to 65535')
+    return port
+
+
+def _picture(text: str) -> Path:
+    """Return where a picture goes; it is drawn only when the run is over, too late to learn that it cannot be."""
+    path = Path(text)
+    endings = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix[1:].lower() not in endings:
+        raise argparse.ArgumentTypeError(f'{text} must end in one of .{", .".join(sorted(endings))}')
+    if not os.access(path.parent, os.W_OK):
+        raise argparse.ArgumentTypeError(f'{path.parent} is no folder that can be written to')
+    return path
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
     command_line = list(sys.argv if arguments is None else ['scope', *arguments])
-    parsed = _parse(remove_ros_args(command_line)[1:])
+    try:
+        parsed = _parse(parse_ros_arguments(command_line[1:]).others)
+    except ArgumentError as error:
+        print(f'scope: {error}', file=sys.stderr)
+        return 2
     use_udp_alone(os.environ)
     os.nice(_NICENESS)
     lighten()

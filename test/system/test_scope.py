@@ -76,3 +76,21 @@ def test_the_view_in_the_browser_ends_with_the_run(bench, scope):
     assert process.wait() == 0, process.output
     assert watching.wait(40.0) == 0
     assert 'the run has ended' in watching.stdout.read()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (('--window', '0'), '0 is not a time above 0 [s]'),
+        (('--save', 'live.png', '--seconds', 'nan'), 'nan is not a time above 0 [s]'),
+        (('--port', '65536'), '65536 is not a port from 1 to 65535'),
+        (('--save', 'live.xyz'), 'live.xyz must end in one of'),
+        (('--save', 'missing/live.png'), 'missing is no folder that can be written to'),
+        (('--ros-args', '--bogus'), "unknown ROS argument '--bogus'"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_the_run(bench, arguments, said):
+    answer = bench.python('-m', 'hdd_servo_ros.tools.scope', *arguments)
+    assert answer.returncode == 2
+    assert said in answer.stderr
+    assert 'Traceback' not in answer.stderr
