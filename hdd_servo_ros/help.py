@@ -30,7 +30,10 @@ def parse_help(name: str, arguments: Sequence[str]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         usage=f'{name} [--help] [--ros-args [--params-file FILE] [-p NODE:PARAMETER:=VALUE] [-r FROM:=TO] ...]',
     )
-    parser.parse_args(arguments)
+    _, others = parser.parse_known_args(arguments)
+    if others:
+        hint = '; ROS arguments stand behind --ros-args' if any(':=' in word for word in others) else ''
+        parser.error(f'unrecognized arguments: {" ".join(others)}{hint}')
 
 
 def _parameters_text(name: str) -> str:

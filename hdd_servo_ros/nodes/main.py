@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from hdd_servo_ros.help import COMPILING, parse_help
 from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.numerics.compiled import first_compilation
-from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.registry import NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.ros.lockstep import Lockstep
@@ -53,7 +52,9 @@ def run_nodes(
     command_line = list(sys.argv if arguments is None else arguments)
     use_udp_alone(os.environ)
     try:
-        parse_help(name, remove_ros_args(command_line)[1:])
+        # Before ROS reads them, whose errors name lines of its C sources.
+        given = parse_ros_arguments(command_line[1:])
+        parse_help(name, given.others)
         # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
@@ -66,7 +67,7 @@ def run_nodes(
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
-        _refuse_unknown_nodes(name, command_line, [node.get_name() for node in nodes])
+        _refuse_unknown_nodes(name, given, [node.get_name() for node in nodes])
         _check_schedule(nodes)
         return Lockstep(nodes, others).run().exit_code
     except (ParameterError, ArgumentError) as error:
@@ -91,9 +92,8 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
                 refuse_strangers(changes, [*(node.get_fully_qualified_name() for node in nodes), *NODE_PARAMETERS])
 
 
-def _refuse_unknown_nodes(name: str, command_line: Sequence[str], nodes: Sequence[str]) -> None:
+def _refuse_unknown_nodes(name: str, arguments: RosArguments, nodes: Sequence[str]) -> None:
     """Refuse parameters for a node that there is not, which ROS would pass over; `simulate` refuses them as well."""
-    arguments = parse_ros_arguments(command_line[1:])
     if '__node' in arguments.remaps and len(nodes) > 1:
         raise ArgumentError(f'{name} is several nodes: __node:={arguments.remaps["__node"]} would give all one name')
     arguments.check_nodes([*NODE_PARAMETERS, *nodes])

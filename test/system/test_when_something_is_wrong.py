@@ -176,6 +176,22 @@ def test_bad_parameter(bench):
     assert 'substeps = -1 is refused' in process.output
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (('-p', 'gain:=1.0'), 'unrecognized arguments: -p gain:=1.0; ROS arguments stand behind --ros-args'),
+        (('--ros-args', '--bogus'), "unknown ROS argument '--bogus'"),
+        (('--ros-args', '-p', 'gain'), "-p 'gain' is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE"),
+        (('--ros-args', '--params-file', 'missing.yaml'), 'parameter file missing.yaml: '),
+    ],
+)
+def test_wrong_arguments(bench, arguments, said):
+    answer = bench.python('-m', 'hdd_servo_ros.nodes.vcm_plant', *arguments)
+    assert answer.returncode == 2
+    assert said in answer.stderr
+    assert 'Traceback' not in answer.stderr
+
+
 def test_unknown_parameter(bench):
     process = bench.start('ldv_sensor', '-p', 'sede:=3')
     assert process.wait() == 2
