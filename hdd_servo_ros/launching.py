@@ -1,7 +1,10 @@
 """What the launch files share: arguments, the processes of a run, and an end with it. Needs launch_ros, not rclpy."""
 
+import difflib
 import shlex
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown, TimerAction
@@ -24,9 +27,16 @@ _CLOSING = '20'
 """After Ctrl-C, how long a process has to close the bag before it gets the next signal [s]."""
 _OF_NODES = ('rate', 'duration', 'record', 'run_dir')
 """Arguments that are parameters of the nodes by the same name."""
+_OF_ROS2_LAUNCH = ('launch-prefix', 'launch-prefix-filter')
+"""What `ros2 launch` adds to the arguments by options of its own."""
 
 
-def description(make: Callable[[LaunchContext], list[LaunchDescriptionEntity]], *, rate: str = '') -> LaunchDescription:
+def description(
+    make: Callable[[LaunchContext], list[LaunchDescriptionEntity]],
+    *more: DeclareLaunchArgument,
+    rate: str = '',
+    duration: str = '',
+) -> LaunchDescription:
     """
     Return the description of a launch file: the arguments that all have, and what it starts.
 
@@ -34,54 +44,74 @@ def description(make: Callable[[LaunchContext], list[LaunchDescriptionEntity]], 
     ----------
     make
         Makes the processes when the arguments are known.
-    rate
-        Default pace, empty for that of the parameter files.
+    more
+        Arguments of this launch file alone.
+    rate, duration
+        Default pace and length [s], empty for those of the parameter files.
     """
     as_given = 'empty leaves it to the parameter files'
+    declared = [
+        *more,
+        DeclareLaunchArgument(
+            'controller',
+            default_value='adaptive_nn',
+            description=f'Controller of the loop: {", ".join(CONTROLLERS)}, or your own as module:Class.',
+        ),
+        DeclareLaunchArgument(
+            'params',
+            default_value=PathJoinSubstitution([FindPackageShare(PACKAGE), 'params', 'seagate_7200_10.yaml']),
+            description='ROS 2 parameter files, separated by commas; later ones win.',
+        ),
+        DeclareLaunchArgument('namespace', default_value='', description='Namespace of all nodes and topics.'),
+        DeclareLaunchArgument(
+            'rate',
+            default_value=rate,
+            description=f'Pace: 0.0 as fast as the graph goes, 1.0 real time, 0.1 slow motion; {as_given}.',
+        ),
+        DeclareLaunchArgument(
+            'duration', default_value=duration, description=f'Length of the run in seconds, such as 2.0; {as_given}.'
+        ),
+        DeclareLaunchArgument(
+            'record', default_value='true', choices=['true', 'false'], description='Whether to write a bag.'
+        ),
+        DeclareLaunchArgument(
+            'run_dir',
+            default_value='',
+            description='Folder of the run; empty makes runs/<date-time>-<controller> below the working folder.',
+        ),
+        DeclareLaunchArgument(
+            'ros_args',
+            default_value='',
+            description='Further ROS arguments of every node, such as "-p frequency:=200.0 -r ldv:=vibrometer".',
+        ),
+        DeclareLaunchArgument(
+            'discovery_range',
+            default_value=EnvironmentVariable(DISCOVERY_RANGE, default_value='LOCALHOST'),
+            choices=['LOCALHOST', 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'],
+            description=f'Who can see the nodes: LOCALHOST, which keeps to this machine, unless {DISCOVERY_RANGE} '
+            'is set; sets that variable.',
+        ),
+    ]
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'controller',
-                default_value='adaptive_nn',
-                description=f'Controller of the loop: {", ".join(CONTROLLERS)}, or your own as module:Class.',
-            ),
-            DeclareLaunchArgument(
-                'params',
-                default_value=PathJoinSubstitution([FindPackageShare(PACKAGE), 'params', 'seagate_7200_10.yaml']),
-                description='ROS 2 parameter files, separated by commas; later ones win.',
-            ),
-            DeclareLaunchArgument('namespace', default_value='', description='Namespace of all nodes and topics.'),
-            DeclareLaunchArgument(
-                'rate',
-                default_value=rate,
-                description=f'Pace: 0.0 as fast as the graph goes, 1.0 real time, 0.1 slow motion; {as_given}.',
-            ),
-            DeclareLaunchArgument(
-                'duration', default_value='', description=f'Length of the run in seconds, such as 2.0; {as_given}.'
-            ),
-            DeclareLaunchArgument(
-                'record', default_value='true', choices=['true', 'false'], description='Whether to write a bag.'
-            ),
-            DeclareLaunchArgument(
-                'run_dir',
-                default_value='',
-                description='Folder of the run; empty makes runs/<date-time>-<controller> below the working folder.',
-            ),
-            DeclareLaunchArgument(
-                'ros_args',
-                default_value='',
-                description='Further ROS arguments of every node, such as "-p frequency:=200.0 -r ldv:=vibrometer".',
-            ),
-            DeclareLaunchArgument(
-                'discovery_range',
-                default_value=EnvironmentVariable(DISCOVERY_RANGE, default_value='LOCALHOST'),
-                choices=['LOCALHOST', 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'],
-                description=f'Who can see the nodes: LOCALHOST keeps to this machine; sets {DISCOVERY_RANGE}.',
-            ),
+            *declared,
+            OpaqueFunction(function=_refuse_unknown, args=[[argument.name for argument in declared]]),
             SetEnvironmentVariable(DISCOVERY_RANGE, LaunchConfiguration('discovery_range')),
             OpaqueFunction(function=make),
         ]
     )
+
+
+def _refuse_unknown(context: LaunchContext, known: Sequence[str]) -> None:
+    """Refuse arguments that `ros2 launch` would pass over without a word: misspelt ones, and parameters' names."""
+    file = Path(context.locals.current_launch_file_path).resolve()
+    if PACKAGE not in sys.argv and file not in (Path(word).resolve() for word in sys.argv[1:]):
+        return  # Another launch file includes this one, and may have arguments of its own.
+    for name in (word.partition(':=')[0] for word in context.argv):
+        if name not in (*known, *_OF_ROS2_LAUNCH):
+            similar = difflib.get_close_matches(name, known, n=1)
+            hint = f'did you mean {similar[0]}?' if similar else 'parameters go into ros_args:="-p NAME:=VALUE"'
+            raise RuntimeError(f'{file.name} has no argument {name}, but {", ".join(known)}; {hint}')
 
 
 def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:

@@ -28,11 +28,11 @@ def viewer(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def generate_launch_description() -> LaunchDescription:
     """Return what `ros2 launch` runs."""
-    made = description(lambda context: [*viewer(context), *composed(context)], rate='1.0')
     argument = DeclareLaunchArgument(
         'viewer',
         default_value=SCOPE,
         choices=[SCOPE, PLOTJUGGLER, FOXGLOVE, NONE],
         description='What shows the signals: scope is of this package, the others must be installed.',
     )
-    return LaunchDescription([argument, *made.entities])
+    # Longer than the second of the parameter files, in which hardly a viewer comes up.
+    return description(lambda context: [*viewer(context), *composed(context)], argument, rate='1.0', duration='30.0')

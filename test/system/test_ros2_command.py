@@ -352,6 +352,8 @@ def test_launch_of_a_run_that_is_refused_or_fails(ros2):
         ros2.launch('rig.launch.py', 'ros_args:=-p gain:=-1.0', 'namespace:=/bench2'): 'gain = -1.0 is refused',
         ros2.launch('rig.launch.py', f'run_dir:={unwritable}/run', 'namespace:=/bench1'): 'run failed',
         ros2.launch('composed.launch.py', 'record:=maybe'): 'Valid options',
+        ros2.launch('composed.launch.py', 'contoller:=pid'): 'did you mean controller?',
+        ros2.launch('live.launch.py', 'frequency:=200.0'): 'parameters go into ros_args:=',
     }
     for command, words in commands.items():
         assert command.wait() == 1, command.output
