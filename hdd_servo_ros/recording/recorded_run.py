@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column
 from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.recording.run_folder import FINISHED, read_run_yaml
+from hdd_servo_ros.recording.run_folder import FINISHED, DescriptionError, read_run_yaml
 from hdd_servo_ros.ticks import NANOSECONDS, sample_time_to_nanoseconds
 from hdd_servo_ros.topics import (
     ARRAY_TYPE,
@@ -100,10 +100,10 @@ class Run:
         ------
         FileNotFoundError
             If there is no closed bag.
-        OSError
-            If its ``run.yaml`` is damaged.
         BagError
             If the bag cannot be read, or holds the same topic in several namespaces and none is given.
+        DescriptionError
+            If the run's ``run.yaml`` cannot be read.
         """
         path = Path(path)
         bag = Bag(bag_directory(path))
@@ -112,7 +112,7 @@ class Run:
             if (directory / 'bag' / 'metadata.yaml').is_file() and (directory / 'run.yaml').is_file():
                 description = read_run_yaml(directory)
                 if not isinstance(description.get('topics'), dict):
-                    raise OSError(f'{directory / "run.yaml"} is damaged: it names no topics')
+                    raise DescriptionError(f'{directory / "run.yaml"} does not describe a run: it names no topics')
                 break
         topics = dict(description['topics']) if description else _loop_topics(bag, namespace)
         return cls(path, bag, description, topics)

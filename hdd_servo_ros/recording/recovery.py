@@ -6,11 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, RECOVERED, RUNNING, rewrite_run_yaml
+from hdd_servo_ros.recording.run_folder import (
+    FAILED,
+    FINISHED,
+    RECOVERED,
+    RUNNING,
+    read_run_yaml,
+    rewrite_run_yaml,
+)
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
 from hdd_servo_ros.recording.salvage import Salvage, salvage
 from hdd_servo_ros.ticks import sample_time_to_nanoseconds
@@ -71,6 +76,7 @@ class Recovery:
         self.run = run
         if not (run / 'run.yaml').is_file() and not (run / 'bag').is_dir():
             raise RecoveryError(f'{run} is not a run folder: it has neither run.yaml nor bag/')
+        self._said_fault = ''
         self._said = self._read_run_yaml()
         files = [path for ending in _ENDINGS for path in sorted((run / 'bag').glob(f'*{ending}'))]
         self._file = files[0] if files else None
@@ -86,10 +92,10 @@ class Recovery:
 
     def _read_run_yaml(self) -> dict[str, Any]:
         try:
-            content = yaml.safe_load((self.run / 'run.yaml').read_text('utf8'))
-        except (OSError, yaml.YAMLError, UnicodeDecodeError):
-            content = None
-        return content if isinstance(content, dict) else {}
+            return read_run_yaml(self.run)
+        except OSError as error:
+            self._said_fault = str(error)
+            return {}
 
     def _find_bag_fault(self) -> str:
         if self._file is None:
@@ -140,7 +146,7 @@ class Recovery:
         if self._salvage.fault:
             faults.append(f'{self._file}: {self._salvage.fault}')
         if status == RUNNING:
-            faults.append('run.yaml says that the run is still running' if self._said else 'run.yaml cannot be read')
+            faults.append(self._said_fault or 'run.yaml says that the run is still running')
         elif status == FINISHED and ticks - 1 < (self._said.get('last_tick') or 0):
             faults.append(f'run.yaml says {self._said["last_tick"]} for the last tick, the bag holds {ticks - 1}')
             status = RUNNING

@@ -24,7 +24,19 @@ FAILED = 'failed'
 RECOVERED = 'recovered'
 """Ended by a crash, and mended by `recover`: whole up to its last tick."""
 
+_KINDS: dict[str, type | tuple[type, ...]] = {
+    'status': str,
+    'last_tick': (int, type(None)),
+    'sample_time': float,
+    'topics': dict,
+    'nodes': dict,
+}
+"""Types of what readers rely on."""
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
+
+
+class DescriptionError(OSError):
+    """A run.yaml that does not describe a run; says which and why."""
 
 
 def default_run_directory(controller: str) -> Path:
@@ -112,8 +124,8 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     ------
     FileNotFoundError
         If the folder holds none.
-    OSError
-        If it cannot be read, or says nothing of a run.
+    DescriptionError
+        If it holds something else under that name.
     """
     path = directory / 'run.yaml'
     if not path.is_file():
@@ -121,10 +133,12 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     try:
         content = yaml.safe_load(path.read_text('utf8'))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        told = ' '.join(str(error).split())
-        raise OSError(f'{path} is damaged: {told}') from None
+        raise DescriptionError(f'{path} cannot be read: {" ".join(str(error).split())}') from None
     if not isinstance(content, dict):
-        raise OSError(f'{path} is damaged: it names nothing of a run')
+        raise DescriptionError(f'{path} does not describe a run: it holds {content!r:.40}')
+    for key, kinds in _KINDS.items():
+        if key in content and not isinstance(content[key], kinds):
+            raise DescriptionError(f'{path} does not describe a run: {key} is {content[key]!r:.40}')
     return content
 
 

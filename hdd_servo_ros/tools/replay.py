@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.parameters import Value
+from hdd_servo_ros.parameters import ParameterError, Value
+from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.bag_reader import recorded_changes
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.parameter_events import NodeChange
@@ -20,6 +21,8 @@ from hdd_servo_ros.topics import LOOP_TOPICS
 TIMER = 'deterministic_timer'
 _PACE = ('rate', 'progress')
 """Parameters of the timer that say how fast a run goes in wall time."""
+_REFUSED = 2
+"""Exit code of `rig` and `simulate` for parameters that they refuse."""
 
 
 class ReplayError(Exception):
@@ -56,7 +59,10 @@ class Recording:
             raise ReplayError(
                 f'{run}: {", ".join(strangers)} came from a node that run.yaml knows nothing of, so it cannot be rerun'
             )
-        self.timer = next(name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER)
+        timers = [name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER]
+        if len(timers) != 1:
+            raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
+        self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
         self.last_tick: int = said['last_tick']
         self.sample_time: float = said['sample_time']
@@ -164,6 +170,8 @@ def replay(run: Path, output: Path, *, without_ros: bool) -> int:
     for entry in recording.schedule():
         print(f'replay: parameter change {entry}')
     exit_code = rerun(recording, output, without_ros=without_ros)
+    if exit_code == _REFUSED:
+        raise ReplayError(f'{run}: what run.yaml says is refused, so it cannot be rerun')
     if exit_code != 0:
         print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
         return 1
@@ -193,7 +201,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return replay(parsed.run, parsed.output, without_ros=parsed.without_ros)
         with tempfile.TemporaryDirectory() as directory:
             return replay(parsed.run, Path(directory) / 'rerun', without_ros=parsed.without_ros)
-    except (ReplayError, OSError, KeyError) as error:
+    except KeyError as error:
+        print(f'replay: {parsed.run}: run.yaml does not say {error}', file=sys.stderr)
+        return 2
+    except (ReplayError, OSError, BagError, ParameterError) as error:
         print(f'replay: {error}', file=sys.stderr)
         return 2
 

@@ -126,3 +126,30 @@ def test_what_cannot_be_replayed(bench):
     code, text = replay(bench, 'run')
     assert code == 2
     assert '/control, /estimates came from a node that run.yaml knows nothing of' in text
+    for content, words in (
+        ('', 'does not describe a run'),
+        ('{ : [', 'cannot be read'),
+        (yaml.safe_dump({**said, 'last_tick': 'many'}), "last_tick is 'many'"),
+        (yaml.safe_dump({'status': 'finished'}), "run.yaml does not say 'nodes'"),
+    ):
+        path.write_text(content)
+        code, text = replay(bench, 'run', '--without-ros')
+        assert code == 2
+        assert words in text
+        assert 'Traceback' not in text
+
+
+def test_a_run_whose_description_or_bag_was_tampered_with_is_refused(bench):
+    bench.run('simulate', *DURATION, '-p', 'run_dir:=run', '-p', 'plot:=false')
+    said = bench.run_yaml('run')
+    said['nodes']['/vcm_plant']['parameters']['gain'] = -1.0
+    (bench.directory / 'run' / 'run.yaml').write_text(yaml.safe_dump(said))
+    code, text = replay(bench, 'run', '--without-ros')
+    assert code == 2
+    assert 'gain = -1.0 is refused' in text
+    bag = bench.directory / 'run' / 'bag' / 'bag.mcap'
+    bag.write_bytes(bag.read_bytes()[:5000])
+    code, text = replay(bench, 'run', '--without-ros')
+    assert code == 2
+    assert 'does not end as an MCAP file does' in text
+    assert 'Traceback' not in text
