@@ -48,6 +48,22 @@ def test_section_4_4():
     assert compared.rms_error > 20.0 * found.rms_error
 
 
+@pytest.mark.parametrize(
+    ('file', 'sample_time', 'ticks'), [('seagate_7200_10', 1e-4, 10001), ('simulation_study', 1e-3, 20001)]
+)
+def test_the_shipped_bounds_hold_what_the_estimates_pass(file, sample_time, ticks):
+    """With projection the runs of both chapters stay what they are, and a bound that is too near changes them."""
+    sections = read_parameter_files([PARAMS / f'{file}.yaml'])
+    nn = {**sections['adaptive_nn_controller'], 'projection': True}
+    near = 0.05 * nn['mass.maximum']
+    without, with_bounds, with_near_bounds = (
+        Experiment(sample_time, 'adaptive_nn', {**sections, 'adaptive_nn_controller': own}).run(0, ticks).estimates
+        for own in (sections['adaptive_nn_controller'], nn, {**nn, 'mass.minimum': -near, 'mass.maximum': near})
+    )
+    assert (with_bounds == without).all()
+    assert (with_near_bounds != without).any()
+
+
 def overlaid(*names):
     return read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *names)])
 

@@ -18,8 +18,8 @@ class SigmaParameters(ParameterSet):
     )
     leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, sigma_hat(0)', unit='V s/um')
-    minimum: float = parameter(-1.0, 'smallest sigma_hat, where projection is on', unit='V s/um')
-    maximum: float = parameter(1.0, 'largest sigma_hat, where projection is on', unit='V s/um')
+    minimum: float = parameter(-4.0e-5, 'smallest sigma_hat, where projection is on', unit='V s/um')
+    maximum: float = parameter(4.0e-5, 'largest sigma_hat, where projection is on', unit='V s/um')
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -36,8 +36,8 @@ class MassParameters(ParameterSet):
     )
     leakage: float = parameter(1.57e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, m_hat(0)', unit='V s^2/um')
-    minimum: float = parameter(-1.0, 'smallest m_hat, where projection is on', unit='V s^2/um')
-    maximum: float = parameter(1.0, 'largest m_hat, where projection is on', unit='V s^2/um')
+    minimum: float = parameter(-1.0e-7, 'smallest m_hat, where projection is on', unit='V s^2/um')
+    maximum: float = parameter(1.0e-7, 'largest m_hat, where projection is on', unit='V s^2/um')
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -53,7 +53,7 @@ class PhiParameters(ParameterSet):
     leakage: float = parameter(1.01e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
     minimum: float = parameter(0.0, 'smallest phi_hat, where projection is on', unit='V')
-    maximum: float = parameter(1.0, 'largest phi_hat, where projection is on', unit='V')
+    maximum: float = parameter(0.2, 'largest phi_hat, where projection is on', unit='V')
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -90,7 +90,7 @@ class NetworkParameters(ParameterSet):
     input: str = parameter(
         'measured', 'Z of (4.7): the measured position and velocity, or those of the reference', choices=NETWORK_INPUTS
     )
-    maximum: float = parameter(1.0, 'largest magnitude of a weight, where projection is on', unit='V', minimum=0.0)
+    maximum: float = parameter(0.2, 'largest magnitude of a weight, where projection is on', unit='V', minimum=0.0)
 
     def check_together(self) -> None:
         """Check ranges and lengths; raises :class:`ParameterError`."""
@@ -211,6 +211,18 @@ class AdaptiveNnParameters(ParameterSet):
         unit='V s/um',
         minimum=0.0,
     )
+
+    def check_together(self) -> None:
+        """Check that projection starts inside its bounds; raises :class:`ParameterError`."""
+        if not self.projection:
+            return
+        for name, law in (('sigma', self.sigma), ('mass', self.mass), ('phi', self.phi)):
+            if not law.minimum <= law.initial <= law.maximum:
+                allowed = f'with projection from minimum = {law.minimum:g} to maximum = {law.maximum:g}'
+                raise ParameterError(f'{name}.initial', law.initial, allowed)
+        if max(abs(weight) for weight in self.network.initial) > self.network.maximum:
+            allowed = f'with projection within +- maximum = {self.network.maximum:g}'
+            raise ParameterError('network.initial', self.network.initial, allowed)
 
 
 def _check_bounds(minimum: float, maximum: float) -> None:

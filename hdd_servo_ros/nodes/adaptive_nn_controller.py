@@ -75,7 +75,7 @@ class AdaptiveNnController(ControllerNode):
         if not all(map(math.isfinite, values.values())):
             return Diagnosis('adaptation', ERROR, 'an estimate is not finite', values)
         laws: dict[str, Any] = {'sigma_hat': parameters.sigma, 'm_hat': parameters.mass, 'phi_hat': parameters.phi}
-        bounds = {name: (law.minimum, law.maximum) for name, law in laws.items()}
+        bounds = {name: (law.minimum, law.maximum) for name, law in laws.items() if law.enabled}
         at_bounds = [name for name, (low, high) in bounds.items() if not low < values[name] < high]
         if parameters.projection and at_bounds:
             return Diagnosis('adaptation', WARN, f'at its bound: {", ".join(at_bounds)}', values)
