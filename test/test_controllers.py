@@ -108,7 +108,7 @@ def test_an_entry_point(tmp_path, monkeypatch):
     entry_point(tmp_path, 'somebodys', 'spring_of_somebody', f'{module}:Spring')
     monkeypatch.syspath_prepend(tmp_path)
     assert load_controller('spring_of_somebody').node == 'spring'
-    with pytest.raises(ParameterError, match=r'one of adaptive_nn, pid, open_loop, spring_of_somebody, or the import'):
+    with pytest.raises(ParameterError, match=r'one of adaptive_nn, .*, spring_of_somebody, or the import'):
         load_controller('spring_of_nobody')
     entry_point(tmp_path, 'other', 'spring_of_somebody', 'other:Spring')
     with pytest.raises(ParameterError, match=f'several installed packages offer it: {module}:Spring, other:Spring'):
