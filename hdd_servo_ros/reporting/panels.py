@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.loop.metrics import amplitude_spectrum, is_stepwise, step_response
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.decimation import rows_to_draw
-from hdd_servo_ros.reporting.run_metrics import reference_period, shown_unit, steady_start
+from hdd_servo_ros.reporting.run_metrics import reference_period, shown_unit, steady_start, tracks
 from hdd_servo_ros.reporting.summary import NOT_ADAPTED
 
 COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
@@ -70,20 +70,21 @@ def run_panels(run: Run, after: float | None = None) -> list[Panel]:
     lines = _Lines(run, _BUCKETS)
     panels = []
     if 'reference' in run and 'head' in run:
+        positions = [lines.over_time('head', run.position, COLOURS[0])]
+        if tracks(run):
+            positions.insert(0, lines.over_time('reference', run.desired_position, GREY, wide=True))
         panels.append(
             Panel(
                 'tracking',
-                'Tracking',
+                'Tracking' if tracks(run) else 'Head',
                 'time [s]',
                 f'position [{length}]',
-                (
-                    lines.over_time('reference', run.desired_position, GREY, wide=True),
-                    lines.over_time('head', run.position, COLOURS[0]),
-                ),
+                tuple(positions),
                 over_time=True,
                 close_up=_last_periods(run),
             )
         )
+    if tracks(run):
         panels.append(_error_panel([run], _BUCKETS))
     if 'control' in run:
         panels.append(
@@ -101,15 +102,16 @@ def run_panels(run: Run, after: float | None = None) -> list[Panel]:
         )
     estimates = _estimates_panel(run, lines) if 'estimates' in run else None
     panels += [estimates] if estimates else []
-    if 'reference' in run and 'head' in run:
+    if tracks(run):
         panels.append(_spectrum_panel([run], after, _BUCKETS))
+    if 'reference' in run and 'head' in run:
         panels += filter(None, (_edges_panel(run), _loop_panel(run)))
     return panels
 
 
 def comparison_panels(runs: Sequence[Run], after: float | None = None) -> list[Panel]:
     """Return the diagrams in which several runs lie over each other."""
-    complete = [run for run in runs if 'reference' in run and 'head' in run]
+    complete = [run for run in runs if tracks(run)]
     buckets = max(200, min(_BUCKETS, _COMPARED_POINTS // (2 * max(len(runs), 1))))
     panels = []
     if complete:
@@ -160,7 +162,7 @@ class _Lines:
         self._buckets = buckets
         rows = len(run.ticks)
         self._in_full = [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
-        if 'reference' in run and 'head' in run:
+        if tracks(run):
             peak = int(np.abs(run.error).argmax())
             self._in_full.append(slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2))
 
@@ -244,7 +246,7 @@ def _spectrum_panel(runs: Sequence[Run], after: float | None, buckets: int) -> P
 
 
 def _edges_panel(run: Run) -> Panel | None:
-    if not is_stepwise(run.desired_position):
+    if not tracks(run) or not is_stepwise(run.desired_position):
         return None
     try:
         response = step_response(run.time, run.desired_position, run.position)

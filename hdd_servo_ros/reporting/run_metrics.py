@@ -18,7 +18,7 @@ from hdd_servo_ros.loop.metrics import (
     tracking_metrics,
 )
 from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.reporting.summary import transient_of
+from hdd_servo_ros.reporting.summary import OPEN_LOOP, SIGNAL_ANALYZER, transient_of
 
 REFERENCE_GENERATOR = 'reference_generator'
 
@@ -38,9 +38,14 @@ def shown_unit(unit: str) -> str:
     return unit.replace('um', 'µm')
 
 
+def tracks(run: Run) -> bool:
+    """Return whether the run has an error: a head that was to follow a reference."""
+    return 'reference' in run and 'head' in run and run.controller not in OPEN_LOOP
+
+
 def reference_period(run: Run) -> float | None:
     """Return the period of the reference at the end of the run [samples], None if it is not periodic or not known."""
-    if not run.description:
+    if not run.description or run.controller == SIGNAL_ANALYZER:
         return None
 
     def said(name: str) -> Any:
@@ -99,7 +104,7 @@ def run_metrics(run: Run, after: float | None = None) -> list[Metric]:
     if start >= len(run.ticks):
         raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
     found: list[Metric] = []
-    if 'head' in run and 'reference' in run:
+    if tracks(run):
         found += _tracking(run, start)
         if is_stepwise(run.desired_position):
             found += _steps(run)

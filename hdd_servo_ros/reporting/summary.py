@@ -12,6 +12,9 @@ from hdd_servo_ros.topics import LOOP_TOPICS
 
 NOT_ADAPTED = ('t', 'r', 'e')
 """What stands among the estimates without being one: time and errors."""
+SIGNAL_ANALYZER = 'signal_analyzer'
+OPEN_LOOP = ('open_loop', SIGNAL_ANALYZER)
+"""Controllers with which the head is to follow nothing: there is no error."""
 LONGEST_TRANSIENT = 2.0
 """What counts as transient in a long run [s]; in a short one it is the first half."""
 
@@ -59,6 +62,8 @@ def summary(signals: Signals, run: dict[str, Any], directory: Path) -> str:
         ('ticks', f'{ticks} of {run["sample_time"]:g} s, 0 to {ticks - 1}'),
         ('messages', f'{ticks * len(LOOP_TOPICS)} on {len(LOOP_TOPICS)} topics, {ticks} each'),
     ]
+    if run['controller'] in OPEN_LOOP:
+        lines = [line for line in lines if line[0] != 'tracking error']
     saturation = saturation_line(signals, run)
     if saturation:
         lines.append(('saturation', saturation))

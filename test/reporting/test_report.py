@@ -12,11 +12,13 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
+from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.reporting.panels import comparison_panels, run_panels
 from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import reference_period, run_metrics
+from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.ticks import Ticks
 from hdd_servo_ros.topics import HEAD, REFERENCE
 
@@ -25,11 +27,23 @@ LARGEST_PAGE = 6_000_000
 
 @pytest.fixture(scope='module')
 def runs(simulated, tmp_path_factory):
-    """A sine under two controllers, and a square wave."""
+    """A sine under two controllers, two runs that follow nothing, and a square wave."""
     directory = tmp_path_factory.mktemp('runs')
     arguments = {
         'nn': ['-p', 'duration:=1.0'],
         'pid': ['-p', 'duration:=0.5', '-p', 'controller:=pid', '-r', '__ns:=/bench1'],
+        'open_loop': [
+            '-p',
+            'duration:=0.1',
+            '-p',
+            'controller:=open_loop',
+            '-p',
+            'reference_generator:amplitude:=0.05',
+        ],
+        'sweep': [
+            *('-p', 'duration:=0.0', '-p', 'controller:=signal_analyzer', '-p', 'start_frequency:=2000.0'),
+            *('-p', 'stop_frequency:=3000.0'),
+        ],
         'square': ['-p', 'duration:=0.2', '-p', 'waveform:=square', '-p', 'frequency:=20.0'],
     }
     return {name: simulated(directory / name, *given) for name, given in arguments.items()}
@@ -167,6 +181,19 @@ def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, argu
         names['study'] = simulated(tmp_path / 'study', '-p', 'duration:=0.1', '-p', 'length_unit:=m')
     assert main([argument.format(**names) for argument in arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
+    open_loop, sweep = (Run.open(runs[name]) for name in ('open_loop', 'sweep'))
+    control = {'peak_control', 'rms_control', 'control_variation'}
+    areas = {'control_loop_area', 'feedback_loop_area'}
+    assert {metric.name for metric in run_metrics(open_loop)} == control | areas
+    assert {metric.name for metric in run_metrics(sweep)} == control
+    assert [panel.name for panel in run_panels(open_loop)] == ['tracking', 'control', 'loop']
+    assert len(run_panels(open_loop)[0].traces) == 1
+    assert [panel.name for panel in run_panels(sweep)] == ['tracking', 'control', 'estimates']
+    assert main([*map(str, (runs['open_loop'], runs['sweep'], runs['nn'])), '--output', str(tmp_path)]) == 0
+    assert 'tracking error' not in summary(read_signals(runs['open_loop']), open_loop.description, tmp_path)
 
 
 def test_metrics_of_a_square_wave(runs):
