@@ -1,4 +1,8 @@
-"""A run in one picture: reference and head, error, control, estimates; the whole run and its last moments."""
+"""
+A run in one picture: reference and head, error, control, estimates; the whole run and its last moments.
+
+That of a run whose head follows nothing shows neither reference nor error.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from hdd_servo_ros.recording.bag_reader import Signals
-from hdd_servo_ros.reporting.summary import NOT_ADAPTED
+from hdd_servo_ros.reporting.summary import NOT_ADAPTED, OPEN_LOOP
 
 _CLOSE_UP = 0.03
 _POINTS = 4000
@@ -38,17 +42,19 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
     layout = ConstrainedLayoutEngine(rect=(0.0, 0.03, 1.0, 0.97))  # the legend of the estimates stands below
     figure = Figure(figsize=(13, 10.5), layout=layout)
     FigureCanvasAgg(figure)
-    axes = figure.subplots(4, 2, sharex='col', width_ratios=(2, 1))
+    tracks = run['controller'] not in OPEN_LOOP
+    axes = figure.subplots(4 if tracks else 3, 2, sharex='col', width_ratios=(2, 1))
     end = signals.time[-1]
     rows = len(signals.time)
     close_up = slice(int(np.searchsorted(signals.time, end - _CLOSE_UP)), rows)
     for column, (window, title) in enumerate(((slice(0, rows), 'whole run'), (close_up, 'last moments'))):
         time = signals.time[window]
-        top, error, control, estimates = axes[:, column]
+        top, *error, control, estimates = axes[:, column]
         top.set_title(title, fontsize=10)
-        _line(top, time, signals.reference[window, 0], color='0.3', linewidth=2.5, alpha=0.5, label='reference')
+        if tracks:
+            _line(top, time, signals.reference[window, 0], color='0.3', linewidth=2.5, alpha=0.5, label='reference')
+            _line(error[0], time, factor * (signals.head[window, 0] - signals.reference[window, 0]), color='C3')
         _line(top, time, signals.head[window, 0], color='C0', label='head')
-        _line(error, time, factor * (signals.head[window, 0] - signals.reference[window, 0]), color='C3')
         _line(control, time, signals.control[window, 0], color='C2', label='total')
         _line(control, time, signals.control[window, 2], color='C1', linewidth=0.8, label='feedback part')
         _draw_estimates(estimates, signals, window)
@@ -57,12 +63,13 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
             axis.grid(alpha=0.3)
             axis.margins(x=0.01)
     axes[0, 0].set_ylabel(f'position [{shown_length}]')
-    axes[1, 0].set_ylabel(f'error [{error_unit}]')
-    axes[2, 0].set_ylabel(f'control [{volt}]')
-    axes[3, 0].set_ylabel('estimates, each over\nits largest magnitude')
-    for row in (0, 2):
+    if tracks:
+        axes[1, 0].set_ylabel(f'error [{error_unit}]')
+    axes[-2, 0].set_ylabel(f'control [{volt}]')
+    axes[-1, 0].set_ylabel('estimates, each over\nits largest magnitude')
+    for row in (0, -2):
         axes[row, 1].legend(loc='upper right', fontsize=8)
-    handles, labels = axes[3, 1].get_legend_handles_labels()
+    handles, labels = axes[-1, 1].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc='lower center', fontsize=8, ncols=6, frameon=False)
     figure.suptitle(f'{run["controller"]} on {run["frame_id"]}, T = {run["sample_time"] * 1e3:g} ms')

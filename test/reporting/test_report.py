@@ -15,6 +15,7 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.cdr import VectorCodec
+from hdd_servo_ros.reporting import plot
 from hdd_servo_ros.reporting.panels import comparison_panels, run_panels
 from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import reference_period, run_metrics
@@ -194,6 +195,23 @@ def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
     assert [panel.name for panel in run_panels(sweep)] == ['tracking', 'control', 'estimates']
     assert main([*map(str, (runs['open_loop'], runs['sweep'], runs['nn'])), '--output', str(tmp_path)]) == 0
     assert 'tracking error' not in summary(read_signals(runs['open_loop']), open_loop.description, tmp_path)
+
+
+def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_path, monkeypatch):
+    drawn = []
+
+    class Kept(plot.Figure):
+        def __init__(self, **options):
+            super().__init__(**options)
+            drawn.append(self)
+
+    monkeypatch.setattr(plot, 'Figure', Kept)
+    for name in ('nn', 'open_loop'):
+        plot.plot_run(read_signals(runs[name]), Run.open(runs[name]).description, tmp_path / f'{name}.png')
+    rows, rows_of_open_loop = ([axis.get_ylabel() for axis in figure.axes[::2]] for figure in drawn)
+    assert rows[1] == 'error [nm]'
+    assert rows_of_open_loop == [rows[0], *rows[2:]]
+    assert [line.get_label() for line in drawn[1].axes[0].lines] == ['head']
 
 
 def test_metrics_of_a_square_wave(runs):
