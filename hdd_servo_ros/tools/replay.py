@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ from hdd_servo_ros.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.topics import LOOP_TOPICS
 
 TIMER = 'deterministic_timer'
+DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _PACE = ('rate', 'progress')
 """Parameters of the timer that say how fast a run goes in wall time."""
 _REFUSED = 2
@@ -159,6 +161,8 @@ def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
             return simulate.main(arguments)
         from hdd_servo_ros.nodes import rig
 
+        # All its nodes are in this process: found by others, they would end a run that goes on by the same names.
+        os.environ[DISCOVERY_RANGE] = 'OFF'
         return rig.main(['rig', *arguments])
 
 

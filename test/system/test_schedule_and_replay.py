@@ -153,3 +153,17 @@ def test_a_run_whose_description_or_bag_was_tampered_with_is_refused(bench):
     assert code == 2
     assert 'does not end as an MCAP file does' in text
     assert 'Traceback' not in text
+
+
+def test_a_replay_beside_a_run_that_goes_on(bench):
+    bench.run('simulate', *DURATION, '-p', 'run_dir:=recorded', '-p', 'plot:=false')
+    other = bench.start('rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    deadline = time.monotonic() + 40.0
+    while not (bench.directory / 'run' / 'run.yaml').exists():
+        assert time.monotonic() < deadline, other.output
+        time.sleep(0.05)
+    code, text = replay(bench, 'recorded')
+    assert code == 0, text
+    assert 'the same bits' in text
+    other.signal(signal.SIGINT)
+    assert other.wait() == 130, other.output
