@@ -144,6 +144,11 @@ class DeterministicTimer(LoopNode):
             raise StopRequest(f'~/stop {self.get_name()} before tick {self.tick}')
         return not self._held and super()._passes()
 
+    def housekeep(self) -> None:
+        if self._stopped and self._ticks is None:
+            # The others may never come.
+            raise StopRequest(f'~/stop {self.get_name()} before the run')
+
     def begin(self, run: Run) -> None:
         wires = self.inputs
         super().begin(run)

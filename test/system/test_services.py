@@ -103,6 +103,13 @@ def test_stop_ends_the_run_with_a_closed_bag(bench, remote):
     assert answer.returncode == 0, answer.stdout + answer.stderr
 
 
+def test_stop_ends_the_wait_for_peers(bench, remote):
+    process = bench.start('deterministic_timer')
+    assert remote.timer('stop')[0]
+    assert process.wait(10.0) == 130, process.output
+    assert '~/stop deterministic_timer before the run' in process.output
+
+
 def test_reset_and_diagnostics(bench, outside, remote):
     reports = []
     outside.create_subscription(DiagnosticArray, '/diagnostics', reports.append, 10)
