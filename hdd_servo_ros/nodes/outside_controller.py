@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from hdd_servo_ros.control.outside import ControllerError
-from hdd_servo_ros.controllers import ControllerKind, load_controller
+from hdd_servo_ros.controllers import ENTRY_POINTS, ControllerKind, load_controller
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
@@ -12,6 +12,10 @@ from hdd_servo_ros.ros.errors import RunError
 from hdd_servo_ros.ros.run import Run
 
 USAGE = 'usage: outside_controller MODULE:CLASS [--help] [--ros-args ...]'
+HELP = f"""{USAGE}
+
+The node of a controller from outside this package: a class by its import path, or the name of an entry point of the
+group {ENTRY_POINTS}. With --help behind it, lists the controller's parameters."""
 
 
 class OutsideControllerNode(ControllerNode):
@@ -73,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command_line = list(sys.argv if arguments is None else arguments)
     if len(command_line) < 2 or command_line[1].startswith('-'):
         asked = command_line[1:2] in (['--help'], ['-h'])
-        print(USAGE, file=sys.stdout if asked else sys.stderr)
+        print(HELP if asked else USAGE, file=sys.stdout if asked else sys.stderr)
         return 0 if asked else 2
     return run_controller(lambda: load_controller(command_line[1]), [command_line[0], *command_line[2:]])
 
