@@ -8,6 +8,7 @@ import math
 import os
 import queue
 import signal
+import socket
 import sys
 import threading
 import time
@@ -168,7 +169,7 @@ def choose_view(*, web: bool, port: int) -> int | None:
     Raises
     ------
     ViewError
-        If there is neither.
+        If there is neither, or the port is taken.
     """
     import matplotlib.pyplot as plt
 
@@ -179,6 +180,13 @@ def choose_view(*, web: bool, port: int) -> int | None:
                 return None
     if importlib.util.find_spec('tornado') is None:
         raise ViewError(_NO_VIEW)
+    with socket.socket() as trial:
+        # As the server will; a port that an ended one had is free.
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((_ADDRESS, port))
+        except OSError as error:
+            raise ViewError(f'port {port}: {error.strerror}; choose another by --port') from None
     mpl.rcParams.update({'webagg.address': _ADDRESS, 'webagg.port': port, 'webagg.port_retries': 1})
     mpl.rcParams['webagg.open_in_browser'] = False
     plt.switch_backend('WebAgg')

@@ -94,3 +94,14 @@ def test_wrong_arguments_are_refused_before_the_run(bench, arguments, said):
     assert answer.returncode == 2
     assert said in answer.stderr
     assert 'Traceback' not in answer.stderr
+
+
+def test_a_port_that_is_taken(bench):
+    with socket.socket() as other:
+        other.bind(('127.0.0.1', 0))
+        other.listen()
+        port = other.getsockname()[1]
+        answer = bench.python('-m', 'hdd_servo_ros.tools.scope', '--web', '--port', str(port))
+    assert answer.returncode == 2
+    assert f'scope: port {port}: ' in answer.stderr
+    assert 'choose another by --port' in answer.stderr
