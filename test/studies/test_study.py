@@ -134,7 +134,9 @@ def test_the_graph_gives_the_same_bits(tmp_path, monkeypatch, bench):
 
 def test_an_interrupted_study_leaves_no_process_behind(tmp_path):
     study = [sys.executable, '-m', 'hdd_servo_ros.studies.main', 'chapter4', '--without-ros', '--output', str(tmp_path)]
-    with subprocess.Popen(study, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    # Tests that run in the background of a shell script inherit an ignored SIGINT.
+    heeding = {'preexec_fn': lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    with subprocess.Popen(study, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **heeding) as process:
         deadline = time.monotonic() + 40.0
         while not any(bag.stat().st_size > 1e6 for bag in tmp_path.glob('*/bag/*')) and time.monotonic() < deadline:
             time.sleep(0.05)
