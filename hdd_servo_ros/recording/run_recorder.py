@@ -65,7 +65,9 @@ class RunRecorder:
         self._loop_topics = tuple(range(len(topics)))
         self._parameter_events = len(topics)
         self._last_tick = -1
+        self._last_tick_planned = description.get('last_tick_planned')
         self._started = self._first_tick_at = time.monotonic()
+        self._last_tick_at: float | None = None
         self._sample_time = float(description['sample_time'])
 
     @property
@@ -84,6 +86,9 @@ class RunRecorder:
         self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
         if tick == 0:
             self._first_tick_at = time.monotonic()
+        elif tick == self._last_tick_planned:
+            # The bag is closed later, when the processes of the run have taken leave: that is no part of its speed.
+            self._last_tick_at = time.monotonic()
         self._last_tick = tick
 
     def write_ticks(
@@ -103,7 +108,8 @@ class RunRecorder:
         """Complete the bag; does nothing the second time."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            self._last_tick_at = time.monotonic()
+            if self._last_tick_at is None:
+                self._last_tick_at = time.monotonic()
             writer.close()
 
     def finish(self, status: str, reason: str) -> None:
@@ -111,7 +117,7 @@ class RunRecorder:
         try:
             self.close_bag()
         finally:
-            looped = max(self._last_tick_at - self._first_tick_at, 1e-9)
+            looped = max((self._last_tick_at or time.monotonic()) - self._first_tick_at, 1e-9)
             self._folder.close(
                 status,
                 reason,
