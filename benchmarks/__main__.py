@@ -28,7 +28,7 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.registry import NODE_PARAMETERS
 from hdd_servo_ros.simulate import Packer, Simulation
 from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import QUEUE_DEPTH
+from hdd_servo_ros.topics import LOOP_TOPICS, QUEUE_DEPTH
 
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
@@ -50,6 +50,7 @@ class Bench:
     def __init__(self, directory):
         self.directory = Path(directory)
         self.count = 0
+        self.lost_by_stock = 0
         self.environment = {**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1)}
         self.environment.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         self.environment['PYTHONPATH'] = os.pathsep.join(
@@ -117,7 +118,9 @@ class Bench:
         text = ''.join(outputs)
         lost = re.search(r'lost (\d+)', text)
         if lost and int(lost.group(1)):
-            raise RuntimeError(f'the stock recorder lost {lost.group(1)} messages')
+            # No fault of the run's: a recorder without a window of its own cannot hold the loop back.
+            print(f'  the stock recorder lost {lost.group(1)} messages', flush=True)
+            self.lost_by_stock = max(self.lost_by_stock, int(lost.group(1)))
         found = re.search(r'real_time_factor (\S+)', text)
         if not found:
             raise RuntimeError(text)
@@ -285,6 +288,8 @@ def main():
     median = statistics.median
     rig, stock, floor = (median(one[name]) for name in ('rig', 'stock', 'floor'))
     processes, stock_processes = median(many['processes']), median(many['stock_processes'])
+    sent = (ticks // 10 + 1) * len(LOOP_TOPICS)
+    losses = f'its recorder lost up to {bench.lost_by_stock} of {sent} messages' if bench.lost_by_stock else 'no loss'
     rows = [
         ('`rig`, all topics recorded', f'{rig:.2f}', 'at least 1.0', f'{rig / stock:.1f} times the stock executor'),
         ('stock `SingleThreadedExecutor`, same graph', f'{stock:.3f}', '', 'the baseline'),
@@ -295,7 +300,7 @@ def main():
             'at least 3 times stock',
             f'{processes / stock_processes:.1f} times the stock executors',
         ),
-        ('stock executors, a process each', f'{stock_processes:.4f}', '', 'the baseline'),
+        ('stock executors, a process each', f'{stock_processes:.4f}', '', f'the baseline; {losses}'),
         ('`simulate`, nothing written, one core', f'{median(compute):.0f}', 'at least 100', ''),
         (
             '`simulate` into a bag',

@@ -24,6 +24,8 @@ from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 from hdd_servo_ros.topics import LOOP_TOPICS, QUEUE_DEPTH
 
 T = 1e-4
+PATIENCE = 5.0
+"""How long the recorder waits for the next message [s]."""
 TYPES = {'clock': Clock, 'estimates': Float64MultiArray}
 
 
@@ -160,6 +162,7 @@ class StockRecorder(Node):
         topics = [(f'/{topic.name}', topic.type_name, QUEUE_DEPTH) for topic in LOOP_TOPICS]
         self.writer = BagWriter(bag, 'mcap', topics, {})
         self.left = (last_tick + 1) * len(topics)
+        self.last_taken = None
         for place, topic in enumerate(LOOP_TOPICS):
             self.create_subscription(
                 TYPES.get(topic.name, Vector3Stamped),
@@ -172,6 +175,12 @@ class StockRecorder(Node):
     def take(self, place, message):
         self.writer.write((place,), (time.time_ns(),), (message,))
         self.left -= 1
+        self.last_taken = time.monotonic()
+
+    def is_done(self):
+        """All is there, or nothing more comes: what overran the reader's queue is lost."""
+        silent = self.last_taken is not None and time.monotonic() - self.last_taken > PATIENCE
+        return self.left == 0 or silent
 
 
 NODES = {
@@ -208,7 +217,7 @@ def main():
         timer.publish_clock(0)
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:
-        if (recorder is None or recorder.left == 0) and (timer is None or timer.done) and (timer or recorder):
+        if (recorder is None or recorder.is_done()) and (timer is None or timer.done) and (timer or recorder):
             break
         executor.spin_once(timeout_sec=0.2)
     if recorder is not None:

@@ -139,21 +139,21 @@ def test_reset_and_diagnostics(bench, outside, remote):
     }
     assert {status.level for status in reports[-1].status} == {b'\x00'}
     values = {value.key: value.value for value in latest('deterministic_timer: ticks').values}
-    assert float(values['real-time factor']) == pytest.approx(0.05, rel=0.2)
+    assert 0.0 < float(values['real-time factor']) < 0.06
     outside.spin_until(lambda: 'inside the bound' in latest('adaptive_nn_controller: certificate').message)
     margin = {value.key: float(value.value) for value in latest('adaptive_nn_controller: certificate').values}
     assert 0.0 < margin['margin'] == pytest.approx(margin['bound on |r|'] - abs(margin['r']), rel=1e-4)
     stamps = [report.header.stamp.sec + 1e-9 * report.header.stamp.nanosec for report in reports]
-    assert min(after - before for before, after in itertools.pairwise(stamps)) > 0.9
-    # A control limit below what the law asks for, and a vibrometer that cannot follow.
-    for node, name, value in (
-        ('adaptive_nn_controller', 'control_limit', '1e-6'),
-        ('ldv_sensor', 'output_range', '0.01'),
+    assert min(after - before for before, after in itertools.pairwise(stamps)) > 0.5
+    # A vibrometer that cannot follow, then a control limit below what the law asks for; the other way round
+    # the head may come to rest inside what is left of the vibrometer's range.
+    for node, name, value, what, level in (
+        ('ldv_sensor', 'output_range', '0.01', 'range', b'\x01'),
+        ('adaptive_nn_controller', 'control_limit', '1e-6', 'control', b'\x02'),
     ):
         answer = bench.python(str(HERE / 'set_parameter.py'), f'/{node}', name, value)
         assert answer.returncode == 0, answer.stderr
-    outside.spin_until(lambda: latest('adaptive_nn_controller: control').level == b'\x02')
-    outside.spin_until(lambda: latest('ldv_sensor: range').level == b'\x01')
+        outside.spin_until(lambda what=f'{node}: {what}', level=level: latest(what).level == level)
     assert remote.call('/adaptive_nn_controller/reset')[0]
     success, message = remote.call('/adaptive_nn_controller/reset')
     assert success
