@@ -108,10 +108,11 @@ class DeterministicTimer(LoopNode):
         return ''
 
     def _single_step(self) -> str:
-        if not self._held:
+        if self._hold_at == math.inf:
             return 'running: call ~/pause first'
         self._started = True
-        self._hold_at = self.tick + 1
+        # Of one that is still under way this is the next.
+        self._hold_at = max(self._hold_at, self.tick) + 1
         return ''
 
     def _stop(self) -> str:

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 
 from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.loop.metrics import is_stepwise
-from hdd_servo_ros.parameter_files import parse_ros_arguments
+from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.recording.run_folder import FINISHED
 from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, node_declarations
@@ -33,6 +33,8 @@ _TRACKING = ('rms_error', 'max_error')
 _STEPS = ('worst_overshoot', 'worst_settling_time', 'worst_steady_error')
 METRICS = (*_TRACKING, *_STEPS, 'peak_control')
 """Columns of the table; those of errors count after the transient, those of steps the worst edge of the run."""
+_INSTEAD = {'controller': '--controllers', 'run_dir': '--output'}
+"""Parameters that every run gets from `compare`, and the options that say them."""
 _CLOSE_UP = 0.03
 """How much of the end of a run is drawn [s]."""
 _BEFORE_STEP, _AFTER_STEP = 1e-3, 1e-2
@@ -272,6 +274,10 @@ def _comparison(options: argparse.Namespace) -> Comparison:
         for pattern, parameters in parse_ros_arguments(['--ros-args', *arguments]).overrides
         for name, value in parameters.items()
     }
+    for name in overrides:
+        option = _INSTEAD.get(name.rpartition(':')[2])
+        if option:
+            raise ArgumentError(f'-p {name} is refused: compare sets it for each run; use {option}')
     return Comparison(nodes, experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
 
 

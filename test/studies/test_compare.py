@@ -142,6 +142,8 @@ def test_a_run_that_fails_stands_in_the_table(answer, note):
         (['--controllers', 'no_such'], "controller = 'no_such' is refused: one of adaptive_nn, pid, open_loop"),
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
+        (['-p', 'controller:=pid'], '-p controller is refused: compare sets it for each run; use --controllers'),
+        (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is refused'),
         (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
         (['--output', 'my_controller.py'], 'my_controller.py cannot be a folder: a file stands there'),
     ],

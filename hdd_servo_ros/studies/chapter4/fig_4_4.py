@@ -11,7 +11,7 @@ CASES = (NN, PID)
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw the control over the first second, the whole run and its last two periods."""
-    figure = new_figure('Fig. 4.4: control, λ = 1 1/s; both begin with the same peak')
+    figure = new_figure('Fig. 4.4: control, λ = 1 1/s; PID tuned to the same peak')
     axes = figure.subplots(3, 1)
     for axis, start, end in zip(axes, (0.0, 0.0, LAST_PERIODS), (1.0, 20.0, 20.0), strict=True):
         for case, label, color in ((PID, 'PID', 'C1'), (NN, 'adaptive NN', 'C0')):
