@@ -2,13 +2,14 @@
 
 import threading
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
-from hdd_servo_ros.control.certificate import CertificateMonitor
-from hdd_servo_ros.control.ideal_values import theorem_values
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.certificate import known_plant
 from hdd_servo_ros.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.control.certificate import CertificateMonitor
 
 
 class CertificateMargin:
@@ -36,6 +37,11 @@ class CertificateMargin:
             threading.Thread(target=self._find, args=(controller, plant, first_r), daemon=True).start()
 
     def _find(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
+        # They bring scipy, which takes longer to import than all else that the node needs before it can begin.
+        from hdd_servo_ros.control.certificate import CertificateMonitor
+        from hdd_servo_ros.control.ideal_values import theorem_values
+        from hdd_servo_ros.loop.certificate import known_plant
+
         network = controller.network
         region = (
             (network.position_minimum, network.position_maximum),
