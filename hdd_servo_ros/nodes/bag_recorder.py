@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Iterable, Mapping, Sequence
 
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_parameter_events
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from hdd_servo_ros.loop_parameters import RecorderParameters
@@ -22,6 +22,8 @@ from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+_PARAMETER_EVENTS_QOS = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
+"""A schedule may change every node at every tick; what comes between two rounds of housekeeping must find room."""
 _REPORT_EVERY = 64
 """Ticks between two reports to the timer, far fewer than its window."""
 
@@ -51,8 +53,8 @@ class BagRecorder(LoopNode):
         self._is_watched = False
         self._watched: list[tuple[bytes, ...]] = []
         self._changes: collections.Counter[str] = collections.Counter()
-        self.create_subscription(
-            ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, qos_profile_parameter_events
+        self._parameter_events = self.create_subscription(
+            ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, _PARAMETER_EVENTS_QOS
         )
 
     @property
@@ -97,6 +99,9 @@ class BagRecorder(LoopNode):
             self._changes[change.node] += change.time_ns > 0
 
     def housekeep(self) -> None:
+        # Not left to the executor, which waits anew for each message.
+        while (taken := self._parameter_events.handle.take_message(ParameterEvent, False)) is not None:
+            self._take_parameter_event(taken[0])
         watched, self._watched = self._watched, []
         if watched:
             block = make_block(self.tick - len(watched), self._ticks.sample_time, watched)

@@ -23,8 +23,8 @@ def kernel_cache_directory() -> Path:
     Return the writable folder in which compiled kernels are kept between runs.
 
     Numba keys a cached kernel by the age of its own file only: a kernel that calls into another file would go stale
-    unseen when that file changes. The folder's name therefore carries a digest of the sources (and of their place), and the folder lies in
-    the user's cache, not beside the sources, so that a read-only install starts warm as well.
+    unseen when that file changes. The folder's name therefore carries a digest of the sources (and of their place), and
+    the folder lies in the user's cache, not beside the sources, so that a read-only install starts warm as well.
     """
     package = Path(__file__).parent.parent
     # Numba keeps what it compiles by the path of the source as well, so two copies of the package share nothing.

@@ -1,5 +1,6 @@
 """The progress of a run, with its real-time factor, for a person."""
 
+import contextlib
 import sys
 import time
 
@@ -28,6 +29,7 @@ class Progress:
         self._total = last_tick * sample_time
         self._started: float | None = None
         self._line_due = 0.0
+        self._is_read = True
         self._bar = tqdm(
             total=self._total,
             disable=not sys.stderr.isatty(),
@@ -37,7 +39,16 @@ class Progress:
         )
 
     def show(self, tick: int) -> None:
-        """Show that the run has come to ``tick``."""
+        """Show that the run has come to ``tick``, as long as there is somebody to show it to."""
+        if not self._is_read:
+            return
+        try:
+            self._show(tick)
+        except OSError:
+            # Whoever read standard error is gone; the run goes on without.
+            self._is_read = False
+
+    def _show(self, tick: int) -> None:
         now = time.monotonic()
         if self._started is None:
             self._started, self._line_due = now, now + _LINE_PERIOD
@@ -54,4 +65,5 @@ class Progress:
 
     def close(self) -> None:
         """Leave the bar as it is, and end its line."""
-        self._bar.close()
+        with contextlib.suppress(OSError):
+            self._bar.close()

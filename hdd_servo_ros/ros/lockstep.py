@@ -138,10 +138,15 @@ class Lockstep:
             node.housekeep()
         for node in self._nodes:
             node.show_time()
+        waited_afresh = True
         for _ in range(_CALLBACKS_A_ROUND * len(self._nodes)):
-            handler_found = self._spin_once()
-            if not handler_found:
+            if self._spin_once():
+                waited_afresh = False
+            elif waited_afresh:
                 break
+            else:
+                # One wait of the executor gives one callback of each subscription, however many messages there are.
+                waited_afresh = True
 
     def _spin_once(self) -> bool:
         """Run one waiting callback; return whether there was one."""
@@ -173,9 +178,9 @@ class Lockstep:
             now = monotonic()
             if now >= housekeeping_due:
                 self._housekeeping()
-                self.peers.watch()
                 if progressed:
                     progressed_at = now
+                self.peers.watch(now - progressed_at)
                 self.peers.check_stall(now - progressed_at)
                 housekeeping_due = monotonic() + HOUSEKEEPING_PERIOD
             if progressed:

@@ -54,6 +54,10 @@ _ACKNOWLEDGED_WITHIN = Duration(nanoseconds=300_000_000)
 """How long to see that the last words arrive; a peer that died never says so."""
 _FRESH = 1.0
 """How long what a waiting process said holds; it speaks ten times as often [s]."""
+_STALLED = 1.0
+"""A loop that fires no node for this long stands still [s]."""
+_PATIENCE_UNDER_WAY = 3.0
+"""How many times the timeout a peer may be silent as long as the loop goes on."""
 _UNDER_WAY = 0.5
 """How long the first message after a pause may take [s]."""
 _LEASE = 25.0
@@ -395,9 +399,14 @@ class Peers:
 
     # During the run.
 
-    def watch(self) -> None:
+    def watch(self, stalled: float = math.inf) -> None:
         """
         Look after the others while the loop runs.
+
+        Parameters
+        ----------
+        stalled
+            For how long no node of this process has fired [s].
 
         Raises
         ------
@@ -412,9 +421,12 @@ class Peers:
             self._speak()
         if self._outcome_of_peer is not None:
             raise PeerEnded(self._outcome_of_peer)
+        # While ticks go on, most of the others must be alive, and only their word is late: DDS repeats what got lost
+        # after a while, and a busy machine loses much.
+        patience = self.timeout if stalled > _STALLED else _PATIENCE_UNDER_WAY * self.timeout
         for process in self.run.processes:
             silent = now - self._heard_at.get(process, now)
-            if process != self.identifier and silent > self.timeout:
+            if process != self.identifier and silent > patience:
                 self._refuse_silent(process, silent)
         if now - self._graph_checked_at > 1.0:
             self._graph_checked_at = now

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.ros.transport import LOCALHOST_PROFILE, use_udp_alone
+from hdd_servo_ros.ros.transport import ANY_RANGE_PROFILE, LOCALHOST_PROFILE, use_udp_alone
 
 SHARED_MEMORY = Path('/dev/shm')
 
@@ -11,19 +11,20 @@ SHARED_MEMORY = Path('/dev/shm')
 @pytest.mark.parametrize(
     ('given', 'profile'),
     [
-        ({}, False),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, False),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, True),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp'}, True),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, False),
+        ({}, ANY_RANGE_PROFILE),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, ANY_RANGE_PROFILE),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, LOCALHOST_PROFILE),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp'}, LOCALHOST_PROFILE),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, None),
     ],
 )
 def test_udp_unless_the_user_says_otherwise(given, profile):
     environment = dict(given)
     use_udp_alone(environment)
     assert environment.pop('FASTDDS_BUILTIN_TRANSPORTS') == 'UDPv4'
-    if profile:
-        assert environment.pop('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE)
+    if profile is not None:
+        assert environment.pop('FASTRTPS_DEFAULT_PROFILES_FILE') == str(profile)
+    if profile == LOCALHOST_PROFILE:
         assert environment.pop('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'SYSTEM_DEFAULT'
         given.pop('ROS_AUTOMATIC_DISCOVERY_RANGE')
     assert environment == given

@@ -54,6 +54,19 @@ def test_a_schedule_gives_the_same_bits_everywhere(bench):
     assert first_difference(simulated, bench.directory / 'plain').startswith('reference differs first at tick 500')
 
 
+def test_a_change_at_every_tick(bench):
+    """More changes than the middleware keeps for a reader that looks ten times a second."""
+    ticks = 3000
+    entries = [f'{tick * 1e-4:.4f} reference_generator phase {tick * 1e-3:.3f}' for tick in range(1, ticks)]
+    file = bench.directory / 'schedule.yaml'
+    file.write_text(yaml.safe_dump({'/**/deterministic_timer': {'ros__parameters': {'schedule': entries}}}))
+    arguments = ('--params-file', str(file), '-p', f'duration:={ticks * 1e-4}', '-p', 'plot:=false')
+    for name in ('simulate', 'rig'):
+        bench.run(name, *arguments, '-p', f'run_dir:={name}')
+        assert len(recorded_changes(bench.directory / name)) == len(entries)
+    assert first_difference(bench.directory / 'simulate', bench.directory / 'rig') is None
+
+
 @pytest.mark.parametrize('name', ['simulate', 'rig'])
 @pytest.mark.parametrize(
     ('entry', 'said'),

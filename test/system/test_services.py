@@ -84,9 +84,10 @@ def test_start_step_pause_and_resume_change_no_bit(bench, remote):
 
 def test_a_pause_longer_than_any_timeout_in_separate_processes(bench, remote):
     processes = bench.start_nodes('run', *DURATION, '-p', 'rate:=0.1', '-p', 'autostart:=false')
-    # Longer than a silent peer (3 s) and a stalled loop (1 s more) are borne.
+    # Longer than a silent peer (3 s) and a stalled loop (1 s more) are borne, and long enough for what the nodes say to
+    # pile up if they did not keep up with it.
     remote.timer_at_last('step')
-    time.sleep(5.0)
+    time.sleep(16.0)
     assert remote.timer('resume') == (True, 'running, next is tick 1')
     for process in processes.values():
         assert process.wait() == 0, process.output
