@@ -254,7 +254,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     """
     last_tick, parameters = simulation.last_tick, simulation.recorder
     simulation.experiment.compile()
-    for warning in getattr(simulation.experiment.controller, 'warnings', tuple)():
+    for warning in simulation.experiment.warnings():
         print(f'simulate: warning: {warning}', file=sys.stderr)
     recorder = None
     if simulation.timer.record:

@@ -115,22 +115,29 @@ class AdaptiveNn:
         return gain
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of these constants before a run: what makes the loop fragile, if so."""
-        told = []
+        """
+        Return what a user should be told of these constants before a run: what makes the loop fragile, if so.
+
+        The loop is judged by ``safe_gain``; where the drive is known, :mod:`hdd_servo_ros.loop.fragility` knows better.
+        """
         safe, gain = self.parameters.safe_gain, self.gain_on_r
-        if safe > 0.0 and gain > safe:
-            told.append(
-                f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {gain:.3g} V s/um acts as one linear gain on "
-                f'r and exceeds safe_gain = {safe:.3g} V s/um; the loop may track at first and burst after seconds: '
-                'raise phi.leakage or network.leakage, or lower feedback_gain'
-            )
-        for name, law in (('sigma', self.parameters.sigma), ('mass', self.parameters.mass)):
-            if law.enabled and law.gain < 0.0:
-                told.append(
-                    f'{name}.gain = {law.gain:.3g} is negative: the law learns away from the error, and its leakage '
-                    f'makes the estimate grow by {-law.gain * law.leakage:.3g} 1/s'
-                )
-        return tuple(told)
+        if not gain > safe > 0.0:
+            return self.sign_warnings()
+        fragile = (
+            f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {gain:.3g} V s/um acts as one linear gain on "
+            f'r and exceeds safe_gain = {safe:.3g} V s/um; the loop may track at first and burst after seconds: '
+            'raise phi.leakage or network.leakage, or lower feedback_gain'
+        )
+        return fragile, *self.sign_warnings()
+
+    def sign_warnings(self) -> tuple[str, ...]:
+        """Return what a user should be told of laws that learn away from the error."""
+        return tuple(
+            f'{name}.gain = {law.gain:.3g} is negative: the law learns away from the error, and its leakage '
+            f'makes the estimate grow by {-law.gain * law.leakage:.3g} 1/s'
+            for name, law in (('sigma', self.parameters.sigma), ('mass', self.parameters.mass))
+            if law.enabled and law.gain < 0.0
+        )
 
     def update(self, parameters: AdaptiveNnParameters) -> None:
         """

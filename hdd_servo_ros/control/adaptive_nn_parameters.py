@@ -206,8 +206,8 @@ class AdaptiveNnParameters(ParameterSet):
     )
     safe_gain: float = parameter(
         9.96e-5,
-        'largest linear gain on r that the loop is known to bear, 0 if not known; a warning says when '
-        "k + 1/sigma_phi + max(S'S)/sigma_w exceeds it",
+        "largest linear gain on r, k + 1/sigma_phi + max(S'S)/sigma_w, that the loop is known to bear, 0 if not known; "
+        'a warning says when it is exceeded in a run without vcm_plant (with it, the drive itself is judged)',
         unit='V s/um',
         minimum=0.0,
     )

@@ -17,6 +17,7 @@ from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.controllers import load_controller
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.loop import fragility
 from hdd_servo_ros.loop.closed_loop import CONTROLLERS, closed_loop
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations, from_mapping
 from hdd_servo_ros.registry import CONTROLLERS as CONTROLLER_NODES
@@ -188,6 +189,12 @@ class Experiment:
             self.dsp.update(sets[ControllerOutputParameters].dsp)
             if isinstance(self.controller, KnowsOutputLimit):
                 self.controller.limit_output(self.dsp.limit)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what a user should be told of the controller before a run."""
+        if isinstance(self.controller, AdaptiveNn):
+            return fragility.warnings(self.controller, self.plant.parameters, self.dsp.parameters.computation_delay)
+        return tuple(getattr(self.controller, 'warnings', tuple)())
 
     @property
     def is_compiled(self) -> bool:

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
 
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import modal_form
@@ -78,6 +77,8 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
     augmented = np.zeros((size + 1, size + 1))
     augmented[:size, :size] = a
     augmented[:size, size:] = b
+    from scipy.linalg import expm  # late: it takes as long to import as half of a node, which may never come here
+
     transition = expm(augmented * sample_time)
     return SampledDrive(transition[:size, :size], transition[:size, size:], c, sample_time)
 

@@ -8,6 +8,8 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop import fragility
 from hdd_servo_ros.loop.certificate_margin import CertificateMargin
 from hdd_servo_ros.loop.experiment import block_parameters
 from hdd_servo_ros.nodes.controller_node import ControllerNode
@@ -24,14 +26,17 @@ class AdaptiveNnController(ControllerNode):
     def __init__(self) -> None:
         super().__init__('adaptive_nn_controller', AdaptiveNnParameters, AdaptiveNn)
         self.create_service(Trigger, '~/reset', self._reset)
-        self._drive: dict[str, Any] | None = None
+        self._drive: PlantParameters | None = None
         self._at_start: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
         self._first_r = 0.0
         self._margin: CertificateMargin | None = None
 
     def prepare(self, run: Run) -> None:
+        found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
+        if found is not None:
+            values = {name: tuple(v) if isinstance(v, list) else v for name, v in found['parameters'].items()}
+            self._drive = block_parameters('vcm_plant', values)
         super().prepare(run)
-        self._drive = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]
 
@@ -40,6 +45,11 @@ class AdaptiveNnController(ControllerNode):
         self._at_start = self.parameters[AdaptiveNnParameters]
         self.step(tick, stamp, messages)
         self._first_r = float(self._controller.estimates[_R])
+
+    def _warnings(self) -> Iterable[str]:
+        if self._drive is None:
+            return super()._warnings()
+        return fragility.warnings(self._controller, self._drive, self._dsp.parameters.computation_delay)
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Reset what was learnt by a parameter, so that the bag shows the tick and a replay does the same."""
@@ -59,8 +69,7 @@ class AdaptiveNnController(ControllerNode):
         if self._drive is None or self.changes:
             return Diagnosis('certificate', OK, 'none: the drive is not known, or parameters were changed')
         if self._margin is None:
-            values = {name: tuple(v) if isinstance(v, list) else v for name, v in self._drive['parameters'].items()}
-            self._margin = CertificateMargin(self._at_start, block_parameters('vcm_plant', values), self._first_r)
+            self._margin = CertificateMargin(self._at_start, self._drive, self._first_r)
         r = float(self._controller.estimates[_R])
         found = self._margin.at(self.tick * self._ticks.sample_time, r)
         if found is None:

@@ -49,8 +49,13 @@ class ControllerNode(LoopNode):
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time)
         self._tell_limit()
-        for warning in getattr(self._controller, 'warnings', tuple)():
+        for warning in self._warnings():
             self.get_logger().warning(warning)
+
+    def _warnings(self) -> Iterable[str]:
+        """Return what a user should be told before the run."""
+        found: Iterable[str] = getattr(self._controller, 'warnings', tuple)()
+        return found
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])
