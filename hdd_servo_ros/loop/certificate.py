@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.control.certificate import (
     Bounds,
@@ -122,6 +123,7 @@ def certify(
     sample_time: float,
     plant: PlantParameters,
     controller: AdaptiveNnParameters,
+    dsp: DspParameters,
     extra_disturbance: float = 0.0,
 ) -> tuple[Certificate, ...]:
     """
@@ -133,7 +135,7 @@ def certify(
         The run from tick 0 on.
     sample_time
         T [s].
-    plant, controller
+    plant, controller, dsp
         What was run.
     extra_disturbance
         Bound of a disturbance beside the drive's own [V].
@@ -158,7 +160,9 @@ def certify(
         region = ((min(x.min(), 0.0), max(x.max(), 0.0)), (min(v.min(), 0.0), max(v.max(), 0.0)))
         ideals = {'theorem': theorem_values(known_plant(plant, d), controller, region), **ideals}
     energies = {kind: np.empty(len(x)) for kind in ideals}
-    pieces = replay_weights(controller, sample_time, signals.reference, signals.ldv, signals.control, signals.estimates)
+    pieces = replay_weights(
+        controller, dsp, sample_time, signals.reference, signals.ldv, signals.control, signals.estimates
+    )
     for piece, weights, compensator in pieces:
         for kind, ideal in ideals.items():
             energies[kind][piece] = weight_energy(controller, ideal, weights, compensator)
@@ -241,13 +245,13 @@ def conditions(
     sample_time: float,
     plant: PlantParameters,
     controller: AdaptiveNnParameters,
+    dsp: DspParameters,
     certificates: Sequence[Certificate],
 ) -> tuple[Condition, ...]:
     """Return what theorem 4.1 takes for granted, and whether the run keeps it."""
     columns = dict(zip(signals.estimate_names, signals.estimates.T, strict=True))
     r = certificates[0].r
     off = float(np.abs(columns['r'] - r).max())
-    limited = np.abs(signals.control[:, 1]) > min(controller.control_limit, plant.control_limit)
     clipped = np.abs(columns['r']) > controller.r_limit if controller.r_limit > 0.0 else np.zeros(len(r), dtype=bool)
     smooth, detail = _smooth(signals, controller, sample_time)
     resonances = plant.resonance.form != 'none'
@@ -264,7 +268,7 @@ def conditions(
             f"the controller's r is off by up to {off:.3g} of {float(np.abs(r).max()):.3g}",
         ),
         Condition('true sgn', controller.boundary_layer == 0.0, f'boundary layer {controller.boundary_layer:g}'),
-        Condition('no saturation', not limited.any(), f'u was limited at {int(limited.sum())} ticks'),
+        *_output_conditions(signals, sample_time, plant, controller, dsp),
         Condition('the whole r in the laws', not clipped.any(), f'r was clipped at {int(clipped.sum())} ticks'),
         Condition('reference without jumps', smooth, detail),
     ]
@@ -283,6 +287,38 @@ def conditions(
                 )
             )
     return tuple(found)
+
+
+def _output_conditions(
+    signals: Signals, sample_time: float, plant: PlantParameters, controller: AdaptiveNnParameters, dsp: DspParameters
+) -> tuple[Condition, ...]:
+    """Return what the theorem takes for granted of the way to the force: the law's u, whole, exact and at once."""
+    # With a delay, u and u before the limit are still those of one command.
+    u, unsaturated = signals.control[:, :2].T
+    dac_limit = Dsp(dsp, sample_time).limit
+    limited = np.abs(unsaturated) > min(controller.control_limit, dac_limit)
+    limited |= np.abs(u) > plant.control_limit
+    limits = {
+        'control_limit': controller.control_limit,
+        'dsp.dac_range': dac_limit,
+        "the drive's control_limit": plant.control_limit,
+    }
+    smallest = min(limits, key=limits.__getitem__)
+    quantisation, delay = f'dsp.dac_bits {dsp.dac_bits}', f'dsp.computation_delay {dsp.computation_delay}'
+    if dsp.dac_bits > 0:
+        rounded = float(np.abs(u - unsaturated)[~limited].max(initial=0.0))
+        quantisation += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
+    if dsp.computation_delay > 0:
+        delay += f': u {dsp.computation_delay * sample_time:g} s late, which the theorem does not cover'
+    return (
+        Condition(
+            'no saturation',
+            not limited.any(),
+            f'u was limited at {int(limited.sum())} ticks; {smallest} lets {limits[smallest]:.6g} out',
+        ),
+        Condition('no quantisation of u', dsp.dac_bits == 0, quantisation),
+        Condition('no computation delay', dsp.computation_delay == 0, delay),
+    )
 
 
 def _smooth(signals: Signals, controller: AdaptiveNnParameters, sample_time: float) -> tuple[bool, str]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import ESTIMATE_NAMES, AdaptiveNn, AdaptiveNnParameters
 
 Array = NDArray[np.float64]
@@ -18,6 +19,7 @@ class ReplayError(ValueError):
 
 def replay_weights(
     parameters: AdaptiveNnParameters,
+    dsp: DspParameters,
     sample_time: float,
     reference: Array,
     ldv: Array,
@@ -28,18 +30,19 @@ def replay_weights(
     Iterate over a run in pieces: the ticks, W_hat and the compensator's weights as used at each.
 
     The weights are too many for a topic, but the controller is a function of its inputs: fed with the recorded ones it
-    goes through the same states, to the bit. That it does is checked at every tick, on everything that was recorded.
+    goes through the same states, to the bit, and its commands through the DSP's output to the same voltages. That it
+    does is checked at every tick, on everything that was recorded.
 
     Parameters
     ----------
-    parameters
-        The controller.
+    parameters, dsp
+        The controller, and what lies between its law and `/control`; neither changes during the run.
     sample_time
         T [s].
     reference, ldv
         Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are passed over).
     control, estimates
-        What was recorded of the controller: u, u before the limit and its feedback part; the estimates.
+        What was recorded: `/control`, u, u before the limit and its feedback part; the estimates.
 
     Raises
     ------
@@ -47,6 +50,8 @@ def replay_weights(
         If the replay differs from the record; says where and what.
     """
     controller = AdaptiveNn(parameters, sample_time)
+    output = Dsp(dsp, sample_time)
+    controller.limit_output(output.limit)
     replayed = np.empty((min(_PIECE, len(ldv)), len(ESTIMATE_NAMES) + 3))
     recorded = np.column_stack((estimates, control))
     inputs = np.column_stack((ldv[:, :2], reference))
@@ -59,7 +64,7 @@ def replay_weights(
         for row, values in enumerate(inputs[piece].tolist()):
             weights[row] = controller.weights
             compensator[row] = controller.compensator_weights
-            replayed[row, -3:] = controller.step(start + row, *values)
+            replayed[row, -3:] = output.step(*controller.step(start + row, *values))
             replayed[row, :-3] = controller.estimates
         wrong = np.argwhere(replayed[: piece.stop - start] != recorded[piece])
         if len(wrong):

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.loop.certificate import Certificate, Condition, certify, conditions
-from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.loop.experiment import block_parameters, dsp_parameters
 from hdd_servo_ros.loop.replay import ReplayError
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
@@ -79,12 +79,14 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     outputs = {topic.rsplit('/', 1)[-1] for node in nodes.values() for topic in node['outputs']}
     if DISTURBANCE.name in outputs and extra_disturbance is None:
         raise CertificateError(f'{directory}: a node published {DISTURBANCE.name}: say its bound with --disturbance')
-    controller = block_parameters(CONTROLLER, _tuples(nodes[CONTROLLER]['parameters']))
+    of_controller = _tuples(nodes[CONTROLLER]['parameters'])
+    controller = block_parameters(CONTROLLER, of_controller)
+    dsp = dsp_parameters(CONTROLLER, of_controller)
     plant = block_parameters(DRIVE, _tuples(nodes[DRIVE]['parameters']))
     signals = read_signals(directory)
     sample_time = float(run['sample_time'])
-    certificates = certify(signals, sample_time, plant, controller, extra_disturbance or 0.0)
-    kept = conditions(signals, sample_time, plant, controller, certificates)
+    certificates = certify(signals, sample_time, plant, controller, dsp, extra_disturbance or 0.0)
+    kept = conditions(signals, sample_time, plant, controller, dsp, certificates)
     return Report(certificates, kept, str(run.get('length_unit', 'um')), str(run.get('control_unit', 'V')))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.loop.replay import ReplayError, replay_weights
@@ -11,6 +12,7 @@ from hdd_servo_ros.parameters import from_mapping
 T = 1e-4
 VALUES = {'compensator.enabled': True, 'width.enabled': True, 'velocity_source': 'difference'}
 PARAMETERS = from_mapping(AdaptiveNnParameters, VALUES)
+NO_DSP = DspParameters()
 
 
 @pytest.fixture(scope='module')
@@ -20,8 +22,9 @@ def recorded():
     return rows, experiment.controller
 
 
-def replayed(rows, parameters=PARAMETERS):
-    return list(replay_weights(parameters, T, rows.reference, rows.ldv, rows.control, rows.estimates))
+def replayed(rows, parameters=PARAMETERS, dsp=NO_DSP, **other):
+    signals = {name: getattr(rows, name) for name in ('reference', 'ldv', 'control', 'estimates')} | other
+    return list(replay_weights(parameters, dsp, T, **signals))
 
 
 def test_weights_are_those_of_the_run(recorded):
@@ -46,8 +49,33 @@ def test_a_record_that_does_not_fit_is_refused(recorded):
     estimates = rows.estimates.copy()
     estimates[8500, 4] = np.nextafter(estimates[8500, 4], 1.0)
     with pytest.raises(ReplayError, match='tick 8500 phi_hat is'):
-        list(replay_weights(PARAMETERS, T, rows.reference, rows.ldv, rows.control, estimates))
+        replayed(rows, estimates=estimates)
     with pytest.raises(ReplayError, match='at tick 0 position_width is'):
         replayed(rows, from_mapping(AdaptiveNnParameters, VALUES | {'network.width': (0.7,)}))
     with pytest.raises(ReplayError, match='3 estimates'):
-        list(replay_weights(PARAMETERS, T, rows.reference, rows.ldv, rows.control, estimates[:, :3]))
+        replayed(rows, estimates=estimates[:, :3])
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'computation_delay': 1},
+        {'dac_bits': 16, 'dac_range': 10.0},
+        {'dac_range': 0.05},
+        {'computation_delay': 1, 'dac_bits': 6, 'dac_range': 0.05},
+    ],
+)
+def test_a_run_through_the_dsp_is_replayed_to_the_bit(values, recorded):
+    section = VALUES | {f'dsp.{name}': value for name, value in values.items()}
+    rows = Experiment(T, 'adaptive_nn', {'adaptive_nn_controller': section}).run(0, 3000)
+    ideal, _ = recorded
+    assert (rows.control[:, 0] != ideal.control[:3000, 0]).any()
+    dsp = DspParameters(**values)
+    # It raises where one bit of one recorded number differs.
+    assert sum(len(weights) for _, weights, _ in replayed(rows, dsp=dsp)) == 3000
+    with pytest.raises(ReplayError, match='does not do what was recorded'):
+        replayed(rows)
+    control = rows.control.copy()
+    control[2500, 0] = np.nextafter(control[2500, 0], 1.0)
+    with pytest.raises(ReplayError, match='at tick 2500 u is'):
+        replayed(rows, dsp=dsp, control=control)

@@ -29,8 +29,9 @@ def run(ticks, controller=None, drive=None, reference=None, base=BASE, sample_ti
     }
     experiment = Experiment(sample_time, 'adaptive_nn', sections)
     rows = experiment.run(0, ticks)
-    found = certify(rows, sample_time, experiment.plant.parameters, experiment.controller.parameters)
-    kept = conditions(rows, sample_time, experiment.plant.parameters, experiment.controller.parameters, found)
+    was_run = experiment.plant.parameters, experiment.controller.parameters, experiment.dsp.parameters
+    found = certify(rows, sample_time, *was_run)
+    kept = conditions(rows, sample_time, *was_run, found)
     return found, {each.name: each for each in kept}
 
 
@@ -189,6 +190,37 @@ def test_conditions_that_are_not_kept_are_named():
     }
 
 
+OUTPUT = ('no saturation', 'no quantisation of u', 'no computation delay')
+
+
+@pytest.mark.parametrize(
+    ('dsp', 'broken', 'said'),
+    [
+        ({'dsp.computation_delay': 1}, 'no computation delay', 'dsp.computation_delay 1: u 0.0001 s late, '),
+        # Half a step of 200/2^7.
+        (
+            {'dsp.dac_bits': 8, 'dsp.dac_range': 200.0},
+            'no quantisation of u',
+            'dsp.dac_bits 8: u rounded by up to 0.78',
+        ),
+        ({'dsp.dac_range': 5.0}, 'no saturation', 'dsp.dac_range lets 5 out'),
+        ({'dsp.dac_range': 200.0}, None, ''),
+    ],
+)
+def test_what_the_dsp_does_is_named(dsp, broken, said):
+    _, kept = run(1000, dsp)
+    assert [name for name in OUTPUT if not kept[name].holds] == ([broken] if broken else [])
+    assert said in kept[broken or 'no saturation'].detail
+    if broken in OUTPUT[1:]:
+        assert kept[broken].detail.endswith('which the theorem does not cover')
+
+
+def test_violations_by_the_dsp_are_counted():
+    certificates, kept = run(5000, {'dsp.dac_range': 0.5})
+    assert not kept['no saturation'].holds
+    assert certificates[1].violations > 0
+
+
 def test_integral_action_keeps_the_bounds_on_r():
     certificates, _ = run(10_000, {'integral_gain': 0.2})
     for certificate in certificates:
@@ -216,6 +248,20 @@ def test_command(tmp_path, capsys):
     for text in ('theorem: ', 'run: ', 'V(0) ', 'c1 0.1 1/s', '|r|  (i) [m/s]', 'violations', 'NOT kept  sampled'):
         assert text in printed
     assert (directory / 'certificate.png').stat().st_size > 10_000
+
+
+def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
+    values = {'computation_delay': 1, 'dac_bits': 16, 'dac_range': 200.0}
+    words = [word for name, value in values.items() for word in ('-p', f'adaptive_nn_controller:dsp.{name}:={value}')]
+    directory = recorded(tmp_path / 'run', *words)
+    assert main([str(directory)]) == 0
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert 'no quantisation of u NOT kept dsp.dac_bits 16: u rounded by up to' in printed
+    assert 'no computation delay NOT kept dsp.computation_delay 1: u 0.0001 s late' in printed
+    file = directory / 'run.yaml'
+    file.write_text(file.read_text().replace('dsp.dac_bits: 16', 'dsp.dac_bits: 15'))
+    assert main([str(directory)]) == 2
+    assert 'does not do what was recorded: at tick' in capsys.readouterr().err
 
 
 def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
