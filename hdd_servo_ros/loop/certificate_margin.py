@@ -4,6 +4,7 @@ import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import ParameterError
@@ -55,6 +56,25 @@ class CertificateMargin:
             self.why_not = str(error)
         else:
             self._monitor = monitor
+
+    @staticmethod
+    def not_covered(dsp: DspParameters, limited_commands: int) -> str:
+        """
+        Return what the theorem does not cover of a controller's way out, empty if that is nothing.
+
+        Parameters
+        ----------
+        dsp
+            What lies between the controller's law and `/control`.
+        limited_commands
+            How many commands were limited so far, by the controller or behind it.
+        """
+        effects = {
+            'saturation': limited_commands > 0,
+            'dsp.dac_bits': dsp.dac_bits > 0,
+            'dsp.computation_delay': dsp.computation_delay > 0,
+        }
+        return ', '.join(name for name, is_on in effects.items() if is_on)
 
     def at(self, time: float, r: float) -> Mapping[str, float] | None:
         """Return bound and margin [um/s] at a time [s], None as long as they are not known."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop import fragility
@@ -74,9 +75,11 @@ class AdaptiveNnController(ControllerNode):
         found = self._margin.at(self.tick * self._ticks.sample_time, r)
         if found is None:
             return Diagnosis('certificate', OK, self._margin.why_not or 'not known yet')
+        effects = self._margin.not_covered(self.parameters[ControllerOutputParameters].dsp, self._dsp.saturated_samples)
+        caveat = f', which does not cover {effects}' if effects else ''
         if found['margin'] < 0.0:
-            return Diagnosis('certificate', WARN, 'the bound of theorem 4.1 is violated', {**found, 'r': r})
-        return Diagnosis('certificate', OK, 'inside the bound of theorem 4.1', {**found, 'r': r})
+            return Diagnosis('certificate', WARN, f'outside the bound of theorem 4.1{caveat}', {**found, 'r': r})
+        return Diagnosis('certificate', OK, f'inside the bound of theorem 4.1{caveat}', {**found, 'r': r})
 
     def _diagnose_adaptation(self) -> Diagnosis:
         parameters: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]

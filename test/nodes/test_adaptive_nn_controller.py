@@ -1,10 +1,15 @@
-"""What the adaptive NN controller's node says of the estimates on /diagnostics."""
+"""What the adaptive NN controller's node says of the estimates and of the certificate on /diagnostics."""
 
+import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.certificate_margin import CertificateMargin
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.ros.diagnostics import OK, WARN
@@ -27,3 +32,45 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
     found = AdaptiveNnController._diagnose_adaptation(node)
     assert (found.level, said in found.message) == (level, True)
+
+
+@pytest.mark.parametrize(
+    ('values', 'limited', 'said'),
+    [
+        ({}, 0, 'theorem 4.1'),
+        ({'dac_range': 10.0}, 0, 'theorem 4.1'),
+        ({}, 3, 'theorem 4.1, which does not cover saturation'),
+        ({'computation_delay': 1}, 0, 'theorem 4.1, which does not cover dsp.computation_delay'),
+        (
+            {'dac_bits': 16, 'dac_range': 10.0, 'computation_delay': 1},
+            0,
+            'theorem 4.1, which does not cover dsp.dac_bits, dsp.computation_delay',
+        ),
+    ],
+)
+@pytest.mark.parametrize(('r', 'level', 'where'), [(10.0, OK, 'inside'), (1e12, WARN, 'outside')])
+def test_the_certificate_says_what_it_does_not_cover(values, limited, said, r, level, where, margin):
+    node = SimpleNamespace(
+        tick=1,
+        changes=(),
+        parameters={ControllerOutputParameters: ControllerOutputParameters(dsp=DspParameters(**values))},
+        _drive={'parameters': {}},
+        _margin=margin,
+        _ticks=SimpleNamespace(sample_time=1e-4),
+        _controller=SimpleNamespace(estimates=np.full(len(AdaptiveNn.estimate_names), r)),
+        _dsp=SimpleNamespace(saturated_samples=limited),
+    )
+    found = AdaptiveNnController._diagnose_certificate(node)
+    assert (found.level, found.message) == (level, f'{where} the bound of {said}')
+
+
+@pytest.fixture(scope='module')
+def margin():
+    """Find the theorem's constants, which a thread of their own does, for the default controller and drive."""
+    found = CertificateMargin(AdaptiveNnParameters(), PlantParameters(), 1000.0)
+    wait_until = time.monotonic() + 60.0
+    while found.at(0.0, 0.0) is None:
+        assert time.monotonic() < wait_until
+        assert not found.why_not
+        time.sleep(0.01)
+    return found
