@@ -13,18 +13,21 @@ from hdd_servo_ros.parameters import ParameterSet, parameter
 
 VELOCITY_SOURCES = ('sensor', 'difference')
 SENSOR, DIFFERENCE = range(len(VELOCITY_SOURCES))
-ANTI_WINDUP = ('clamping', 'back_calculation', 'off')
-CLAMPING, BACK_CALCULATION, OFF = range(len(ANTI_WINDUP))
+# Not 'off', which YAML reads as false.
+ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
+CLAMPING, BACK_CALCULATION, NONE = range(len(ANTI_WINDUP))
 
 # Where the constants of pid_step stand.
 TIME_STEP, DISPLACEMENT_SCALE, VELOCITY_SCALE, VELOCITY_SOURCE = range(4)
 PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(4, 8)
 WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD, FILTER_REFERENCE = range(8, 14)
-CONSTANTS = 14
+FADING = 14
+CONSTANTS = 15
 
 # Where its state stands.
 INTEGRAL, FILTERED, LAST_ERROR, STARTED, LAST_POSITION, MEASURED_VELOCITY = range(6)
-STATES = 6
+BUMP, LAST_REFERENCE_VELOCITY, LAST_REFERENCE_ACCELERATION = range(6, 9)
+STATES = 9
 
 ESTIMATE_NAMES = ('t', 'e', 'integral', 'derivative')
 
@@ -53,10 +56,16 @@ class PidParameters(ParameterSet):
     anti_windup: str = parameter(
         'clamping',
         'clamping: the integral rests while the output is limited and the error would drive it further; '
-        'back_calculation: the excess over the limit discharges it',
+        'back_calculation: the excess over the limit discharges it; none: it winds up',
         choices=ANTI_WINDUP,
     )
     tracking_time: float = parameter(1.0e-3, 'time constant of the back calculation', unit='s', above=0.0)
+    transfer_time: float = parameter(
+        1.0e-2,
+        'time constant with which the step fades that new gains would make in u, where there is no integral to take it',
+        unit='s',
+        above=0.0,
+    )
     velocity_feedforward: float = parameter(0.0, 'voltage per reference velocity', unit='V s/um')
     acceleration_feedforward: float = parameter(0.0, 'voltage per reference acceleration', unit='V s^2/um')
     control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
@@ -110,7 +119,7 @@ def pid_step(
     derivative = -constants[DERIVATIVE] * slope
     compensation = constants[VELOCITY_FEEDFORWARD] * dx_d + constants[ACCELERATION_FEEDFORWARD] * ddx_d
     limit = constants[CONTROL_LIMIT]
-    feedback = derivative + integral - constants[PROPORTIONAL] * error
+    feedback = derivative + integral + state[BUMP] - constants[PROPORTIONAL] * error
     unsaturated = feedback + compensation
     # Clamping takes back what the integral's own step does beyond the limit.
     if constants[WINDUP] == CLAMPING:
@@ -118,7 +127,7 @@ def pid_step(
             integral = max(state[INTEGRAL], integral - (unsaturated - limit))
         elif unsaturated < -limit and error > 0.0:
             integral = min(state[INTEGRAL], integral - (unsaturated + limit))
-        feedback = derivative + integral - constants[PROPORTIONAL] * error
+        feedback = derivative + integral + state[BUMP] - constants[PROPORTIONAL] * error
         unsaturated = feedback + compensation
     u = saturated(unsaturated, limit)
     estimates[0] = float(tick) * time_step
@@ -128,6 +137,9 @@ def pid_step(
     if constants[WINDUP] == BACK_CALCULATION:
         integral += constants[TRACKING] * (u - unsaturated)
     state[INTEGRAL] = integral
+    state[BUMP] *= constants[FADING]
+    state[LAST_REFERENCE_VELOCITY] = dx_d
+    state[LAST_REFERENCE_ACCELERATION] = ddx_d
     state[FILTERED] = slope
     state[LAST_ERROR] = error
     state[STARTED] = 1.0
@@ -170,15 +182,21 @@ class Pid:
         """
         Take other parameters from the next tick on, without a bump in u.
 
-        The integral takes up the difference that new gains would make at the last error. With a new k_i of zero it is
-        emptied instead: nothing would ever take a remainder out of it again.
+        The integral takes up the difference that new k_p and k_d would make at the last error. With a new k_i of zero
+        nothing would ever take it out of there again: the difference, and what the integral holds, then fade with
+        ``transfer_time``. So does the difference that a new feedforward would make.
         """
         old = self.parameters
+        difference = (parameters.proportional_gain - old.proportional_gain) * self.state[LAST_ERROR]
+        difference += (parameters.derivative_gain - old.derivative_gain) * self.state[FILTERED]
         if parameters.integral_gain > 0.0:
-            self.state[INTEGRAL] += (parameters.proportional_gain - old.proportional_gain) * self.state[LAST_ERROR]
-            self.state[INTEGRAL] += (parameters.derivative_gain - old.derivative_gain) * self.state[FILTERED]
+            self.state[INTEGRAL] += difference
         else:
+            self.state[BUMP] += self.state[INTEGRAL] + difference
             self.state[INTEGRAL] = 0.0
+        velocity, acceleration = self.state[[LAST_REFERENCE_VELOCITY, LAST_REFERENCE_ACCELERATION]]
+        self.state[BUMP] -= (parameters.velocity_feedforward - old.velocity_feedforward) * velocity
+        self.state[BUMP] -= (parameters.acceleration_feedforward - old.acceleration_feedforward) * acceleration
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
@@ -202,6 +220,7 @@ class Pid:
             constants[SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.derivative_bandwidth * self.sample_time)
         constants[WINDUP] = ANTI_WINDUP.index(parameters.anti_windup)
         constants[TRACKING] = 1.0 - exp(-self.sample_time / parameters.tracking_time)
+        constants[FADING] = exp(-self.sample_time / parameters.transfer_time)
         constants[CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)
         constants[VELOCITY_FEEDFORWARD] = parameters.velocity_feedforward
         constants[ACCELERATION_FEEDFORWARD] = parameters.acceleration_feedforward
