@@ -83,10 +83,10 @@ class Dsp:
     """
     The digital side's way out: saturation, quantisation and computation delay between any controller and `/control`.
 
-    The law's voltage is clipped to the converter's range, rounded to its step, and held from this tick on, or from the
-    next with a computation delay of one sample; before the first command is there, 0 V is held. What is returned
-    belongs together: with a delay, the voltage before the limit and the feedback part are those of the voltage that is
-    held now. Values that are not finite pass through.
+    The law's voltage is clipped to the converter's range and to what the drive takes, rounded to the converter's step,
+    and held from this tick on, or from the next with a computation delay of one sample; before the first command is
+    there, 0 V is held. What is returned belongs together: with a delay, the voltage before the limit and the feedback
+    part are those of the voltage that is held now. Values that are not finite pass through.
 
     Parameters
     ----------
@@ -94,6 +94,8 @@ class Dsp:
         Converter and delay.
     sample_time
         T [s]; for likeness with the other blocks, the delay counts in samples.
+    drive_limit
+        Largest magnitude of voltage that the drive takes [V], so that what is said to be held is held.
 
     Attributes
     ----------
@@ -102,8 +104,9 @@ class Dsp:
         limited, by the controller or here.
     """
 
-    def __init__(self, parameters: DspParameters, sample_time: float) -> None:
+    def __init__(self, parameters: DspParameters, sample_time: float, drive_limit: float = math.inf) -> None:
         self.sample_time = sample_time
+        self.drive_limit = drive_limit
         self.state: NDArray[np.float64] = np.zeros(STATES)
         self.update(parameters)
 
@@ -112,7 +115,7 @@ class Dsp:
         self.parameters = parameters
         constants = np.zeros(CONSTANTS)
         constants[DELAY] = parameters.computation_delay
-        constants[LIMIT] = parameters.dac_range if parameters.dac_range > 0.0 else math.inf
+        constants[LIMIT] = min(parameters.dac_range if parameters.dac_range > 0.0 else math.inf, self.drive_limit)
         constants[STEP], constants[LOWEST], constants[HIGHEST] = converter_codes(
             parameters.dac_bits, parameters.dac_range
         )
@@ -122,12 +125,12 @@ class Dsp:
     def limit(self) -> float:
         """The largest magnitude of voltage that comes out on both sides of zero [V], infinity if there is none."""
         if self.parameters.dac_bits > 0:
-            return float(self.constants[HIGHEST] * self.constants[STEP])
+            return min(float(self.constants[HIGHEST] * self.constants[STEP]), self.drive_limit)
         return float(self.constants[LIMIT])
 
     @property
     def saturated_samples(self) -> int:
-        """How many commands so far were limited, by the controller or by the converter."""
+        """How many commands so far were limited, by the controller, the converter or the drive."""
         return int(self.state[SATURATED])
 
     def step(self, u: float, unsaturated: float, feedback: float) -> tuple[float, float, float]:

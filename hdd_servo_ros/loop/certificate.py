@@ -161,7 +161,14 @@ def certify(
         ideals = {'theorem': theorem_values(known_plant(plant, d), controller, region), **ideals}
     energies = {kind: np.empty(len(x)) for kind in ideals}
     pieces = replay_weights(
-        controller, dsp, sample_time, signals.reference, signals.ldv, signals.control, signals.estimates
+        controller,
+        dsp,
+        plant.control_limit,
+        sample_time,
+        signals.reference,
+        signals.ldv,
+        signals.control,
+        signals.estimates,
     )
     for piece, weights, compensator in pieces:
         for kind, ideal in ideals.items():
@@ -296,14 +303,13 @@ def _output_conditions(
     # With a delay, u and u before the limit are still those of one command.
     u, unsaturated = signals.control[:, :2].T
     dac_limit = Dsp(dsp, sample_time).limit
-    limited = np.abs(unsaturated) > min(controller.control_limit, dac_limit)
-    limited |= np.abs(u) > plant.control_limit
     limits = {
         'control_limit': controller.control_limit,
         'dsp.dac_range': dac_limit,
         "the drive's control_limit": plant.control_limit,
     }
     smallest = min(limits, key=limits.__getitem__)
+    limited = np.abs(unsaturated) > limits[smallest]
     quantisation, delay = f'dsp.dac_bits {dsp.dac_bits}', f'dsp.computation_delay {dsp.computation_delay}'
     if dsp.dac_bits > 0:
         rounded = float(np.abs(u - unsaturated)[~limited].max(initial=0.0))

@@ -170,7 +170,7 @@ class Experiment:
             dsp = dsp_parameters(outside.node, own)
         else:
             self.controller = controller
-        self.dsp = Dsp(dsp or DspParameters(), sample_time)
+        self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
         self._held: NDArray[np.float64] = np.zeros(1)

@@ -20,6 +20,7 @@ class ReplayError(ValueError):
 def replay_weights(
     parameters: AdaptiveNnParameters,
     dsp: DspParameters,
+    drive_limit: float,
     sample_time: float,
     reference: Array,
     ldv: Array,
@@ -37,6 +38,8 @@ def replay_weights(
     ----------
     parameters, dsp
         The controller, and what lies between its law and `/control`; neither changes during the run.
+    drive_limit
+        Largest magnitude of voltage that the drive takes [V].
     sample_time
         T [s].
     reference, ldv
@@ -50,7 +53,7 @@ def replay_weights(
         If the replay differs from the record; says where and what.
     """
     controller = AdaptiveNn(parameters, sample_time)
-    output = Dsp(dsp, sample_time)
+    output = Dsp(dsp, sample_time, drive_limit)
     controller.limit_output(output.limit)
     replayed = np.empty((min(_PIECE, len(ldv)), len(ESTIMATE_NAMES) + 3))
     recorded = np.column_stack((estimates, control))

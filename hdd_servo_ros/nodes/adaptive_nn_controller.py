@@ -12,8 +12,7 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop import fragility
 from hdd_servo_ros.loop.certificate_margin import CertificateMargin
-from hdd_servo_ros.loop.experiment import block_parameters
-from hdd_servo_ros.nodes.controller_node import ControllerNode
+from hdd_servo_ros.nodes.controller_node import ControllerNode, drive_of
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run import Run
@@ -33,10 +32,7 @@ class AdaptiveNnController(ControllerNode):
         self._margin: CertificateMargin | None = None
 
     def prepare(self, run: Run) -> None:
-        found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
-        if found is not None:
-            values = {name: tuple(v) if isinstance(v, list) else v for name, v in found['parameters'].items()}
-            self._drive = block_parameters('vcm_plant', values)
+        self._drive = drive_of(run)
         super().prepare(run)
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]

@@ -1,10 +1,13 @@
 """What all controller nodes share: the wires around a controller block."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.loop.experiment import block_parameters
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
@@ -14,6 +17,16 @@ from hdd_servo_ros.topics import CONTROL, ESTIMATES, LDV, REFERENCE
 
 _OFTEN = 0.5
 """Part of the ticks above which a limited control is an error."""
+
+
+def drive_of(run: Run) -> PlantParameters | None:
+    """Return the parameters of a run's drive as they stand before tick 0, None if no `vcm_plant` takes part."""
+    found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
+    if found is None:
+        return None
+    values = {name: tuple(v) if isinstance(v, list) else v for name, v in found['parameters'].items()}
+    drive: PlantParameters = block_parameters('vcm_plant', values)
+    return drive
 
 
 class ControllerNode(LoopNode):
@@ -47,7 +60,9 @@ class ControllerNode(LoopNode):
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
-        self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time)
+        drive = drive_of(run)
+        drive_limit = math.inf if drive is None else drive.control_limit
+        self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
         for warning in self._warnings():
             self.get_logger().warning(warning)

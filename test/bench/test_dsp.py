@@ -55,6 +55,13 @@ def test_the_converter_limits_and_rounds():
     assert block.saturated_samples == 2
 
 
+def test_what_the_drive_takes_is_the_limit_too():
+    block = Dsp(DspParameters(dac_range=2.0), T, drive_limit=1.5)
+    assert [block.step(u, u, u) for u in (1.2, 7.0, -7.0)] == [(1.2, 1.2, 1.2), (1.5, 7.0, 7.0), (-1.5, -7.0, -7.0)]
+    assert (block.limit, block.saturated_samples) == (1.5, 2)
+    assert Dsp(DspParameters(dac_bits=3, dac_range=4.0), T, drive_limit=1.5).limit == 1.5
+
+
 def test_a_limit_without_steps():
     block = dsp(dac_range=2.0)
     assert [block.step(u, u, u)[0] for u in (1.2345, 7.0, -7.0)] == [1.2345, 2.0, -2.0]

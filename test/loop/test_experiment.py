@@ -37,6 +37,26 @@ def test_a_controller_from_outside():
     np.testing.assert_array_equal(rows.estimate('t'), np.arange(1500) * T)
 
 
+class Absurd:
+    """Asks for more than any drive takes."""
+
+    estimate_names = ('t',)
+
+    def __init__(self):
+        self.estimates = np.zeros(1)
+
+    def update(self, parameters):
+        pass
+
+    def step(self, tick, *inputs):
+        return 8700.0, 8700.0, 8700.0
+
+
+def test_what_the_drive_does_not_take_is_not_held():
+    rows = Experiment(1e-4, Absurd(), {'vcm_plant': {'control_limit': 3.0}}).run(0, 3)
+    assert rows.control.tolist() == [[3.0, 8700.0, 8700.0]] * 3
+
+
 def test_the_loop_in_python_equals_the_compiled_one():
     parameters = PidParameters()
     outside = Experiment(T, Pid(parameters, T))

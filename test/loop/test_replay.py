@@ -24,7 +24,7 @@ def recorded():
 
 def replayed(rows, parameters=PARAMETERS, dsp=NO_DSP, **other):
     signals = {name: getattr(rows, name) for name in ('reference', 'ldv', 'control', 'estimates')} | other
-    return list(replay_weights(parameters, dsp, T, **signals))
+    return list(replay_weights(parameters, dsp, 10.0, T, **signals))
 
 
 def test_weights_are_those_of_the_run(recorded):
