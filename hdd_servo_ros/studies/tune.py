@@ -6,7 +6,7 @@ Tune both controllers for a drive by one rule, and print what belongs into the p
 
 The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances, filters and the computation delay
 ``dsp.computation_delay`` of the controller's section included, no spare delay), in presliding, where the friction is a
-spring, and in sliding, where it is gone.
+spring, and in sliding, where its viscous part alone is left.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
