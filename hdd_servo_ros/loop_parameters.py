@@ -21,7 +21,8 @@ class PeerParameters(ParameterSet):
     )
     peer_timeout: float = parameter(
         3.0,
-        'during the run: how long a peer may stay silent before the run fails',
+        'during the run: how long a peer may stay silent before the run fails if the loop stands still; three times as '
+        'long while ticks go on',
         unit='s',
         minimum=0.5,
         maximum=60.0,
