@@ -22,9 +22,12 @@ from hdd_servo_ros.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.topics import CLOCK, LOOP_TOPICS, PARAMETER_EVENTS
 
 BACKUP = 'damaged'
-"""Folder in the run's folder that the damaged originals are moved into."""
+"""Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
 _WORKSHOP = 'recovering'
 _ENDINGS = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+
+
+_NO_TICK = 'no tick is left'
 
 
 class RecoveryError(Exception):
@@ -83,7 +86,7 @@ class Recovery:
         if self._file is not None and (user := _user_of(self._file)) is not None:
             raise RecoveryError(f'{run}: process {user} still has the bag open')
         self._salvage = Salvage()
-        self._bag_fault = self._find_bag_fault()
+        self._bag_fault = '' if self._is_given_up() else self._find_bag_fault()
         if self._file is not None:
             self._salvage = salvage(self._file)
         self._topics = self._loop_topics()
@@ -96,6 +99,11 @@ class Recovery:
         except OSError as error:
             self._said_fault = str(error)
             return {}
+
+    def _is_given_up(self) -> bool:
+        """Return whether an earlier recovery has found that no tick is left, and moved the bag away."""
+        moved = not (self.run / 'bag').exists() and any(self.run.glob(f'{BACKUP}*/bag'))
+        return moved and self._said.get('last_tick') == -1
 
     def _find_bag_fault(self) -> str:
         if self._file is None:
@@ -152,31 +160,35 @@ class Recovery:
             status = RUNNING
         if status == RUNNING:
             status = RECOVERED if ticks else FAILED
-            reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else 'no tick is left'
+            reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else _NO_TICK
         elif faults and status != FINISHED:
-            reason += f' (bag mended up to tick {ticks - 1})'
+            reason += f' (bag mended up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
         return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
 
-    def mend(self) -> Path | None:
+    def mend(self) -> tuple[Path, ...]:
         """
-        Mend what is wrong; the originals are moved into a folder of their own first.
+        Mend what is wrong; the originals of what is mended are kept in a folder of their own.
+
+        A damaged bag is moved there even if no tick of it is left, and then there is no bag in its place.
 
         Returns
         -------
-        Path or None
-            Where the originals are; None if nothing was to be mended.
+        tuple of Path
+            The originals; none if nothing was to be mended.
         """
         if not self.finding.faults:
-            return None
+            return ()
+        is_damaged = bool(self._bag_fault or self._salvage.fault)
         new_bag = None
-        if self._file is not None and self.finding.last_tick >= 0 and (self._bag_fault or self._salvage.fault):
+        if self._file is not None and self.finding.last_tick >= 0 and is_damaged:
             new_bag = self._write_bag(self._file)
         backup = _free_name(self.run / BACKUP)
         backup.mkdir()
         if (self.run / 'run.yaml').exists():
             shutil.copy2(self.run / 'run.yaml', backup / 'run.yaml')
-        if new_bag is not None:
+        if is_damaged and (self.run / 'bag').exists():
             (self.run / 'bag').rename(backup / 'bag')
+        if new_bag is not None:
             new_bag.rename(self.run / 'bag')
             new_bag.parent.rmdir()
         content = {'topics': self._topics, **self._said}
@@ -186,7 +198,7 @@ class Recovery:
             'last_tick': self.finding.last_tick,
         }
         rewrite_run_yaml(self.run, content)
-        return backup
+        return tuple(sorted(backup.iterdir()))
 
     def _write_bag(self, file: Path) -> Path:
         workshop = self.run / _WORKSHOP

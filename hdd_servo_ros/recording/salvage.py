@@ -15,6 +15,7 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05
 _RECORD = struct.Struct('<BQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
+_SQLITE_MAGIC, _SQLITE_HEAD_SIZE = b'SQLite format 3\0', 100
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 
 
@@ -62,38 +63,55 @@ class _McapSalvage:
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
         data = memoryview(path.read_bytes())
+        self._size = len(data)
         try:
             if data[:8] != _MAGIC:
                 raise _Fault('the file does not begin as an MCAP file does')
-            if not self._walk(data, 8):
-                raise _Fault(f'cut off behind byte {len(data)}: the index is missing')
+            if not self._walk(data[8:], 8):
+                raise _Fault(f'cut off behind byte {self._size}: the index is missing')
             if data[-8:] != _MAGIC:
                 raise _Fault('the index is cut off')
         except _Fault as fault:
             self.found.fault = str(fault)
 
-    def _walk(self, data: memoryview, start: int) -> bool:
-        """Take in the records from ``start`` on; return whether the data section's end was among them."""
-        place = start
+    def _walk(self, data: memoryview, first: int) -> bool:
+        """
+        Take in a sequence of records; return whether the data section's end was among them.
+
+        Parameters
+        ----------
+        data
+            The records: those of the file, or of a chunk.
+        first
+            The byte of the file at which they begin.
+        """
+        place = 0
         while place < len(data):
+            start = first + place
             if len(data) - place < _RECORD.size:
-                raise _Fault(f'cut off at byte {place}')
+                raise self._cut_off(start, first + len(data))
             opcode, size = _RECORD.unpack_from(data, place)
             place += _RECORD.size
             if opcode in (_DATA_END, _FOOTER):
                 return True
             if not 0 < opcode < 0x80 or opcode > _DATA_END:
                 self._distrust_last()
-                raise _Fault(f'no record at byte {place - _RECORD.size}')
+                raise _Fault(f'no record at byte {start}')
             content = data[place : place + size]
             if opcode == _CHUNK:
-                self._take_chunk(content, size, place)
+                self._take_chunk(content, size, start)
             elif len(content) < size:
-                raise _Fault(f'cut off at byte {place - _RECORD.size}')
+                raise self._cut_off(start, first + len(data))
             else:
                 self._take(opcode, content)
             place += size
         return False
+
+    def _cut_off(self, start: int, end: int) -> _Fault:
+        """Return what is wrong with a record that begins at a byte of the file and wants to go on behind ``end``."""
+        if end == self._size:
+            return _Fault(f'cut off at byte {end}, within the record that begins at byte {start}')
+        return _Fault(f'the record at byte {start} goes beyond the end of its chunk at byte {end}')
 
     def _take(self, opcode: int, content: memoryview) -> None:
         try:
@@ -109,20 +127,20 @@ class _McapSalvage:
         except (struct.error, KeyError, UnicodeDecodeError):
             raise _Fault(f'a record of kind {opcode} makes no sense') from None
 
-    def _take_chunk(self, content: memoryview, size: int, place: int) -> None:
-        """Take in a chunk, of one that is cut off the part that is there."""
+    def _take_chunk(self, content: memoryview, size: int, start: int) -> None:
+        """Take in the chunk that begins at a byte of the file, of one that is cut off the part that is there."""
         if len(content) < _CHUNK_HEAD.size + 12:
-            raise _Fault(f'cut off in the head of the chunk at byte {place}')
+            raise _Fault(f'cut off at byte {self._size}, within the head of the chunk that begins at byte {start}')
         _, _, _, checksum = _CHUNK_HEAD.unpack_from(content)
         compression = _text(content, _CHUNK_HEAD.size)
         if compression:
-            raise _Fault(f'the chunk at byte {place} is compressed ({compression})')
+            raise _Fault(f'the chunk at byte {start} is compressed ({compression})')
         records = content[_CHUNK_HEAD.size + 12 :]
         if len(content) == size and checksum and zlib.crc32(records) != checksum:
-            raise _Fault(f'the chunk at byte {place} is damaged: its checksum is wrong')
-        self._walk(records, 0)
+            raise _Fault(f'the chunk at byte {start} is damaged: its checksum is wrong')
+        self._walk(records, start + _RECORD.size + _CHUNK_HEAD.size + 12)
         if len(content) < size:
-            raise _Fault(f'cut off in the chunk at byte {place}')
+            raise _Fault(f'cut off at byte {self._size}, within the chunk that begins at byte {start}')
 
     def _distrust_last(self) -> None:
         """Drop the message before a hole: a disk that lost power leaves zeros, and they may begin inside of it."""
@@ -147,6 +165,8 @@ class _SqliteSalvage:
                 companion = path.with_name(path.name + ending)
                 if companion.exists():
                     shutil.copyfile(companion, copy.with_name(copy.name + ending))
+            if not any(copy.with_name(copy.name + ending).exists() for ending in _SQLITE_COMPANIONS):
+                _own_up_to_size(copy)
             with contextlib.closing(sqlite3.connect(copy)) as connection:
                 try:
                     self.found.types = dict(connection.execute('SELECT name, type FROM topics'))
@@ -163,3 +183,23 @@ class _SqliteSalvage:
             'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
         ):
             yield names[topic], time, bytes(payload)
+
+
+def _own_up_to_size(path: Path) -> None:
+    """
+    Write into the head of a database that was cut off how many pages it has; SQLite opens none that claims more.
+
+    What is there can then be read row by row, up to the first page that is not. See https://sqlite.org/fileformat.html,
+    1.3.8.
+    """
+    size = path.stat().st_size
+    if size < _SQLITE_HEAD_SIZE:
+        return
+    with path.open('r+b') as file:
+        head = file.read(_SQLITE_HEAD_SIZE)
+        (page_size,) = struct.unpack_from('>H', head, 16)
+        page_size = 65536 if page_size == 1 else page_size
+        (claimed,) = struct.unpack_from('>I', head, 28)
+        if head.startswith(_SQLITE_MAGIC) and page_size and claimed * page_size > size:
+            file.seek(28)
+            file.write(struct.pack('>I', size // page_size))

@@ -13,8 +13,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog='recover',
         description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
-        epilog=f'The originals are kept in RUN/{BACKUP}/. Exit code: 0 the run is whole now, 1 no tick is left of it, '
-        '2 it cannot be mended.',
+        epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was. '
+        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 it cannot be mended.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
     parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
@@ -22,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         recovery = Recovery(parsed.run)
         finding = recovery.finding
+        if not finding.faults and finding.last_tick < 0:
+            print(f'recover: {parsed.run}: nothing is left to mend: {finding.status}, {finding.reason}')
+            return 1
         if not finding.faults:
             print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
             return 0
@@ -31,8 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if finding.left:
             print(f'recover: {finding.left} messages behind that stay in the original alone')
         if not parsed.dry_run:
-            backup = recovery.mend()
-            print(f'recover: run.yaml now says {finding.status}; the originals are in {backup}')
+            originals = ' and '.join(str(path) for path in recovery.mend()) or 'there were none'
+            print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
     except (RecoveryError, OSError) as error:
         print(f'recover: {error}', file=sys.stderr)
         return 2
