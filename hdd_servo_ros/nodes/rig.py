@@ -23,7 +23,7 @@ from hdd_servo_ros.nodes.vcm_plant import VcmPlant
 from hdd_servo_ros.registry import refuse_unknown
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode, last_ticks_needed
-from hdd_servo_ros.ros.node_parameters import NodeParameters
+from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 
 CONTROLLER_NODES: dict[str, Callable[[], ControllerNode]] = {
     'adaptive_nn': AdaptiveNnController,
@@ -46,7 +46,7 @@ class Rig:
 
     def __init__(self) -> None:
         # It has no part in the loop; its parameters can be asked for like any node's.
-        self.node = Node('rig')
+        self.node = ParameterNode('rig')
         given = NodeParameters(self.node, [RigParameters])
         self.parameters: RigParameters = given[RigParameters]
         # Before names are refused, for it may bring parameters of its own.

@@ -18,7 +18,7 @@ from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
 from hdd_servo_ros.ros.diagnostics import Diagnosis
 from hdd_servo_ros.ros.errors import NotFiniteError, RunError, StampError
-from hdd_servo_ros.ros.node_parameters import NodeParameters
+from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 from hdd_servo_ros.ros.run import Outcome, Run
 from hdd_servo_ros.schedule import Change, Step, plan
 from hdd_servo_ros.ticks import Ticks
@@ -119,7 +119,7 @@ class Input:
         return message
 
 
-class LoopNode(Node):
+class LoopNode(ParameterNode):
     """
     Base of the loop's nodes: a block with wires on it.
 

@@ -1,5 +1,6 @@
 """Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of whole sets, live changes."""
 
+import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,7 +31,9 @@ _ARRAY_TYPES = {
     float: Parameter.Type.DOUBLE_ARRAY,
     str: Parameter.Type.STRING_ARRAY,
 }
-_STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
+_USE_SIM_TIME = 'use_sim_time'
+_STANDARD_NAMES = (_USE_SIM_TIME, 'start_type_description_service')
+_CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the loop has its tick as its time anyway'
 
 
 def descriptor(declaration: Declaration) -> ParameterDescriptor:
@@ -49,6 +52,24 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
         elif declaration.element_type is int:
             message.integer_range = [IntegerRange(from_value=int(lower), to_value=int(upper))]
     return message
+
+
+class ParameterNode(Node):
+    """A node that refuses parameters it does not have by their names; rclpy's own services answer an empty list."""
+
+    def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
+        """Change parameters one by one; return how each went."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Change parameters together or, if one is refused, none."""
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                similar = difflib.get_close_matches(parameter.name, self._parameters, n=1)
+                hint = f'; did you mean {similar[0]}?' if similar else ''
+                reason = f'{self.get_fully_qualified_name()} has no parameter {parameter.name}{hint}'
+                return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
 
 
 class NodeParameters:
@@ -89,6 +110,7 @@ class NodeParameters:
                 if values[declaration.name] == () and declaration.default != ():
                     raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
                 _declare(node, declaration, values[declaration.name])
+        node.set_descriptor(_USE_SIM_TIME, ParameterDescriptor(type=_TYPES[bool].value, description=_CLOCK_OF_NODE))
         node.add_on_set_parameters_callback(self._check_change)
         node.add_post_set_parameters_callback(self._take_change)
 

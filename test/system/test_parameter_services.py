@@ -93,12 +93,16 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
         # What can be changed alone cannot be changed beside something that is refused.
         good = next((d for d in declared.values() if not d.read_only and d.element_type is float), None)
         if good is not None and not good.is_sequence:
-            changes = [parameter(good.name, values[good.name].double_value / 2), parameter('no_such_parameter', 1.0)]
+            changes = [parameter(good.name, values[good.name].double_value / 2), parameter(f'{good.name}_', 1.0)]
             result = run.ask(node, SetParametersAtomically, parameters=changes).result
             assert not result.successful
-            assert 'undeclared' in result.reason
-        result = run.ask(node, SetParameters, parameters=[parameter('no_such_parameter', 1.0)]).results[0]
-        assert not result.successful
+            assert result.reason == f'/{node} has no parameter {good.name}_; did you mean {good.name}?'
+        unknown = [parameter('no_such_parameter', 1.0), parameter('use_sim_tim', 1.0)]
+        results = run.ask(node, SetParameters, parameters=unknown).results
+        assert [result.successful for result in results] == [False, False]
+        assert results[0].reason == f'/{node} has no parameter no_such_parameter'
+        assert results[1].reason == f'/{node} has no parameter use_sim_tim; did you mean use_sim_time?'
+        assert all(descriptor.description for descriptor in described.values())
         assert run.ask(node, GetParameters, names=listed).values == list(values.values())
 
     for refused, reason in {
