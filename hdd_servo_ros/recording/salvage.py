@@ -10,12 +10,15 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
+
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
 _RECORD = struct.Struct('<BQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
-_SQLITE_MAGIC, _SQLITE_HEAD_SIZE = b'SQLite format 3\0', 100
+_PAGE_COUNT = 28
+"""Where the head of an sqlite3 file says how many pages it has."""
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 
 
@@ -173,7 +176,16 @@ class _SqliteSalvage:
                     for message in self._messages(connection):
                         self.found.messages.append(message)
                 except sqlite3.Error as error:
+                    self._take_pages(connection, copy.read_bytes())
                     self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+
+    def _take_pages(self, connection: sqlite3.Connection, content: bytes) -> None:
+        """Take what the pages hold, if that is more than what SQLite finds."""
+        with contextlib.suppress(sqlite3.Error):
+            names = dict(connection.execute('SELECT id, name FROM topics'))
+            rows = message_rows(content)
+            if len(rows) > len(self.found.messages):
+                self.found.messages = [(names[topic], time, data) for topic, time, data in rows if topic in names]
 
     @staticmethod
     def _messages(connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:
@@ -186,20 +198,12 @@ class _SqliteSalvage:
 
 
 def _own_up_to_size(path: Path) -> None:
-    """
-    Write into the head of a database that was cut off how many pages it has; SQLite opens none that claims more.
-
-    What is there can then be read row by row, up to the first page that is not. See https://sqlite.org/fileformat.html,
-    1.3.8.
-    """
-    size = path.stat().st_size
-    if size < _SQLITE_HEAD_SIZE:
-        return
+    """Write into the head of a database how many pages are left of it; SQLite opens none that claims more."""
     with path.open('r+b') as file:
-        head = file.read(_SQLITE_HEAD_SIZE)
-        (page_size,) = struct.unpack_from('>H', head, 16)
-        page_size = 65536 if page_size == 1 else page_size
-        (claimed,) = struct.unpack_from('>I', head, 28)
-        if head.startswith(_SQLITE_MAGIC) and page_size and claimed * page_size > size:
-            file.seek(28)
-            file.write(struct.pack('>I', size // page_size))
+        head = file.read(HEAD_SIZE)
+        size = page_size(head)
+        if size:
+            (claimed,) = struct.unpack_from('>I', head, _PAGE_COUNT)
+            there = path.stat().st_size // size
+            file.seek(_PAGE_COUNT)
+            file.write(struct.pack('>I', min(claimed, there)))

@@ -1,0 +1,59 @@
+"""Rows read page by page, against SQLite itself."""
+
+import contextlib
+import sqlite3
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.recording.salvage import salvage
+from hdd_servo_ros.recording.sqlite_pages import message_rows
+
+COUNT = 1500
+PAGE = 512
+
+
+@pytest.fixture
+def database(tmp_path):
+    """A bag's tables on pages so small that long payloads go on on others, and that the tree has three levels."""
+    path = tmp_path / 'bag.db3'
+    draw = np.random.default_rng(3)
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(f'PRAGMA page_size = {PAGE}')
+        connection.execute('CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT)')
+        connection.execute(
+            'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)'
+        )
+        connection.execute('CREATE INDEX timestamp_idx ON messages (timestamp ASC)')
+        connection.executemany(
+            'INSERT INTO topics VALUES (?, ?, ?)', [(1, '/a', 'A'), (2, '/b', 'B'), (300, '/c', 'C')]
+        )
+        times = [0, 1, 127, 200, 70_000, 20_000_000, 2**33, 2**45, *(2**50 + np.arange(COUNT - 8)).tolist()]
+        for number, time in enumerate(times):
+            payload = draw.bytes(int(draw.choice([0, 1, 60, 90, 470, 480, 600, 5000], p=[0.1, 0.1, *[0.13] * 5, 0.15])))
+            connection.execute('INSERT INTO messages VALUES (NULL, ?, ?, ?)', ((1, 2, 300)[number % 3], time, payload))
+        connection.commit()
+        rows = connection.execute('SELECT topic_id, timestamp, data FROM messages ORDER BY id').fetchall()
+    return path, rows
+
+
+def test_the_rows_are_those_that_sqlite_reads(database):
+    path, rows = database
+    assert message_rows(path.read_bytes()) == rows
+
+
+@pytest.mark.parametrize('part', [0.1, 0.5, 0.9])
+def test_what_is_left_of_a_file_begins_like_the_whole(database, part):
+    path, rows = database
+    content = path.read_bytes()
+    path.write_bytes(content[: int(part * len(content))])
+    found = salvage(path)
+    names = {1: '/a', 2: '/b', 300: '/c'}
+    assert found.messages == [(names[topic], time, data) for topic, time, data in rows[: len(found.messages)]]
+    assert len(found.messages) > 0.8 * part * COUNT
+    assert 'the database ends behind message' in found.fault
+
+
+def test_other_files_have_no_rows():
+    assert message_rows(b'') == message_rows(bytes(5000)) == message_rows(b'SQLite format 3\0' + bytes(5000)) == []
+    assert message_rows(b'SQLite format 3\0\x02\x00' + np.random.default_rng(1).bytes(50_000)) == []
