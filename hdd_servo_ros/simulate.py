@@ -40,6 +40,7 @@ from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import write_response
+from hdd_servo_ros.ros.errors import NotFiniteError
 from hdd_servo_ros.schedule import Step, plan, refuse_strangers
 from hdd_servo_ros.ticks import Ticks, sample_time_to_nanoseconds
 from hdd_servo_ros.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
@@ -183,6 +184,12 @@ class Simulation:
         name = arguments.remaps.get(topic.name, topic.name)
         return name if name.startswith('/') else f'{self._namespace}/{name}'
 
+    def say_not_finite(self, topic: LoopTopic, tick: int, values: tuple[float, ...]) -> str:
+        """Return what the graph says of a message that is not finite."""
+        name = dict(self.topics)[topic]
+        (node,) = (node.rsplit('/', 1)[-1] for node, said in self.nodes.items() if name in said['outputs'])
+        return str(NotFiniteError(name, tick, values, node))
+
     def description(self) -> dict[str, Any]:
         """Return what ``run.yaml`` says of the run before it has ended."""
         return {
@@ -232,15 +239,19 @@ class Packer:
         return list(range(kinds)) * count, np.repeat(times, kinds).tolist(), payloads
 
 
-def first_not_finite(rows: Rows) -> tuple[str, int] | None:
-    """Return topic and tick of the first value that is not finite, None if all are."""
+def first_not_finite(rows: Rows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:
+    """Return topic, tick and values of the first message that is not finite, None if all are."""
     found = []
     signals = {REFERENCE: rows.reference, HEAD: rows.head, LDV: rows.ldv, CONTROL: rows.control}
     for order, (topic, values) in enumerate(signals.items()):
         bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if len(bad):
-            found.append((rows.first_tick + int(bad[0]), order, topic.name))
-    return (min(found)[2], min(found)[0]) if found else None
+            found.append((int(bad[0]), order, topic))
+    if not found:
+        return None
+    row, _, topic = min(found)
+    values = (*signals[topic][row].tolist(), 0.0)[:3]  # of the vibrometer there are two
+    return topic, rows.first_tick + row, values
 
 
 def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | None]:
@@ -299,7 +310,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             bad = first_not_finite(rows)
             if bad is not None:
                 told = getattr(simulation.experiment.controller, 'fault', str)()
-                status, reason, exit_code = FAILED, told or f'{bad[0]}: not finite at tick {bad[1]}', 1
+                status, reason, exit_code = FAILED, told or simulation.say_not_finite(*bad), 1
                 rows = _cut(rows, bad[1])
             if recorder is not None and len(rows.head):
                 recorder.write_ticks(rows.first_tick + len(rows.head) - 1, *packer.pack(rows))

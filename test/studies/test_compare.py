@@ -121,7 +121,7 @@ def test_the_experiment_of_a_parameter_file():
     ('answer', 'note'),
     [
         ('1.0 / (77 - tick)', 'failed: my_controller: step raised ZeroDivisionError: .* at tick 77'),
-        ("float('nan')", 'failed: control: not finite at tick 0'),
+        ("float('nan')", r'failed: /control: not finite at tick 0: \(nan, nan, nan\); published by my_controller'),
     ],
 )
 def test_a_run_that_fails_stands_in_the_table(answer, note):

@@ -29,5 +29,5 @@ def test_a_run_that_fails_is_returned_where_that_is_wanted(tmp_path):
     with pytest.raises(ExperimentFailed, match='not finite'):
         make_run([DEFAULT], tmp_path / 'a', **options)
     run = make_run([DEFAULT], tmp_path / 'b', may_fail=True, **options)
-    with pytest.raises(AssertionError, match='run failed: reference: not finite at tick 0'):
+    with pytest.raises(AssertionError, match='run failed: /reference: not finite at tick 0: '):
         run.check.finished()
