@@ -9,14 +9,18 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.cdr import array_names_and_offset, unpack_vector
 from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
 
 _AXES = ('x', 'y', 'z')
 
 
-def first_difference(left: Path, right: Path, last_tick: int | None = None) -> str | None:
+def first_difference(
+    left: Path, right: Path, last_tick: int | None = None, *, labels: tuple[str, str] | None = None
+) -> str | None:
     """
     Compare the payload bytes of all loop topics of two runs.
 
@@ -26,43 +30,85 @@ def first_difference(left: Path, right: Path, last_tick: int | None = None) -> s
         Run folders or bags; namespaces and storages may differ.
     last_tick
         The last tick to compare; all if None.
+    labels
+        What the words call the two; their paths if None.
 
     Returns
     -------
     str or None
         The earliest difference in words, None if every payload is identical.
     """
-    differences = list(_differences(left, right, None if last_tick is None else last_tick + 1))
+    sides = [_Side(path, label) for path, label in zip((left, right), labels or (str(left), str(right)), strict=True)]
+    differences = list(_differences(*sides, None if last_tick is None else last_tick + 1))
     # Of several at one tick the first in the order of the topics, along which data flows.
     return min(differences, key=lambda difference: difference[0])[1] if differences else None
 
 
-def _differences(left: Path, right: Path, ticks: int | None) -> Iterator[tuple[int, str]]:
+class _Side:
+    """One of the two runs."""
+
+    def __init__(self, path: Path, label: str) -> None:
+        self.label = label
+        self.run = Run.open(path)
+
+    def messages(self, topic: LoopTopic) -> list[bytes]:
+        return self.run.column(topic.name).as_bytes()
+
+    def stamps(self, topic: LoopTopic) -> list[int]:
+        """Return the time that each message carries [ns]; none where they cannot be told."""
+        try:
+            return self.run.stamps(topic.name).tolist()
+        except BagError:
+            return []
+
+    def tick(self, stamp: int) -> int:
+        return round(stamp / sample_time_to_nanoseconds(self.run.sample_time))
+
+
+def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple[int, str]]:
     """Yield for every loop topic the tick of its first difference, and that difference in words."""
-    both = [_loop_messages(path) for path in (left, right)]
     for topic in LOOP_TOPICS:
-        missing = [path for path, messages in zip((left, right), both, strict=True) if topic.name not in messages]
+        missing = [side for side in (left, right) if topic.name not in side.run.counts]
         if missing:
-            yield -1, f'{topic.name} is missing in {missing[0]}'
+            yield -1, f'{topic.name} is missing in {missing[0].label}'
             continue
-        ours, theirs = (messages[topic.name][:ticks] for messages in both)
-        for tick, (one, other) in enumerate(zip(ours, theirs, strict=False)):
+        ours, theirs = (side.messages(topic)[:ticks] for side in (left, right))
+        for place, (one, other) in enumerate(zip(ours, theirs, strict=False)):
             if one != other:
-                yield tick, f'{topic.name} differs first at tick {tick}: {_field(topic, one, other)}'
+                yield _difference(topic, left, right, place, (one, other))
                 break
         else:
             if len(ours) != len(theirs):
                 count = min(len(ours), len(theirs))
-                yield count, f'{topic.name} has {len(ours)} messages in {left} and {len(theirs)} in {right}'
+                yield count, f'{topic.name} has {len(ours)} messages in {left.label} and {len(theirs)} in {right.label}'
 
 
-def _loop_messages(path: Path) -> dict[str, list[bytes]]:
-    run = Run.open(path)
-    return {topic: run.column(topic).as_bytes() for topic in run.counts}
+def _difference(
+    topic: LoopTopic, left: _Side, right: _Side, place: int, messages: tuple[bytes, bytes]
+) -> tuple[int, str]:
+    """Return the tick of a difference and what it is: of the stamps first, for then other values mean nothing."""
+    stamps = left.stamps(topic), right.stamps(topic)
+    if not all(stamps):
+        tick = place
+    elif stamps[0][place] == stamps[1][place]:
+        tick = left.tick(stamps[0][place])
+    else:
+        ticks = [left.tick(side[place]) for side in stamps]
+        late = int(ticks[1] > ticks[0])
+        early = 1 - late
+        if stamps[early][place] not in stamps[late]:
+            return ticks[early], (
+                f'{topic.name}: the message of tick {ticks[early]} is missing in {(left, right)[late].label}; '
+                f'that of tick {ticks[late]} is in its place'
+            )
+        words = f'that of tick {ticks[0]} in {left.label}, and of tick {ticks[1]} in {right.label}'
+        return place, f'{topic.name} differs first at tick {place}: the stamp of message {place} is {words}'
+    return tick, f'{topic.name} differs first at tick {tick}: {_field(topic, messages, (left.label, right.label))}'
 
 
-def _field(topic: LoopTopic, one: bytes, other: bytes) -> str:
+def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, str]) -> str:
     """Return the first field in which two messages differ, with both values."""
+    one, other = messages
     if topic.type_name == VECTOR_TYPE:
         pairs = list(zip(_AXES, unpack_vector(one), unpack_vector(other), strict=True))
     elif topic.type_name == ARRAY_TYPE and len(one) == len(other):
@@ -72,8 +118,8 @@ def _field(topic: LoopTopic, one: bytes, other: bytes) -> str:
         pairs = []
     for name, ours, theirs in pairs:
         if ours != theirs:
-            return f'{name} = {ours!r} and {theirs!r}'
-    return f'{one.hex()} and {other.hex()}'
+            return f'{name} = {ours!r} in {labels[0]} and {theirs!r} in {labels[1]}'
+    return f'{one.hex()} in {labels[0]} and {other.hex()} in {labels[1]}'
 
 
 def _array(message: bytes, offset: int) -> Sequence[float]:

@@ -297,8 +297,9 @@ class Run:
 
     @functools.cached_property
     def estimates(self) -> Mapping[str, NDArray[np.float64]]:
-        """The controller's inner state by name, each of shape (n,)."""
-        return dict(zip(self.estimate_names, self[ESTIMATES.name].T, strict=True))
+        """The controller's inner state by name, each of shape (n,); another name's KeyError says what there is."""
+        columns = dict(zip(self.estimate_names, self[ESTIMATES.name].T, strict=True))
+        return _Estimates(columns, self.path)
 
     @functools.cached_property
     def estimate_names(self) -> tuple[str, ...]:
@@ -431,6 +432,20 @@ class Run:
             raise self._missing(topic)
         return self._bag.column(full_name)
 
+    def stamps(self, topic: str) -> NDArray[np.int64]:
+        """
+        Return the time that each message of a topic of the loop carries itself [ns], given by its name as above.
+
+        Raises
+        ------
+        KeyError
+            If the bag holds no such topic.
+        BagError
+            If the messages are arrays of different length.
+        """
+        column = self.column(topic)
+        return self._stamps(topic, column) if len(column) else column.times
+
     def _missing(self, topic: str) -> '_MissingTopic':
         return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
 
@@ -487,10 +502,21 @@ class Run:
 
 
 class _MissingTopic(KeyError, BagError):
-    """A topic that the bag does not hold."""
+    """A topic, or an estimate on one, that the bag does not hold."""
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class _Estimates(dict[str, NDArray[np.float64]]):
+    """The estimates of a run by name."""
+
+    def __init__(self, columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+        super().__init__(columns)
+        self._path = path
+
+    def __missing__(self, name: str) -> NDArray[np.float64]:
+        raise _MissingTopic(f'{self._path}: no estimate {name!r}; there are {", ".join(self) or "none"}')
 
 
 def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:

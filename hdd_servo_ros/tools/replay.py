@@ -179,7 +179,7 @@ def replay(run: Path, output: Path, *, without_ros: bool) -> int:
     if exit_code != 0:
         print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
         return 1
-    difference = first_difference(run, output, recording.last_tick)
+    difference = first_difference(run, output, recording.last_tick, labels=('the recording', 'the rerun'))
     if difference is not None:
         print(f'replay: different: {difference}')
         return 1

@@ -11,8 +11,8 @@ TICKS = Ticks(1e-4)
 VECTOR, ARRAY = VectorCodec('drive'), ArrayCodec(['t', 'r'])
 
 
-def bag(path, count=5, changes=None, leave_out=None, wrong_stamp=None):
-    """Write a small bag; ``changes`` maps (topic, tick) to another payload."""
+def bag(path, count=5, changes=None, leave_out=None, without=None):
+    """Write a small bag; ``changes`` maps (topic, tick) to another payload, ``without`` is one that is left out."""
     topics = [(f'/{topic.name}', topic.type_name, 10) for topic in LOOP_TOPICS if topic.name != leave_out]
     writer = BagWriter(path, 'mcap', topics, {})
     for tick in range(count):
@@ -24,6 +24,8 @@ def bag(path, count=5, changes=None, leave_out=None, wrong_stamp=None):
             elif type_name.endswith('Array'):
                 payload = ARRAY.pack([tick * 1e-4, 0.5])
             payload = (changes or {}).get((name, tick), payload)
+            if (name, tick) == without:
+                continue
             writer.write((place,), (TICKS.nanoseconds(tick),), (payload,))
     writer.close()
     return path
@@ -40,22 +42,39 @@ def test_identical(tmp_path):
     [
         (
             {'changes': {('/head', 3): VECTOR.pack(TICKS.stamp(3), 3.0, -2.0, 3.0)}},
-            'head differs first at tick 3: y = 2.0 and -2.0',
+            'head differs first at tick 3: y = 2.0 in the one and -2.0 in the other',
         ),
         (
             {'changes': {('/estimates', 2): ARRAY.pack([2e-4, 0.25])}},
-            'estimates differs first at tick 2: r = 0.5 and 0.25',
+            'estimates differs first at tick 2: r = 0.5 in the one and 0.25 in the other',
         ),
-        ({'changes': {('/clock', 1): ClockCodec.pack(TICKS.stamp(9))}}, 'clock differs first at tick 1'),
-        ({'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}}, 'ldv differs first at tick 4'),
-        ({'count': 4}, 'clock has 5 messages'),
+        (
+            {'changes': {('/clock', 1): ClockCodec.pack(TICKS.stamp(9))}},
+            'clock: the message of tick 1 is missing in the other',
+        ),
+        (
+            {'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}},
+            'ldv differs first at tick 4: the stamp of message 4 is that of tick 4 in the one, and of tick 3 in the other',
+        ),
+        (
+            {'without': ('/control', 2)},
+            'control: the message of tick 2 is missing in the other; that of tick 3 is in its place',
+        ),
+        ({'count': 4}, 'clock has 5 messages in the one and 4 in the other'),
         ({'leave_out': 'control'}, 'control is missing in'),
     ],
 )
 def test_the_first_difference_is_named(tmp_path, other, words):
     left, right = bag(tmp_path / 'a'), bag(tmp_path / 'b', **other)
-    assert words in first_difference(left, right)
+    assert words in first_difference(left, right, labels=('the one', 'the other'))
+    assert first_difference(left, right) is not None
     assert main([str(left), str(right)]) == 1
+
+
+def test_a_message_missing_on_the_left_is_said_to_be(tmp_path):
+    left, right = bag(tmp_path / 'a', without=('/estimates', 3)), bag(tmp_path / 'b')
+    words = f'estimates: the message of tick 3 is missing in {left}; that of tick 4 is in its place'
+    assert first_difference(left, right, last_tick=4) == words
 
 
 def test_of_two_the_earlier_tick_then_the_earlier_topic(tmp_path):

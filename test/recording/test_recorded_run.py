@@ -114,6 +114,12 @@ def test_a_topic_that_there_is_not(directory):
     assert 'disturbance' not in Run.open(directory)
 
 
+def test_an_estimate_that_there_is_not(directory):
+    with pytest.raises(KeyError) as caught:
+        Run.open(directory).estimates['zz']
+    assert str(caught.value) == f"{directory}: no estimate 'zz'; there are {', '.join(Run.open(directory).estimates)}"
+
+
 def parameter_event(tick, node, **values):
     """Return a serialized parameter event; floats and whole arrays as ROS has them."""
     kinds = {name.rsplit('/', 1)[-1]: kind for name, kind in TYPES.types.items()}
