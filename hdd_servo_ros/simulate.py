@@ -250,8 +250,8 @@ def first_not_finite(rows: Rows) -> tuple[LoopTopic, int, tuple[float, ...]] | N
     if not found:
         return None
     row, _, topic = min(found)
-    values = (*signals[topic][row].tolist(), 0.0)[:3]  # of the vibrometer there are two
-    return topic, rows.first_tick + row, values
+    x, y, z = (*signals[topic][row].tolist(), 0.0)[:3]  # of the vibrometer there are two
+    return topic, rows.first_tick + row, (x, y, z)
 
 
 def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | None]:

@@ -38,8 +38,9 @@ def first_difference(
     str or None
         The earliest difference in words, None if every payload is identical.
     """
-    sides = [_Side(path, label) for path, label in zip((left, right), labels or (str(left), str(right)), strict=True)]
-    differences = list(_differences(*sides, None if last_tick is None else last_tick + 1))
+    ours, theirs = labels or (str(left), str(right))
+    ticks = None if last_tick is None else last_tick + 1
+    differences = list(_differences(_Side(left, ours), _Side(right, theirs), ticks))
     # Of several at one tick the first in the order of the topics, along which data flows.
     return min(differences, key=lambda difference: difference[0])[1] if differences else None
 
@@ -57,9 +58,10 @@ class _Side:
     def stamps(self, topic: LoopTopic) -> list[int]:
         """Return the time that each message carries [ns]; none where they cannot be told."""
         try:
-            return self.run.stamps(topic.name).tolist()
+            stamps: list[int] = self.run.stamps(topic.name).tolist()
         except BagError:
             return []
+        return stamps
 
     def tick(self, stamp: int) -> int:
         return round(stamp / sample_time_to_nanoseconds(self.run.sample_time))

@@ -446,6 +446,14 @@ class Run:
         column = self.column(topic)
         return self._stamps(topic, column) if len(column) else column.times
 
+    def message_ticks(self, topic: str) -> NDArray[np.int64]:
+        """Return the tick whose stamp each message of a topic carries; raises :class:`BagError` if that is none's."""
+        # The time in an array is a float64.
+        period = sample_time_to_nanoseconds(self.sample_time)
+        stamps = self.stamps(topic)
+        nearest = np.rint(stamps / period).astype(np.int64)
+        return self._to_ticks(topic, np.where(np.abs(stamps - nearest * period) <= 1, nearest * period, stamps))
+
     def _missing(self, topic: str) -> '_MissingTopic':
         return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
 

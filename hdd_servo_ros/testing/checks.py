@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.loop.metrics import rms, step_response
+from hdd_servo_ros.recording.bag_columns import BagError
 
 if TYPE_CHECKING:
     from hdd_servo_ros.recording.recorded_run import Run
@@ -47,9 +48,19 @@ class Checks:
         """Assert that the run came to its planned end, with every sample of every topic."""
         __tracebackhide__ = True
         run = self._run
-        if run.status != 'finished':
-            raise CheckFailed(f'run {run.status}{f": {run.reason}" if run.reason else ""}\n{self._where()}')
+        if not run.description:
+            raise CheckFailed(
+                'there is no run.yaml, which says how a run has ended: finished() needs the folder of a run, not a bag '
+                f'alone; samples(count) does with that\n{self._where()}'
+            )
         planned = run.description.get('last_tick_planned')
+        if run.status != 'finished':
+            held = f'the bag ends at tick {run.last_tick}' if self._has_ticks() else 'the bag holds no whole tick'
+            until = '' if planned is None else f', tick {planned} was planned'
+            raise CheckFailed(
+                f'run {run.status}{f": {run.reason}" if run.reason else ""}; {held}{until}\n'
+                f'{self._where()}{self._error_at_the_end()}'
+            )
         return self.samples(None if planned is None else planned + 1)
 
     def samples(self, count: int | None = None) -> Checks:
@@ -58,12 +69,23 @@ class Checks:
         run = self._run
         wanted = run.last_tick + 1 if count is None else count
         for topic, found in run.counts.items():
-            if found != wanted:
-                raise CheckFailed(f'{topic} has {found} messages, {wanted} are expected\n{self._where()}')
-            run[topic]  # refuses stamps that are not those of the ticks
-        gaps = np.flatnonzero(run.ticks != np.arange(len(run.ticks)))
-        if len(gaps):
-            raise CheckFailed(f'tick {gaps[0]} is missing: tick {run.ticks[gaps[0]]} is in its place\n{self._where()}')
+            ticks = run.message_ticks(topic)
+            # All that lie beyond count as one.
+            per_tick = np.bincount(np.minimum(ticks, wanted), minlength=wanted + 1)
+            wrong = np.flatnonzero(per_tick != np.append(np.ones(wanted, dtype=np.int64), 0))
+            if len(wrong):
+                first = int(wrong[0])
+                beyond = first == wanted
+                tick = int(ticks[ticks >= wanted].min()) if beyond else first
+                held = f'that of tick {tick} is beyond' if beyond else f'tick {tick} has {per_tick[first] or "none"}'
+                shown = per_tick[: wanted + beyond].astype(np.float64)
+                rows = np.arange(len(shown))
+                plot = self._plot(f'samples of {topic}', f'messages on {topic}', '', shown, None, first, ticks=rows)
+                raise CheckFailed(
+                    f'{topic} has {found} messages, {wanted} are expected: {held} ({tick * run.sample_time:g} s)\n'
+                    f'{self._where()}\nplot: {plot}'
+                )
+            run[topic]  # refuses receive times that are not those of the ticks
         return self
 
     def parameter(self, node: str, name: str, equals: Any, tick: int | None = None) -> Checks:
@@ -79,7 +101,10 @@ class Checks:
                 if change.node.endswith(node) and change.name == name and change.tick <= at
             ]
             origin = f'changed at tick {since[-1]}' if since else 'from the start'
-            raise CheckFailed(f'{node} {name} is {value!r} at tick {at} ({origin}), not {equals!r}\n{self._where()}')
+            raise CheckFailed(
+                f'{node} {name} is {value!r} at tick {at} ({origin}), not {equals!r}\n'
+                f'{self._where()}{self._parameter_over_time(node, name, equals, at)}'
+            )
         return self
 
     # Errors and signals.
@@ -144,9 +169,11 @@ class Checks:
         for name, ticks in saturated_ticks(run, run.description).items():
             late = ticks[ticks >= first]
             if len(late):
+                signals = {'displacement output': run.ldv[:, 0], 'velocity output': run.ldv[:, 1]}
+                plot = self._plot(f'{name} clipped', name, 'V', signals.get(name, run.command), None, int(late[0]))
                 raise CheckFailed(
                     f'{name} is clipped at {len(late)} of {len(run.ticks) - first} samples from {after:g} s on, '
-                    f'first at tick {late[0]} ({run.time[late[0]]:g} s)\n{self._where()}'
+                    f'first at tick {run.ticks[late[0]]} ({run.time[late[0]]:g} s)\n{self._where()}\nplot: {plot}'
                 )
         return self
 
@@ -201,6 +228,7 @@ class Checks:
         self, what: str, value: float, at_most: float, unit: str, signal: str, values: NDArray[np.float64], rows: slice
     ) -> Checks:
         __tracebackhide__ = True
+        _refuse_no_limit(at_most)
         if value <= at_most:
             return self
         run, part = self._run, values[rows]
@@ -216,6 +244,7 @@ class Checks:
 
     def _compare_edges(self, name: str, at_most: float, unit: str, factor: float, band: float = 0.02) -> Checks:
         __tracebackhide__ = True
+        _refuse_no_limit(at_most)
         run = self._run
         response = step_response(run.time, run.desired_position, run.position, band)
         values = factor * np.abs(getattr(response, name))
@@ -236,6 +265,34 @@ class Checks:
         run = self._run
         return f'run: {run.path} ({run.controller} on {run.frame_id}, {run.status})'
 
+    def _has_ticks(self) -> bool:
+        try:
+            return len(self._run.ticks) > 0
+        except BagError:
+            return False
+
+    def _error_at_the_end(self) -> str:
+        """Draw the error about the last tick; return the line that says where, empty if there is nothing to draw."""
+        try:
+            error = self._run.error_factor * self._run.error
+        except BagError:  # what it is made of is not there, or damaged
+            return ''
+        row = len(error) - 1
+        return f'\nplot: {self._plot("end of the run", "error", self._run.error_unit, error, None, row)}'
+
+    def _parameter_over_time(self, node: str, name: str, equals: Any, tick: int) -> str:
+        """Draw a parameter, if it is a number; return the line that says where."""
+        run = self._run
+        changes = {change.tick for change in run.parameter_changes if 0 < change.tick <= run.last_tick}
+        ticks = sorted({0, *changes})
+        held = [run.parameter(node, name, changed) for changed in ticks]
+        if not all(isinstance(value, int | float) for value in (*held, equals)):
+            return ''
+        values = np.array(held, dtype=np.float64)[np.searchsorted(ticks, run.ticks, side='right') - 1]
+        row = int(np.searchsorted(run.ticks, tick))
+        wanted = np.full(len(values), float(equals))
+        return f'\nplot: {self._plot(f"{node} {name}", name, "", values, None, row, wanted)}'
+
     def _plot(
         self,
         what: str,
@@ -245,18 +302,21 @@ class Checks:
         limit: float | None,
         row: int,
         reference: NDArray[np.float64] | None = None,
+        ticks: NDArray[np.int64] | None = None,
     ) -> Path:
-        """Draw the signal, whole and about a row, and return the picture's path."""
+        """Draw the signal, whole and about a row, and return the picture's path; its ticks are the run's if None."""
         # Late: only a test that fails waits for matplotlib.
         from hdd_servo_ros.reporting.decimation import rows_to_draw
         from hdd_servo_ros.reporting.panels import COLOURS, GREY, Panel, Trace, run_name
         from hdd_servo_ros.reporting.picture import write_picture
 
         run = self._run
+        ticks = run.ticks if ticks is None else ticks
+        times: NDArray[np.float64] = np.asarray(ticks * run.sample_time, dtype=np.float64)
         panels = []
         nearby = np.arange(max(0, row - _CLOSE_UP_ROWS), min(len(values), row + _CLOSE_UP_ROWS))
-        for title, shown in (('whole run', rows_to_draw(values, _BUCKETS)), (f'about tick {run.ticks[row]}', nearby)):
-            time = run.time[shown]
+        for title, shown in (('whole run', rows_to_draw(values, _BUCKETS)), (f'about tick {ticks[row]}', nearby)):
+            time = times[shown]
             traces = [] if reference is None else [Trace('reference', time, reference[shown], GREY, wide=True)]
             traces.append(Trace(name, time, values[shown], COLOURS[0]))
             if limit is not None:
@@ -264,12 +324,17 @@ class Checks:
                 corners = np.array([time[0], time[-1], np.nan, time[0], time[-1]])
                 limits = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])
                 traces.append(Trace(f'limit {_text(limit, unit)}', corners, limits, COLOURS[1]))
-            traces.append(Trace('this tick', run.time[[row]], values[[row]], COLOURS[3], marked=True))
+            traces.append(Trace('this tick', times[[row]], values[[row]], COLOURS[3], marked=True))
             panels.append(Panel(name, title, 'time [s]', f'{name} [{unit}]' if unit else name, tuple(traces)))
         stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'
         path = _free_path(plot_directory or run.path, stem)
         write_picture(panels, f'{what}: {run_name(run)}', path)
         return path
+
+
+def _refuse_no_limit(at_most: float) -> None:
+    if not (math.isfinite(at_most) and at_most >= 0.0):
+        raise ValueError(f'at_most = {at_most!r} is no limit: a finite number at least 0 is needed')
 
 
 def _text(value: float, unit: str) -> str:

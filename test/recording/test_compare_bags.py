@@ -54,7 +54,7 @@ def test_identical(tmp_path):
         ),
         (
             {'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}},
-            'ldv differs first at tick 4: the stamp of message 4 is that of tick 4 in the one, and of tick 3 in the other',
+            'ldv differs first at tick 4: the stamp of message 4 is that of tick 4 in the one, and of tick 3 in the',
         ),
         (
             {'without': ('/control', 2)},

@@ -18,8 +18,22 @@ TICKS = Ticks(T)
 COUNT = 1001
 
 
-def record(path, position, reference=None, *, planned=COUNT - 1, ended=('finished', ''), estimate=0.0):
-    """Record a run with a given head position [um]; the command is a tenth of it [V]."""
+def record(
+    path,
+    position,
+    reference=None,
+    *,
+    planned=COUNT - 1,
+    ended=('finished', ''),
+    estimate=0.0,
+    without=None,
+    stamped=None,
+):
+    """
+    Record a run with a given head position [um]; the command is a tenth of it [V].
+
+    The message of topic and tick ``without`` is left out; ``stamped`` gives the estimates of a tick another's time.
+    """
     nodes = {'/pid_controller': {'outputs': ['/control'], 'parameters': {'kp': 1.5, 'weights': [1.0, 2.0]}}}
     description = {'sample_time': T, 'last_tick_planned': planned, 'frame_id': 'drive', 'nodes': nodes}
     topics = [(topic, f'/{topic.name}') for topic in LOOP_TOPICS]
@@ -34,9 +48,11 @@ def record(path, position, reference=None, *, planned=COUNT - 1, ended=('finishe
             vector.pack(stamp, x, 2.0 * x, 0.0),
             vector.pack(stamp, 0.0, 0.0, 0.0),
             vector.pack(stamp, 0.1 * x, 0.1 * x, 0.05 * x),
-            array.pack([tick * T, estimate]),
+            array.pack([(stamped or {}).get(tick, tick) * T, estimate]),
         ]
-        recorder.write_tick(tick, TICKS.nanoseconds(tick), messages)
+        kept = [place for place, topic in enumerate(LOOP_TOPICS) if (topic.name, tick) != without]
+        times = [TICKS.nanoseconds(tick)] * len(kept)
+        recorder.write_ticks(tick, kept, times, [messages[place] for place in kept])
     recorder.finish(*ended)
     return Run.open(path)
 
@@ -111,19 +127,52 @@ def test_what_is_not_finite_is_not_bounded(tmp_path):
 
 
 def test_a_run_that_did_not_finish(tmp_path):
-    run = record(tmp_path / 'a', np.zeros(11), planned=10, ended=('failed', 'ldv: expected tick 11'))
-    assert 'run failed: ldv: expected tick 11' in failure(run.check.finished)[0]
-    short = record(tmp_path / 'b', np.zeros(10), planned=10)
-    assert 'clock has 10 messages, 11 are expected' in failure(short.check.finished)[0]
+    run = record(tmp_path / 'a', np.zeros(11), planned=20, ended=('failed', 'ldv: expected tick 11'))
+    text, plot = failure(run.check.finished)
+    assert text.startswith('run failed: ldv: expected tick 11; the bag ends at tick 10, tick 20 was planned\n')
+    assert plot.is_file()
+    empty = record(tmp_path / 'empty', [], ended=('failed', 'a peer is gone'))
+    text, plot = failure(empty.check.finished)
+    assert 'run failed: a peer is gone; the bag holds no whole tick' in text
+    assert plot is None
+    bag = Run.open(run.path / 'bag')
+    (run.path / 'run.yaml').unlink()
+    text, _ = failure(Run.open(bag.path).check.finished)
+    assert text.startswith('there is no run.yaml, which says how a run has ended: finished() needs the folder of a run')
+
+
+def test_the_first_tick_whose_samples_are_wrong(tmp_path):
+    short = record(tmp_path / 'short', np.zeros(10), planned=10)
+    text, plot = failure(short.check.finished)
+    assert 'clock has 10 messages, 11 are expected: tick 10 has none (0.001 s)' in text
+    assert plot.is_file()
     short.check.samples()
-    assert 'reference has 10' not in failure(short.check.samples, 9)[0]
+    text, plot = failure(short.check.samples, 9)
+    assert 'clock has 10 messages, 9 are expected: that of tick 9 is beyond (0.0009 s)' in text
+    assert plot.is_file()
+    run = record(tmp_path / 'gap', np.zeros(COUNT), without=('control', 500))
+    text, plot = failure(run.check.finished)
+    assert 'control has 1000 messages, 1001 are expected: tick 500 has none (0.05 s)' in text
+    assert plot.name == 'gap-samples_of_control.png'
+    twice = record(tmp_path / 'twice', np.zeros(20), stamped={7: 6})
+    text, _ = failure(twice.check.samples, 20)
+    assert 'estimates has 20 messages, 20 are expected: tick 6 has 2 (0.0006 s)' in text
 
 
 def test_a_parameter_that_is_another(run):
-    assert (
-        'pid_controller kp is 1.5 at tick 1000 (from the start), not 2.0'
-        in failure(run.check.parameter, 'pid_controller', 'kp', 2.0)[0]
-    )
+    text, plot = failure(run.check.parameter, 'pid_controller', 'kp', 2.0)
+    assert 'pid_controller kp is 1.5 at tick 1000 (from the start), not 2.0' in text
+    assert plot.name == 'run-pid_controller_kp.png'
+    text, plot = failure(run.check.parameter, 'pid_controller', 'weights', (1.0, 3.0), tick=3)
+    assert 'pid_controller weights is [1.0, 2.0] at tick 3' in text
+    assert plot is None
+
+
+@pytest.mark.parametrize('limit', [np.nan, np.inf, -1.0])
+def test_what_is_no_limit_is_refused(run, limit):
+    for check in (run.check.rms_error, run.check.peak_control, run.check.steady_error):
+        with pytest.raises(ValueError, match=r'at_most = .* is no limit: a finite number at least 0 is needed'):
+            check(at_most=limit)
 
 
 def test_steps(tmp_path):
