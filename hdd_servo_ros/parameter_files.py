@@ -66,6 +66,11 @@ class RosArguments:
                 values.update(parameters)
         return values
 
+    def is_for_all(self, name: str) -> bool:
+        """Return whether a parameter was given for all nodes and for none by its name."""
+        patterns = [pattern for pattern, parameters in self.overrides if name in parameters]
+        return bool(patterns) and all(pattern.endswith('*') for pattern in patterns)
+
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
         Refuse a ``-p NODE:PARAMETER`` for a node that there is not.

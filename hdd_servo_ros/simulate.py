@@ -132,12 +132,16 @@ class Simulation:
             for kind in NODE_PARAMETERS[node]:
                 known = {declaration.name for declaration in declarations(kind)}
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
-            # What every ROS node has, and `ros2 param dump` writes.
-            for name in ('use_sim_time', 'start_type_description_service'):
-                values.pop(name, None)
-            refuse_unknown(values)
         except ParameterError as error:
             raise with_node(error, node) from None
+        # What every ROS node has, and `ros2 param dump` writes.
+        for name in ('use_sim_time', 'start_type_description_service'):
+            values.pop(name, None)
+        try:
+            refuse_unknown(values)
+        except ParameterError as error:
+            # What was given for all nodes is missing in all.
+            raise error if arguments.is_for_all(error.name) else with_node(error, node) from None
         return sets
 
     def _plan(

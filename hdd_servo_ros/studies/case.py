@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,20 @@ class PlannedRun:
         self.arguments: Sequence[str] = case.arguments(defaults, self.directory)
         self._simulation = Simulation(parse_ros_arguments(self.arguments))
         self.ticks = self._simulation.last_tick + 1
+
+    @property
+    def period(self) -> float:
+        """Period of the reference [s], infinite where it has none or drives nothing."""
+        nodes = self._simulation.nodes
+        named = {name.rsplit('/', 1)[-1]: node['parameters'] for name, node in nodes.items()}
+        reference = named['reference_generator']
+        repeats = reference['waveform'] in ('sine', 'square') and reference['frequency'] > 0.0
+        return 1.0 / reference['frequency'] if repeats and 'signal_analyzer' not in named else math.inf
+
+    @property
+    def sample_time(self) -> float:
+        """T [s]."""
+        return self._simulation.timer.sample_time
 
     def obstacle(self, run: Mapping[str, Any]) -> str:
         """Return why a recorded run cannot stand for this one, in a few words; empty if it can."""

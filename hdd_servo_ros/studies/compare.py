@@ -260,9 +260,17 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _comparison(options: argparse.Namespace) -> Comparison:
+    for option, names in (('--controllers', options.controllers), ('--experiments', options.experiments or ())):
+        for name in names:
+            if names.count(name) > 1:
+                raise ArgumentError(f'{option} names {name} more than once')
     nodes: dict[str, str] = {}
     for name in options.controllers:
         nodes[name] = CONTROLLERS[name] if name in CONTROLLERS else load_controller(name).node
+    for name, node in nodes.items():
+        same = [other for other in nodes if nodes[other] == node and other != name]
+        if same:
+            raise ArgumentError(f'--controllers: {name} and {same[0]} are both {node}, so that their runs would be one')
     experiments: Mapping[str, Mapping[str, object]] = EXPERIMENTS
     if options.experiments:
         experiments = {name: EXPERIMENTS[name] for name in options.experiments}
@@ -275,9 +283,9 @@ def _comparison(options: argparse.Namespace) -> Comparison:
         for name, value in parameters.items()
     }
     for name in overrides:
-        option = _INSTEAD.get(name.rpartition(':')[2])
-        if option:
-            raise ArgumentError(f'-p {name} is refused: compare sets it for each run; use {option}')
+        instead = _INSTEAD.get(name.rpartition(':')[2])
+        if instead:
+            raise ArgumentError(f'-p {name} is refused: compare sets it for each run; use {instead}')
     return Comparison(nodes, experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
 
 

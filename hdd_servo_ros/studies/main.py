@@ -6,12 +6,17 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.parameter_files import ArgumentError
+from hdd_servo_ros.studies.case import Case, PlannedRun
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
 from hdd_servo_ros.studies.command import exit_code
 from hdd_servo_ros.studies.runner import run_cases
+
+MINIMUM_SAMPLES = 50
+"""Of a period of a reference, with ``--sample-time``: what the thesis has at 200 Hz with its 0.1 ms."""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -33,7 +38,8 @@ def _parser() -> argparse.ArgumentParser:
         '--sample-time',
         type=float,
         metavar='T',
-        help="T [s] instead of the parameter files', for a quick look; it goes into a folder of its own",
+        help="T [s] instead of the parameter files', for a quick look; it goes into a folder of its own; "
+        f'at least {MINIMUM_SAMPLES} samples a period of each reference',
     )
     return parser
 
@@ -43,6 +49,18 @@ def _default_output(options: argparse.Namespace) -> Path:
     parts += ['without-ros'] if options.without_ros else []
     parts += [f'T{options.sample_time:g}'] if options.sample_time is not None else []
     return Path('runs') / '-'.join(parts)
+
+
+def _refuse_too_coarse(cases: Iterable[Case], defaults: Mapping[str, object], directory: Path) -> None:
+    """Refuse a sample time at which the figures would be drawn from a few samples."""
+    for case in cases:
+        run = PlannedRun(case, defaults, directory)
+        samples = run.period / run.sample_time
+        if samples < MINIMUM_SAMPLES * (1.0 - 1e-9):
+            raise ArgumentError(
+                f'--sample-time {run.sample_time:g} is refused: {case.name} would have {samples:.3g} samples a period '
+                f'of its reference, not {MINIMUM_SAMPLES}; at most {run.period / MINIMUM_SAMPLES:.3g} s will do for it'
+            )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,6 +77,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f'{name}: {figure.__doc__.strip().splitlines()[0]}\n    {runs}')
             return 0
         cases = [case for figure in wanted.values() for case in figure.CASES]
+        if options.sample_time is not None:
+            _refuse_too_coarse(cases, defaults, directory)
         run_cases(cases, directory, without_ros=options.without_ros, defaults=defaults)
         for path in make_figures(wanted, directory):
             print(path)

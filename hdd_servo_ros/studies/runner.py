@@ -58,7 +58,7 @@ def run_cases(
     Raises
     ------
     ParameterError, ArgumentError
-        If a case's parameters are not allowed, or a file stands where the folder should; nothing has run then.
+        If a case's parameters are not allowed, or the folder cannot be made; nothing has run then.
     StudyError
         If a run fails, something that is no run stands in its place, or another study is at work in the folder.
     """
@@ -70,7 +70,9 @@ def run_cases(
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        raise ArgumentError(f'{directory} cannot be a folder: a file stands there') from None
+        raise ArgumentError(f'{directory} cannot be a folder: a file stands there; --output says another') from None
+    except OSError as error:
+        raise ArgumentError(f'{directory} cannot be made: {error.strerror}; --output says another folder') from None
     with _alone_in(directory):
         due = [run for run in planned if not _is_there(run, say)]
         if len(due) < len(planned):

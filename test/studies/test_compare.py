@@ -144,6 +144,12 @@ def test_a_run_that_fails_stands_in_the_table(answer, note):
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
         (['-p', 'controller:=pid'], '-p controller is refused: compare sets it for each run; use --controllers'),
         (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is refused'),
+        (['-p', 'bogus:=1'], 'compare: parameter bogus = 1 is refused: no such parameter'),
+        (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),
+        (
+            ['--output', '/proc/no_such'],
+            '/proc/no_such cannot be made: No such file or directory; --output says another',
+        ),
         (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
         (['--output', 'my_controller.py'], 'my_controller.py cannot be a folder: a file stands there'),
     ],
@@ -154,6 +160,14 @@ def test_wrong_arguments(capsys, arguments, said):
     assert said in errors
     assert errors.count('\n') == 1
     assert not Path('runs').exists()
+
+
+def test_one_controller_by_two_names(capsys):
+    with Path('my_controller.py').open('a') as file:
+        file.write('\nOther = MyController\n')
+    assert main(['--controllers', PATH, 'my_controller:Other']) == 2
+    expected = f'compare: --controllers: {PATH} and my_controller:Other are both my_controller, so that their runs'
+    assert capsys.readouterr().err.startswith(expected)
 
 
 def test_through_the_graph_the_same_bits(bench):

@@ -116,8 +116,12 @@ def test_wrong_arguments_have_exit_code_2(tmp_path, capsys):
         main(['chapter9'])
     assert main(['chapter4', '--only', 'fig_9_9']) == 2
     assert main(['chapter4', '--output', str(tmp_path), '--sample-time', '3e-4']) == 2
+    assert main(['chapter4', '--output', str(tmp_path), '--sample-time', '0.05']) == 2
+    assert not list(tmp_path.iterdir())
     error = capsys.readouterr().err
     assert 'fig_9_9' in error
+    # 1/50 of the period of 5 rad/s.
+    assert 'would have 25.1 samples a period of its reference, not 50; at most 0.0251 s will do for it' in error
     assert 'a multiple of sample_time = 0.0003 s' in error
 
 
