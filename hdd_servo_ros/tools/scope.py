@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
 import matplotlib as mpl
 import numpy as np
@@ -96,11 +97,26 @@ class Feed:
         return not self._plot.is_empty and (self._said_end or gone)
 
 
+def _heed_interrupts_until_the_end(feed: Feed) -> None:
+    """
+    Take Ctrl-C as an interrupt only as long as the run goes on.
+
+    A launch file that ends with the run sends one to a scope that is about to end by itself, which is no failure.
+    """
+
+    def take(number: int, frame: FrameType | None) -> None:
+        if not feed.has_ended:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, take)
+
+
 def save(path: Path, seconds: float, window: float) -> None:
     """Collect for a time [s of wall time], or until the run ends, and write one picture."""
     figure = Figure(figsize=(10.0, 9.0))
     plot = LivePlot(figure, window)
     with contextlib.closing(Feed(plot)) as feed:
+        _heed_interrupts_until_the_end(feed)
         _wait_for_run(feed)
         end = time.monotonic() + seconds
         while time.monotonic() < end and not feed.has_ended:
@@ -124,6 +140,7 @@ def show(window: float, port: int | None) -> None:
     figure = plt.figure('scope', figsize=(10.0, 9.0))
     plot = LivePlot(figure, window)
     feed = Feed(plot)
+    _heed_interrupts_until_the_end(feed)
     if port is None:
         print('scope: waiting for a run with a bag_recorder', flush=True)
     else:
@@ -263,6 +280,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + signal.SIGINT
     finally:
         try_shutdown()
+    # Python gives the signal back to the system while it ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0
 
 

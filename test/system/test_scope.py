@@ -1,5 +1,6 @@
 """The built-in scope: a picture without a display, the view in the browser, and its end with the run."""
 
+import signal
 import socket
 import subprocess
 import sys
@@ -46,7 +47,8 @@ def test_a_picture_of_a_run_and_the_same_bits(bench, scope):
     watching = scope('--save', 'live.png', '--seconds', '60')
     process = bench.start('rig', *duration, '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false')
     assert process.wait() == 0, process.output
-    # It ends with the run, long before its sixty seconds.
+    # It ends with the run, long before its sixty seconds; what a launch file sends it then is no failure.
+    watching.send_signal(signal.SIGINT)
     assert watching.wait(40.0) == 0, watching.stdout.read()
     picture = matplotlib.image.imread(bench.directory / 'live.png')
     # Lines in the colours of the panels, not an empty frame.
@@ -74,8 +76,22 @@ def test_the_view_in_the_browser_ends_with_the_run(bench, scope):
             time.sleep(0.2)
     assert '<canvas' in page or 'mpl' in page
     assert process.wait() == 0, process.output
-    assert watching.wait(40.0) == 0
-    assert 'the run has ended' in watching.stdout.read()
+    for line in watching.stdout:
+        if 'the run has ended' in line:
+            break
+    # Again and again while it ends.
+    while watching.poll() is None:
+        watching.send_signal(signal.SIGINT)
+        time.sleep(0.01)
+    assert watching.returncode == 0
+    assert 'has ended' in line
+
+
+def test_an_interrupt_before_the_run_has_ended(scope):
+    watching = scope('--save', 'live.png')
+    watching.send_signal(signal.SIGINT)
+    assert watching.wait(40.0) == 130
+    assert 'Traceback' not in watching.stdout.read()
 
 
 @pytest.mark.parametrize(
