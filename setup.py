@@ -23,12 +23,9 @@ NODES = (
     'bag_recorder',
     'rig',
 )
-# Commands: one module each in hdd_servo_ros/tools.
-TOOLS = ('replay', 'recover', 'scope')
-SCRIPTS = [f'{node} = {NAME}.nodes.{node}:main' for node in NODES]
-SCRIPTS += [f'simulate = {NAME}.simulate:main', f'study = {NAME}.studies.main:main']
-SCRIPTS += [f'report = {NAME}.reporting.report:main', f'compare = {NAME}.studies.compare:main']
-SCRIPTS += [f'{tool} = {NAME}.tools.{tool}:main' for tool in TOOLS]
+# Commands: where their modules are is told in hdd_servo_ros/executables.py.
+COMMANDS = ('simulate', 'study', 'report', 'compare', 'replay', 'recover', 'scope')
+SCRIPTS = [f'{name} = {NAME}.executables:{name}' for name in (*NODES, *COMMANDS)]
 
 
 def files(pattern):

@@ -280,8 +280,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + signal.SIGINT
     finally:
         try_shutdown()
-    # Python gives the signal back to the system while it ends.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     return 0
 
 

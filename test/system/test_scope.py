@@ -13,6 +13,8 @@ import pytest
 
 from hdd_servo_ros.recording.compare_bags import first_difference
 
+ENTRY_POINT = 'import sys; from hdd_servo_ros.executables import scope; sys.exit(scope())'
+
 
 @pytest.fixture
 def scope(bench):
@@ -23,7 +25,7 @@ def scope(bench):
         environment = {name: value for name, value in bench.environment.items() if 'DISPLAY' not in name}
         started.append(
             subprocess.Popen(
-                [sys.executable, '-m', 'hdd_servo_ros.tools.scope', *arguments],
+                [sys.executable, '-c', ENTRY_POINT, *arguments],
                 cwd=bench.directory,
                 env=environment,
                 stdout=subprocess.PIPE,

@@ -1,0 +1,60 @@
+"""Every executable is an entry point that an interrupt ends quietly, from its first import on."""
+
+import distutils.core
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def entry_points():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        scripts = distutils.core.run_setup('setup.py', stop_after='init').entry_points['console_scripts']
+    return dict(script.split(' = ') for script in scripts)
+
+
+def test_every_entry_point_leads_to_a_main():
+    for name, target in entry_points().items():
+        module, _, attribute = target.partition(':')
+        run = getattr(importlib.import_module(module), attribute)
+        (target_module,) = run.args
+        assert callable(importlib.import_module(f'hdd_servo_ros.{target_module}').main), name
+        assert target_module.rsplit('.', 1)[-1] in (name, 'main')
+    assert {'rig', 'simulate', 'scope', 'study', 'vcm_plant'} <= entry_points().keys()
+
+
+INTERRUPTED = """
+import signal, sys
+
+class Interrupt:
+    def find_spec(name, *_):
+        if name == 'hdd_servo_ros.registry':
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt)
+from hdd_servo_ros.executables import rig
+sys.exit(rig())
+"""
+"""The script that pip or colcon makes of the entry point, with an interrupt amid the imports of it."""
+
+
+def test_an_interrupt_while_it_is_imported():
+    ended = subprocess.run([sys.executable, '-c', INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, '', '')
+
+
+def test_an_interrupt_while_it_ends():
+    """As from a launch file of which another process has just been refused."""
+    code = 'import atexit, signal, sys; from hdd_servo_ros.executables import recover; '
+    code += 'atexit.register(signal.raise_signal, signal.SIGINT); sys.exit(recover())'
+    ended = subprocess.run(
+        [sys.executable, '-c', code, 'nowhere'], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.startswith('recover: nowhere is not a run folder')
+    assert 'Traceback' not in ended.stderr
