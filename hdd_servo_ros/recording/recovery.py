@@ -25,8 +25,6 @@ BACKUP = 'damaged'
 """Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
 _WORKSHOP = 'recovering'
 _ENDINGS = {'.mcap': 'mcap', '.db3': 'sqlite3'}
-
-
 _NO_TICK = 'no tick is left'
 
 

@@ -69,7 +69,8 @@ class Checks:
         run = self._run
         wanted = run.last_tick + 1 if count is None else count
         for topic, found in run.counts.items():
-            ticks = run.message_ticks(topic)
+            # A bag without a message on a topic need not know of it.
+            ticks = run.message_ticks(topic) if found else np.empty(0, dtype=np.int64)
             # All that lie beyond count as one.
             per_tick = np.bincount(np.minimum(ticks, wanted), minlength=wanted + 1)
             wrong = np.flatnonzero(per_tick != np.append(np.ones(wanted, dtype=np.int64), 0))

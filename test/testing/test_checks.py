@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
@@ -138,6 +139,7 @@ def test_a_run_that_did_not_finish(tmp_path):
     bag = Run.open(run.path / 'bag')
     (run.path / 'run.yaml').unlink()
     text, _ = failure(Run.open(bag.path).check.finished)
+    bag.check.samples(11)
     assert text.startswith('there is no run.yaml, which says how a run has ended: finished() needs the folder of a run')
 
 
@@ -150,6 +152,11 @@ def test_the_first_tick_whose_samples_are_wrong(tmp_path):
     text, plot = failure(short.check.samples, 9)
     assert 'clock has 10 messages, 9 are expected: that of tick 9 is beyond (0.0009 s)' in text
     assert plot.is_file()
+    said = yaml.safe_load((short.path / 'run.yaml').read_text())
+    said['topics']['disturbance'] = '/disturbance'
+    (short.path / 'run.yaml').write_text(yaml.safe_dump(said))
+    text, _ = failure(Run.open(short.path).check.samples)
+    assert 'disturbance has 0 messages, 10 are expected: tick 0 has none (0 s)' in text
     run = record(tmp_path / 'gap', np.zeros(COUNT), without=('control', 500))
     text, plot = failure(run.check.finished)
     assert 'control has 1000 messages, 1001 are expected: tick 500 has none (0.05 s)' in text
@@ -216,6 +223,7 @@ def test_what_is_clipped(simulated, tmp_path):
     wide.check.unsaturated()
     narrow = Run.open(simulated(tmp_path / 'narrow', '-p', 'duration:=0.05', '-p', 'adc_range:=0.125'))
     clipped = np.flatnonzero(np.abs(narrow.ldv[:, 0]) >= 0.125 * (1 - 2.0**-14))
-    text, _ = failure(narrow.check.unsaturated)
+    text, plot = failure(narrow.check.unsaturated)
+    assert plot.is_file()
     assert f'displacement output is clipped at {len(clipped)} of 501 samples from 0 s on' in text
     assert f'first at tick {clipped[0]} ' in text
