@@ -15,6 +15,7 @@ process's Hessenberg matrix with one column changed. The frequency is normalised
 
 import argparse
 import dataclasses
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -34,12 +35,16 @@ ITERATIONS = 20
 """Rounds of the iteration at most; it settles in about five."""
 _SETTLED = 1e-6
 _LEAST_WEIGHED = 1e-15
+_ROUNDING = 1e-10
+"""Relative error below which a smaller one is no better fit."""
 SMALLEST_DEVIATION = 2e-3
 """Relative deviation below which a point is not believed: what is not noise (friction, folding) is about as large."""
 _NEIGHBOURS = 9
 _IMAGES = 3
 _FOLDING_ROUNDS = 4
 MOST_POLES = 12
+_LARGEST_ERROR = 2.0
+"""Weighted rms error above which the deviations cannot be those of the points about the model."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,7 +201,7 @@ def identify(
     response
         Complex, shape (n,), of a continuous system: divide a sampled one by :func:`~hdd_servo_ros.bench.response.held`.
     poles, zeros
-        m and n of (3.21), with zeros <= poles; integrators count among the poles.
+        n and m of (3.21), with zeros <= poles; integrators count among the poles.
     integrators
         How many of the poles are known to be at 0.
     deviation
@@ -238,7 +243,7 @@ def identify(
             best = Model(
                 found.zeros * unit,
                 np.concatenate((np.zeros(integrators), found.poles * unit)),
-                found.leading * scale * unit ** (poles - zeros),
+                found.leading * scale * unit ** (poles - len(found.zeros)),
                 error,
             )
         if np.isfinite(error) and abs(error - last) <= _SETTLED * error:
@@ -260,8 +265,8 @@ def _check(f: Array, response: ComplexArray, poles: int, zeros: int, integrators
         raise ValueError(f'frequency and response must have one shape, not {f.shape} and {response.shape}')
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(response)) and np.all(f > 0.0) and np.all(response != 0.0)):
         raise ValueError('frequencies must be positive, responses finite and not zero')
-    unknowns = poles - integrators + zeros + 1
-    if 2 * len(f) < unknowns:
+    if len(f) < least_points(poles, zeros, integrators):
+        unknowns = poles - integrators + zeros + 1
         raise ValueError(f'{len(f)} points are too few for {unknowns} unknowns')
 
 
@@ -278,6 +283,9 @@ def _linear_fit(
     )[0]
     b, a = solution[: zeros + 1], np.append(solution[zeros + 1 :], 1.0)
     n_values = numerator.values @ b / weight
+    # Data without noise may leave a coefficient at exactly nothing: there are as many zeros fewer.
+    significant = np.flatnonzero(np.abs(b) > np.finfo(np.float64).tiny * np.abs(b).max())
+    b = b[: 1 + int(significant.max(initial=0))]
     d_values = denominator.values @ a / (weight * target)
     leading = numerator.leading(b) / denominator.leading(a)
     model = Model(numerator.roots(b), denominator.roots(a), leading, np.nan)
@@ -297,8 +305,13 @@ def select_order(
     """
     Fit every order up to ``most_poles`` and return the one whose residual earns its unknowns.
 
-    That is the least of Schwarz's criterion: with known deviations chi^2 + p ln 2n, without them 2n ln chi^2 + p ln 2n,
-    for p unknowns and n points (2n real numbers).
+    That is the least of Chen and Chen's extension (Biometrika 95, 2008) of Schwarz's criterion: with known deviations
+    chi^2/v + 2 p ln 2n, without them 2n ln chi^2 + 2 p ln 2n, for p unknowns and n points (2n real numbers). The second
+    p ln 2n is for the choice that a mode has: it settles wherever in the band the noise looks most like one. v is 1, or
+    the least chi^2/(2n - p) of all orders where that is more: the deviations are then too small.
+
+    A model with a doubtful mode (unstable, unless below the band as the rigid body's poles may come out; or oscillating
+    beyond the band) must besides halve chi^2.
 
     Parameters
     ----------
@@ -306,38 +319,64 @@ def select_order(
         As of :func:`identify`.
     most_poles
         Largest number of poles, integrators included.
+
+    Raises
+    ------
+    ValueError
+        If the points are too few for the smallest order.
     """
     f = np.asarray(frequency, dtype=np.float64)
     return _selected(
         lambda poles, zeros: identify(f, response, poles, zeros, integrators=integrators, deviation=deviation),
-        len(f),
+        f,
         integrators,
         most_poles,
         known_deviation=deviation is not None,
     )
 
 
+def least_points(poles: int | None, zeros: int, integrators: int = 0) -> int:
+    """Return how many points :func:`identify` takes at least, or with None for the poles :func:`select_order`."""
+    if poles is None:
+        # Of two real numbers a point, half are to tell a good fit from an exact one.
+        return max(integrators, 1) - integrators + 1
+    return -(-(poles - integrators + zeros + 1) // 2)
+
+
 def _selected(
-    fit: Callable[[int, int], Model], points: int, integrators: int, most_poles: int, *, known_deviation: bool
+    fit: Callable[[int, int], Model], frequency: Array, integrators: int, most_poles: int, *, known_deviation: bool
 ) -> Model:
     """Return the best of the models that ``fit`` makes for numbers of poles and zeros; see :func:`select_order`."""
-    numbers = 2 * points
-    best: Model | None = None
-    least = np.inf
-    for poles in range(max(integrators, 1), most_poles + 1):
-        for zeros in range(poles + 1):
-            unknowns = poles - integrators + zeros + 1
-            if numbers < 2 * unknowns:
-                break
-            model = fit(poles, zeros)
-            chi_squared = numbers * model.error**2
-            misfit = numbers * np.log(max(chi_squared, 1e-300)) if not known_deviation else chi_squared
-            criterion = misfit + unknowns * np.log(numbers)
-            if criterion < least:
-                best, least = model, criterion
-    if best is None:
-        raise ValueError(f'{points} points are too few to select an order')
-    return best
+    if integrators > most_poles:
+        raise ValueError(f'{integrators} integrators are more than the {most_poles} poles there may be')
+    fewest = max(integrators, 1)
+    if len(frequency) < least_points(None, 0, integrators):
+        raise ValueError(f'{len(frequency)} points are too few to select an order')
+    numbers = 2 * len(frequency)
+    models = [
+        fit(poles, zeros)
+        for poles in range(fewest, most_poles + 1)
+        for zeros in range(poles + 1)
+        if numbers >= 2 * (poles - integrators + zeros + 1)
+    ]
+    unknowns = np.array([len(model.poles) - integrators + len(model.zeros) + 1 for model in models])
+    chi_squared = numbers * np.array([model.error for model in models]) ** 2
+    if known_deviation:
+        misfit = chi_squared / max(1.0, float(np.min(chi_squared / (numbers - unknowns))))
+    else:
+        misfit = numbers * np.log(np.maximum(chi_squared, numbers * _ROUNDING**2))
+    doubtful = np.array([bool(_doubtful(model, frequency.min(), frequency.max())) for model in models])
+    criterion = misfit + 2.0 * unknowns * np.log(numbers) + doubtful * numbers * np.log(2.0)
+    return models[int(np.argmin(criterion))]
+
+
+def _doubtful(model: Model, lowest: float, highest: float) -> list[Mode]:
+    """Return the modes of the band [Hz] that are unstable, and those beyond it that oscillate."""
+    return [
+        mode
+        for mode in model.modes()
+        if (mode.damping < 0.0 and mode.frequency >= lowest) or (mode.pole.imag > 0.0 and mode.frequency > highest)
+    ]
 
 
 def believed_deviation(measured: FrequencyResponse, smallest: float = SMALLEST_DEVIATION) -> Array | None:
@@ -358,7 +397,7 @@ def believed_deviation(measured: FrequencyResponse, smallest: float = SMALLEST_D
 
 def identify_measured(
     measured: FrequencyResponse,
-    poles: int = 0,
+    poles: int | None = None,
     zeros: int = 0,
     *,
     integrators: int = 0,
@@ -376,7 +415,7 @@ def identify_measured(
     measured
         The measurement.
     poles, zeros, integrators, method
-        As of :func:`identify`; 0 poles lets :func:`select_order` choose both numbers.
+        As of :func:`identify`; None for the poles lets both numbers be chosen as by :func:`select_order`.
     delay
         Of the loop's computation, before the hold [s].
     """
@@ -408,9 +447,9 @@ def identify_measured(
         assert best is not None
         return best
 
-    if poles > 0:
+    if poles is not None:
         return fit(poles, zeros)
-    return _selected(fit, len(response), integrators, MOST_POLES, known_deviation=deviation is not None)
+    return _selected(fit, measured.frequency, integrators, MOST_POLES, known_deviation=deviation is not None)
 
 
 def _folded_back(model: Model, measured: FrequencyResponse, delay: float) -> ComplexArray:
@@ -425,26 +464,97 @@ def _folded_back(model: Model, measured: FrequencyResponse, delay: float) -> Com
     return folded
 
 
-def table(model: Model, rigid_order: int = 2) -> str:
-    """Return gain and modes in words."""
+def doubts(model: Model, measured: FrequencyResponse, rigid_order: int = 2) -> list[str]:
+    """
+    Return what makes a fitted model doubtful, a line each.
+
+    Parameters
+    ----------
+    model
+        From :func:`identify_measured`.
+    measured
+        What it was fitted to.
+    rigid_order
+        How many poles of least magnitude are the rigid body's: those may lie below the band, where no point says
+        whether they are stable.
+    """
+    lines = []
+    gain = model.rigid_gain(rigid_order)
+    if not gain > 0.0:
+        lines.append(
+            f'the gain of the rigid body is {gain:.6g}, not above 0: the band or the order does not show it, or the '
+            "output's sign is reversed"
+        )
+    lowest, highest = float(measured.frequency.min()), float(measured.frequency.max())
+    rigid = model.poles[np.argsort(np.abs(model.poles), kind='stable')][:rigid_order]
+    for mode in model.modes():
+        of_rigid_body = bool(np.any(mode.pole == rigid))
+        if mode.damping < 0.0 and not (of_rigid_body and mode.frequency < lowest):
+            lines.append(f'the mode at {mode.frequency:.6g} Hz is unstable: its damping is {mode.damping:.3g}')
+        if not lowest <= mode.frequency <= highest and not of_rigid_body:
+            lines.append(
+                f'the mode at {mode.frequency:.6g} Hz lies outside the band of the points, {lowest:.6g} to '
+                f'{highest:.6g} Hz'
+            )
+    if believed_deviation(measured) is not None and model.error > _LARGEST_ERROR:
+        lines.append(
+            f'the weighted rms error is {model.error:.3g}: the model misses the points by that many of the standard '
+            'deviations that their coherence says, which should be about 1'
+        )
+    return lines
+
+
+def table(model: Model, rigid_order: int = 2, unit: str = '') -> str:
+    """
+    Return gain and modes in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+    rigid_order
+        As of :meth:`Model.rigid_gain`.
+    unit
+        Of the response; empty where it is not known.
+    """
+    unit = unit or 'magnitude'
+    residue_unit = f'{unit} rad/s'
+    width = max(12, len(residue_unit) + 12)
     lines = [
         f'{len(model.poles)} poles, {len(model.zeros)} zeros; weighted rms error {model.error:.3g}',
-        f'gain of the rigid body {model.rigid_gain(rigid_order):.6g} (poles of least magnitude: {rigid_order})',
-        f'{"frequency [Hz]":>16} {"damping":>10} {"|residue|":>12} {"phase [deg]":>12}',
+        f'gain of the rigid body {model.rigid_gain(rigid_order):.6g} {_per_second(unit, rigid_order)} '
+        f'(poles of least magnitude: {rigid_order})',
+        f'{"frequency [Hz]":>16} {"damping":>10} {f"|residue| [{residue_unit}]":>{width}} {"phase [deg]":>12}',
     ]
     lines += [
-        f'{mode.frequency:16.2f} {mode.damping:10.5f} {abs(mode.residue):12.5g} '
+        f'{mode.frequency:16.2f} {mode.damping:10.5f} {abs(mode.residue):{width}.5g} '
         f'{np.degrees(np.angle(mode.residue)):12.1f}'
         for mode in model.modes()
     ]
     return '\n'.join(lines)
 
 
+def _per_second(unit: str, order: int) -> str:
+    """Return a unit divided by s to the power of ``order``."""
+    if order == 0:
+        return unit
+    above, slash, below = unit.partition('/')
+    return f'{above}/({below} s^{order})' if slash else f'{unit}/s^{order}'
+
+
 def _count(text: str) -> int:
-    """Return a number of poles or zeros; argparse tells what is none."""
+    """Return a number of zeros or integrators; argparse tells what is none."""
     number = int(text)
     if number < 0:
         raise argparse.ArgumentTypeError(f'{number} is negative')
+    return number
+
+
+def _positive_count(text: str) -> int:
+    """Return a number of poles; argparse tells what is none."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f'{number} is not above 0')
     return number
 
 
@@ -456,6 +566,14 @@ def _time(text: str) -> float:
     return number
 
 
+def _frequency(text: str) -> float:
+    """Return a limit of the band [Hz]; argparse tells what is none."""
+    number = float(text)
+    if not number >= 0.0:
+        raise argparse.ArgumentTypeError(f'{text} is no frequency: it must not be negative [Hz]')
+    return number
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify the response of a CSV file and print gain and modes; returns 2 for bad arguments or a bad file."""
     parser = argparse.ArgumentParser(
@@ -463,32 +581,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
     )
     parser.add_argument('file', type=Path, help='columns named with units, as of signal_analyzer; or Hz, linear, deg')
-    parser.add_argument('--poles', type=_count, default=0, help='number of poles; without it the residual selects')
+    parser.add_argument('--poles', type=_positive_count, help='number of poles; without it the residual selects')
     parser.add_argument('--zeros', type=_count, help='number of zeros, with --poles (default: 0)')
     parser.add_argument('--integrators', type=_count, default=0, help='how many of the poles are known to be at 0')
     parser.add_argument(
-        '--rigid-order', type=_count, default=2, help='poles of the rigid body: 2, or 0 for a static gain'
+        '--rigid-order', type=int, choices=(2, 0), default=2, help='poles of the rigid body: 2, or 0 for a static gain'
     )
-    parser.add_argument('--from', type=float, default=0.0, dest='lowest', metavar='HZ', help='lowest frequency used')
-    parser.add_argument('--to', type=float, default=np.inf, dest='highest', metavar='HZ', help='highest frequency used')
+    parser.add_argument(
+        '--from', type=_frequency, default=0.0, dest='lowest', metavar='HZ', help='lowest frequency used'
+    )
+    parser.add_argument(
+        '--to', type=_frequency, default=np.inf, dest='highest', metavar='HZ', help='highest frequency used'
+    )
     parser.add_argument('--hold', type=_time, help="hold in the response [s], instead of the file's; 0 for none")
     parser.add_argument('--delay', type=_time, default=0.0, help='computation delay in the response [s]')
     parser.add_argument('--method', choices=METHODS, default=SANATHANAN_KOERNER)
     given = parser.parse_args(arguments)
-    if given.method == LEVY and not given.poles:
+    if given.method == LEVY and given.poles is None:
         parser.error('--method levy wants --poles: the order is selected among iterated fits')
-    if given.zeros is not None and not given.poles:
+    if given.zeros is not None and given.poles is None:
         parser.error('--zeros wants --poles: without it the residual selects both numbers')
     if given.integrators > given.rigid_order:
-        parser.error(f'--integrators {given.integrators} wants --rigid-order {given.integrators} or more')
+        parser.error(f'--integrators {given.integrators} is more than --rigid-order, which is {given.rigid_order}')
+    if given.lowest > given.highest:
+        parser.error(f'--from {given.lowest:g} lies above --to {given.highest:g}')
+    zeros = given.zeros or 0
     try:
-        measured = read_csv(given.file).between(given.lowest, given.highest)
-        if given.hold is not None:
-            measured = dataclasses.replace(measured, hold=given.hold)
+        measured = _used(given, zeros)
         model = identify_measured(
             measured,
             given.poles,
-            given.zeros or 0,
+            zeros,
             integrators=given.integrators,
             delay=given.delay,
             method=given.method,
@@ -496,8 +619,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (OSError, ValueError) as error:
         print(f'identification: {error}', file=sys.stderr)
         return 2
-    print(table(model, given.rigid_order))
+    for line in doubts(model, measured, given.rigid_order):
+        print(f'identification: warning: {line}', file=sys.stderr)
+    try:
+        print(table(model, given.rigid_order, measured.unit), flush=True)
+    except BrokenPipeError:
+        # The reader has seen enough. What Python still has to write at its end goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
+
+
+def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
+    """Return the points of the file that the options leave; raises ValueError if those are too few."""
+    whole = read_csv(given.file)
+    measured = whole.between(given.lowest, given.highest)
+    least = least_points(given.poles, zeros, given.integrators)
+    if len(measured.frequency) < least:
+        wanted = 'to select an order' if given.poles is None else f'for {given.poles} poles and {zeros} zeros'
+        limits = {f'--from {given.lowest:g}': given.lowest > 0.0, f'--to {given.highest:g}': given.highest < np.inf}
+        said = ' '.join(option for option, is_given in limits.items() if is_given)
+        raise ValueError(
+            f'{given.file}: {said}{" leaves " * bool(said)}{len(measured.frequency)} of {len(whole.frequency)} points '
+            f'from {whole.frequency[0]:.6g} to {whole.frequency[-1]:.6g} Hz, and it takes at least {least} {wanted}'
+        )
+    return measured if given.hold is None else dataclasses.replace(measured, hold=given.hold)
 
 
 if __name__ == '__main__':

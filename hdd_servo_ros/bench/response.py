@@ -14,7 +14,7 @@ ComplexArray = NDArray[np.complex128]
 
 _HEADER = (
     'frequency [Hz]',
-    'magnitude [um/V]',
+    'magnitude',
     'phase [deg]',
     'coherence',
     'amplitude [V]',
@@ -25,6 +25,7 @@ _HEADER = (
 _FREQUENCY_UNITS = {'': 1.0, 'hz': 1.0, 'khz': 1e3, 'rad/s': 0.5 / np.pi}
 _PHASE_UNITS = {'': 1.0, 'deg': 1.0, '°': 1.0, 'degrees': 1.0, 'rad': 180.0 / np.pi, 'radians': 180.0 / np.pi}
 _SEPARATORS = ';\t,'
+_DECIBEL = re.compile(r'dB\b[ ,]*(re\b *)?', re.IGNORECASE)
 _VELOCITY = 'velocity'
 _NAMES = {'gain': 'magnitude', 'freq': 'frequency', 'mag': 'magnitude'}
 
@@ -50,6 +51,8 @@ class FrequencyResponse:
         Whether the output's velocity was read and divided by j 2 pi f, shape (n,).
     hold
         How long the input was held from one sample to the next [s]: the response has that hold in it; 0 for none.
+    unit
+        Of the response; empty where it is not known.
     """
 
     frequency: Array
@@ -59,6 +62,7 @@ class FrequencyResponse:
     averages: NDArray[np.int64]
     by_velocity: NDArray[np.bool_]
     hold: float = 0.0
+    unit: str = 'um/V'
 
     @classmethod
     def of(cls, frequency: ArrayLike, response: ArrayLike, hold: float = 0.0) -> 'FrequencyResponse':
@@ -115,7 +119,8 @@ class FrequencyResponse:
         )
         with path.open('w', newline='', encoding='utf8') as stream:
             writer = csv.writer(stream)
-            writer.writerow(_HEADER)
+            unit = f' [{self.unit}]' if self.unit else ''
+            writer.writerow([title + unit if title == 'magnitude' else title for title in _HEADER])
             writer.writerows(zip(*(column.tolist() for column in columns), strict=True))
 
 
@@ -168,7 +173,8 @@ def read_csv(path: Path) -> FrequencyResponse:
         }
     except ValueError as error:
         raise ValueError(f'{path}, {error}') from None
-    return _response(table, {name: unit for name, (_, unit) in columns.items()}, path)
+    numbers = [number for number, _ in lines]
+    return _response(table, {name: unit for name, (_, unit) in columns.items()}, numbers, path)
 
 
 def _is_number(text: str) -> bool:
@@ -184,8 +190,10 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
     found: dict[str, tuple[int, str]] = {}
     for place, title in enumerate(header):
         match = re.fullmatch(r'([^\[(]*)(?:[\[(](.*)[\])])?', title)
-        name, unit = (match[1].strip().lower(), (match[2] or '').strip().lower()) if match else (title, '')
-        found.setdefault(_NAMES.get(name, name), (place, unit))
+        name, unit = (match[1].strip().lower(), (match[2] or '').strip()) if match else (title, '')
+        name = _NAMES.get(name, name)
+        # Of the response the unit is kept as it is written.
+        found.setdefault(name, (place, unit if name == 'magnitude' else unit.lower()))
     for name, units in (('frequency', _FREQUENCY_UNITS), ('magnitude', None), ('phase', _PHASE_UNITS)):
         if name not in found:
             raise ValueError(f'{path}: no column {name!r}; there are {", ".join(header)}')
@@ -204,15 +212,28 @@ def _cell(row: Sequence[str], place: int, name: str, number: int) -> float:
     return float(name == 'output' and text == _VELOCITY)
 
 
-def _response(table: Mapping[str, Array], units: Mapping[str, str], path: Path) -> FrequencyResponse:
+def _response(
+    table: Mapping[str, Array], units: Mapping[str, str], numbers: Sequence[int], path: Path
+) -> FrequencyResponse:
+    """Return the response of the columns; ``numbers`` are the lines of the rows in the file."""
     frequency = table['frequency'] * _FREQUENCY_UNITS[units['frequency']]
-    magnitude = 10.0 ** (table['magnitude'] / 20.0) if units['magnitude'].startswith('db') else table['magnitude']
+    decibel = _DECIBEL.match(units['magnitude'])
+    magnitude = 10.0 ** (table['magnitude'] / 20.0) if decibel else table['magnitude']
     phase = np.radians(table['phase'] * _PHASE_UNITS[units['phase']])
+    for row in np.flatnonzero(frequency <= 0.0)[:1]:
+        raise ValueError(f'{path}, line {numbers[row]}: frequency is {table["frequency"][row]:g}, not above 0')
+    for row in np.flatnonzero(magnitude <= 0.0)[:1]:
+        raise ValueError(
+            f'{path}, line {numbers[row]}: magnitude is {table["magnitude"][row]:g}, not above 0; a magnitude in dB '
+            'needs the unit [dB] in the header'
+        )
     order = np.argsort(frequency, kind='stable')
-    if np.any(np.diff(frequency[order]) <= 0.0) or frequency[order[0]] <= 0.0:
-        raise ValueError(f'{path}: frequencies must be positive and each given once')
-    if np.any(magnitude <= 0.0):
-        raise ValueError(f'{path}: magnitudes must be above 0; a magnitude in dB needs the unit [dB] in the header')
+    for place in np.flatnonzero(np.diff(frequency[order]) == 0.0)[:1]:
+        first, second = order[place], order[place + 1]
+        raise ValueError(
+            f'{path}, line {numbers[second]}: frequency {table["frequency"][second]:.12g} is that of line '
+            f'{numbers[first]} already; each may be given once'
+        )
     holds = set(table.get('hold', np.zeros(1)).tolist())
     if len(holds) > 1:
         raise ValueError(f'{path}: the hold must be the same in all rows')
@@ -225,4 +246,5 @@ def _response(table: Mapping[str, Array], units: Mapping[str, str], path: Path) 
         np.rint(table.get('averages', ones)[order]).astype(np.int64),
         table.get('output', 0.0 * ones)[order] != 0.0,
         holds.pop(),
+        units['magnitude'][decibel.end() :] if decibel else units['magnitude'],
     )

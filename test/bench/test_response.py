@@ -68,8 +68,9 @@ def test_other_csvs(tmp_path, text):
         ('frequency [min],magnitude,phase\n1,2,3\n', "unit of frequency is 'min'"),
         ('1,2,3\n2,x,3\n', "line 2: magnitude is 'x'"),
         ('1,2,3\n2,1\n', "line 2: phase is ''"),
-        ('1,2,3\n1,2,3\n', 'each given once'),
-        ('1,-20,3\n', 'above 0'),
+        ('1,2,3\n# again\n1,2,3\n', 'line 3: frequency 1 is that of line 1 already'),
+        ('2,2,3\n0,2,3\n', 'line 2: frequency is 0, not above 0'),
+        ('1,-20,3\n', 'line 1: magnitude is -20, not above 0; a magnitude in dB needs the unit [dB]'),
         ('1;0,5;3\n', "line 1: magnitude is '0,5'"),
     ],
 )
@@ -79,6 +80,26 @@ def test_a_bad_csv_is_refused_by_name(tmp_path, text, message):
     with pytest.raises(ValueError, match=r'bad\.csv') as refused:
         read_csv(path)
     assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ('title', 'unit'),
+    [
+        ('gain [um/V]', 'um/V'),
+        ('Magnitude (dB)', ''),
+        ('mag [dB re 1 m/N]', '1 m/N'),
+        ('gain [dB, nm/V]', 'nm/V'),
+        ('gain', ''),
+    ],
+)
+def test_the_unit_of_the_response_is_kept(tmp_path, title, unit):
+    path = tmp_path / 'response.csv'
+    path.write_text(f'frequency,"{title}",phase\n1,2,3\n')
+    read = read_csv(path)
+    assert read.unit == unit
+    assert abs(read.response[0]) == pytest.approx(10.0**0.1 if 'dB' in title else 2.0)
+    read.write_csv(path)
+    assert read_csv(path).unit == unit
 
 
 def test_what_is_no_text_is_refused_by_name(tmp_path):
