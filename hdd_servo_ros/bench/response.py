@@ -134,6 +134,17 @@ def held(frequency: ArrayLike, hold: float, delay: float = 0.0) -> ComplexArray:
     return np.asarray(np.sinc(turns * hold) * np.exp(-2j * np.pi * turns * (0.5 * hold + delay)))
 
 
+def decibels(response: FrequencyResponse) -> Array:
+    """Return the magnitude [dB], shape (n,)."""
+    return np.asarray(20.0 * np.log10(np.abs(response.response)))
+
+
+def degrees(response: FrequencyResponse) -> Array:
+    """Return the phase [deg] without jumps, shape (n,); from -180 rather than +180 for a double integrator."""
+    values = np.degrees(np.unwrap(np.angle(response.response)))
+    return np.asarray(values - 360.0 if values[0] > 90.0 else values)
+
+
 def read_csv(path: Path) -> FrequencyResponse:
     """
     Return the response in a CSV file.

@@ -1,11 +1,9 @@
 """Bode plots of measured and fitted frequency responses."""
 
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
 
 
 def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
@@ -29,8 +27,8 @@ def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
     gain, phase = axes[0], axes[1]
     for i, (label, response) in enumerate(responses.items()):
         style = {'marker': '.', 'markersize': 3.5, 'linewidth': 0.8} if i == 0 else {'linewidth': 1.2}
-        gain.semilogx(response.frequency, 20.0 * np.log10(np.abs(response.response)), label=label, **style)
-        phase.semilogx(response.frequency, _degrees(response), **style)
+        gain.semilogx(response.frequency, decibels(response), label=label, **style)
+        phase.semilogx(response.frequency, degrees(response), **style)
     gain.set_ylabel('gain [dB, µm/V]')
     phase.set_ylabel('phase [°]')
     if len(responses) > 1:
@@ -43,9 +41,3 @@ def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
     for axis in axes:
         axis.grid(which='both', alpha=0.3)
     return figure
-
-
-def _degrees(response: FrequencyResponse) -> NDArray[np.float64]:
-    """Return the phase without jumps, from -180 degrees rather than +180 for a double integrator."""
-    degrees: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(response.response)))
-    return degrees - 360.0 if degrees[0] > 90.0 else degrees

@@ -104,14 +104,18 @@ def _time_figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
 
 
 def _figure(panel: Panel) -> dict[str, Any]:
-    kind = {'type': 'log', 'dtick': 1} if panel.logarithmic else {}
+    log = {'type': 'log', 'dtick': 1}
+    x_kind = log if panel.logarithmic or panel.logarithmic_x else {}
+    y_kind: dict[str, Any] = {'exponentformat': 'power', **(log if panel.logarithmic else {})}
+    if panel.y_range is not None:
+        y_kind['range'] = panel.y_range
     return {
         'data': [_line(trace, {'f4': _base64(trace.x, '<f4')}) for trace in panel.traces],
         'layout': {
             'height': _TALL_HEIGHT,
             'annotations': [_title(panel.title, 1.0)],
-            'xaxis': {'title': {'text': panel.x_label}, **kind},
-            'yaxis': {'title': {'text': panel.y_label}, **kind, 'exponentformat': 'power'},
+            'xaxis': {'title': {'text': panel.x_label}, **x_kind},
+            'yaxis': {'title': {'text': panel.y_label}, **y_kind},
         },
     }
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
 from hdd_servo_ros.loop.metrics import amplitude_spectrum, is_stepwise, step_response
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.decimation import rows_to_draw
@@ -51,11 +52,16 @@ class Panel:
     traces: tuple[Trace, ...]
     over_time: bool = False
     logarithmic: bool = False
+    """Whether both axes are."""
+    logarithmic_x: bool = False
+    largest_first: bool = False
+    """Whether a picture draws the lines in the order of their size, so that none covers the others."""
+    y_range: tuple[float, float] | None = None
     close_up: tuple[float, float] | None = None
     """Which part of the horizontal axis a picture shows, where the whole would be a filled band."""
 
 
-def run_panels(run: Run, after: float | None = None) -> list[Panel]:
+def run_panels(run: Run, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
     """
     Return the diagrams of one run; those whose topics the bag does not hold are left out.
 
@@ -65,10 +71,12 @@ def run_panels(run: Run, after: float | None = None) -> list[Panel]:
         The run.
     after
         Time from which the spectrum counts [s]; None for the first half of the run, 2 s at most.
+    response
+        What a signal analyzer has measured in the run.
     """
     length, volt = shown_unit(run.length_unit), run.control_unit
     lines = _Lines(run, _BUCKETS)
-    panels = []
+    panels = _bode_panels(response) if response is not None and len(response.frequency) else []
     if 'reference' in run and 'head' in run:
         positions = [lines.over_time('head', run.position, COLOURS[0])]
         if tracks(run):
@@ -129,6 +137,7 @@ def comparison_panels(runs: Sequence[Run], after: float | None = None) -> list[P
                     for run, name, colour in _named(controlled)
                 ),
                 over_time=True,
+                largest_first=True,
             )
         )
     if complete:
@@ -210,7 +219,30 @@ def _error_panel(runs: Sequence[Run], buckets: int) -> Panel:
             for run, name, colour in _named(runs)
         ),
         over_time=True,
+        largest_first=True,
     )
+
+
+def _bode_panels(response: FrequencyResponse) -> list[Panel]:
+    """Return gain, phase and, where it was measured, coherence of a response."""
+    curves = [
+        ('gain', f'gain [dB, {shown_unit(response.unit)}]', decibels(response)),
+        ('phase', 'phase [°]', degrees(response)),
+    ]
+    if response.averages.min() > 1:
+        curves.append(('coherence', 'coherence', response.coherence))
+    return [
+        Panel(
+            name,
+            f'Measured response: {name}',
+            'frequency [Hz]',
+            label,
+            (Trace(name, response.frequency, values, COLOURS[0]),),
+            logarithmic_x=True,
+            y_range=(0.0, 1.05) if name == 'coherence' else None,
+        )
+        for name, label, values in curves
+    ]
 
 
 def _estimates_panel(run: Run, lines: _Lines) -> Panel | None:

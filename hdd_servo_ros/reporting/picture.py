@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -30,18 +31,31 @@ def write_picture(panels: Sequence[Panel], title: str, path: Path) -> None:
 
 
 def _draw(axis: Axes, panel: Panel) -> None:
-    for trace in panel.traces:
+    order = _order(panel)
+    for trace, rank in zip(panel.traces, order, strict=True):
         x, y = trace.x, trace.y
         if panel.close_up is not None:
             inside = (x >= panel.close_up[0]) & (x <= panel.close_up[1])
             x, y = x[inside], y[inside]
         width, alpha = (2.6, 0.6) if trace.wide else (0.9, 1.0)
         line, marker = ('', 'o') if trace.marked else ('-', '')
-        axis.plot(x, y, line, marker=marker, color=trace.colour, label=trace.name, linewidth=width, alpha=alpha)
+        axis.plot(
+            *(x, y, line),
+            marker=marker,
+            color=trace.colour,
+            label=trace.name,
+            linewidth=width,
+            alpha=alpha,
+            zorder=2.0 + rank / len(order),
+        )
     # An error of exactly nothing has no logarithm.
     if panel.logarithmic and any((trace.y > 0.0).any() for trace in panel.traces):
         axis.set_xscale('log')
         axis.set_yscale('log')
+    elif panel.logarithmic_x:
+        axis.set_xscale('log')
+    if panel.y_range is not None:
+        axis.set_ylim(panel.y_range)
     named = 1 < len(panel.traces) <= _LEGEND_LINES
     # The legend stands between title and frame, where it hides nothing.
     lines = -(-len(panel.traces) // _LEGEND_COLUMNS) if named else 0
@@ -60,3 +74,13 @@ def _draw(axis: Axes, panel: Panel) -> None:
             fontsize=7,
             frameon=False,
         )
+
+
+def _order(panel: Panel) -> list[int]:
+    """Return when to draw each line: the largest first, or as they come."""
+    if not panel.largest_first:
+        return list(range(len(panel.traces)))
+    # By its middle half, which is small for a line that is large at the start alone.
+    sizes = [float(np.subtract(*np.percentile(trace.y, (75, 25)))) for trace in panel.traces]
+    largest_first = np.argsort(sizes, kind='stable')[::-1].tolist()
+    return [largest_first.index(place) for place in range(len(panel.traces))]

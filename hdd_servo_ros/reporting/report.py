@@ -6,22 +6,32 @@ No ROS import, and nothing but the runs' bags and their ``run.yaml`` is read.
 
 import argparse
 import itertools
+import math
 import signal
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 from tqdm import tqdm
 
+from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.run_folder import FINISHED
 from hdd_servo_ros.reporting.panels import comparison_panels, run_name, run_names, run_panels
-from hdd_servo_ros.reporting.run_metrics import Metric, run_metrics, shown_unit, steady_start
-from hdd_servo_ros.reporting.saturation import saturation_line
+from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics, shown_unit, steady_start
+from hdd_servo_ros.reporting.saturation import in_one_line, saturation_of
+from hdd_servo_ros.reporting.summary import SIGNAL_ANALYZER
+
+_TITLE_WIDTH = 150
+"""Characters that fit over a picture."""
 
 
-def report_run(run: Run, directory: Path, after: float | None = None) -> list[Path]:
+def report_run(run: Run, directory: Path, after: float | None = None) -> tuple[list[Path], list[str]]:
     """
     Write the metrics, the picture and the page of a run.
 
@@ -36,8 +46,10 @@ def report_run(run: Run, directory: Path, after: float | None = None) -> list[Pa
 
     Returns
     -------
-    list of Path
+    written : list of Path
         What was written.
+    remarks : list of str
+        Why the run did not finish, if so, and what the report leaves out and why, a line each.
 
     Raises
     ------
@@ -49,21 +61,50 @@ def report_run(run: Run, directory: Path, after: float | None = None) -> list[Pa
     from hdd_servo_ros.reporting.picture import write_picture
 
     metrics = run_metrics(run, after)
-    panels = run_panels(run, after)
+    response, missing = _measured_response(run)
+    missing = left_out(run, after) + missing
+    panels = run_panels(run, after, response)
     if not panels:
         raise ValueError(f'{run.path}: nothing to report: the bag holds neither /control nor /reference with /head')
-    title = f'{run.controller} on {run.frame_id}: {run_name(run)}'
+    title = f'{run.controller} on {run.frame_id}: {run_name(run)}' if run.description else run_name(run)
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
+    clipped = saturation_of(run)
     content = {
+        'status': run.status,
+        'reason': run.reason,
+        'saturated_samples': None if clipped is None else {name: len(ticks) for name, ticks in clipped.items()},
+        'left_out': missing,
         'errors_from': float(run.time[steady_start(run, after)]),
         'metrics': {metric.name: {'value': metric.value, 'unit': metric.unit} for metric in metrics},
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
-    write_picture(panels, title, written[1])
+    write_picture(panels, '\n'.join([title, *textwrap.wrap(_ended(run), _TITLE_WIDTH)]), written[1])
     lines = [(metric.label, f'{_number(metric.value)} {shown_unit(metric.unit)}') for metric in metrics]
-    write_page(written[2], title, _subtitle(run, after), (('', 'value'), lines), panels, run.sample_time, _details(run))
-    return written
+    subtitle = '; '.join([_subtitle(run, after, clipped), *missing])
+    write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, _details(run))
+    return written, [_ended(run), *missing] if _ended(run) else missing
+
+
+def _measured_response(run: Run) -> tuple[FrequencyResponse | None, list[str]]:
+    """Return what a signal analyzer measured in a run, None in another; and why there is nothing, a line at most."""
+    if run.controller != SIGNAL_ANALYZER:
+        return None, []
+    # Late: nothing else here needs the compiled blocks.
+    from hdd_servo_ros.reporting.recorded_response import response_of_run
+
+    try:
+        response = response_of_run(run)
+    except (ValueError, LookupError) as error:
+        return None, [f'no measured response: {error}']
+    return response, [] if len(response.frequency) else ['no measured response: no point was complete']
+
+
+def _ended(run: Run) -> str:
+    """Return how a run ended that did not finish and why; empty if it finished, or nothing says."""
+    if run.status == FINISHED or not run.description:
+        return ''
+    return f'{run.status}: {run.reason}' if run.reason else run.status
 
 
 def compare_runs(runs: Sequence[Run], directory: Path, after: float | None = None) -> list[Path]:
@@ -82,10 +123,11 @@ def compare_runs(runs: Sequence[Run], directory: Path, after: float | None = Non
     directory.mkdir(parents=True, exist_ok=True)
     picture, page = directory / 'comparison.png', directory / 'comparison.html'
     names = run_names(runs)
-    write_picture(panels, ', '.join(names), picture)
+    title = ', '.join(f'{name} ({run.status})' if _ended(run) else name for name, run in zip(names, runs, strict=True))
+    write_picture(panels, textwrap.fill(title, _TITLE_WIDTH), picture)
     details = {'what differs in run.yaml': _differences(runs)}
     table = comparison_table(runs, after)
-    write_page(page, f'Comparison of {len(runs)} runs', ', '.join(names), table, panels, runs[0].sample_time, details)
+    write_page(page, f'Comparison of {len(runs)} runs', title, table, panels, runs[0].sample_time, details)
     return [picture, page]
 
 
@@ -111,7 +153,12 @@ def comparison_table(runs: Sequence[Run], after: float | None = None) -> tuple[l
         for name, metric in first.items()
     ]
     lines.insert(0, ['controller', *(run.controller for run in runs)])
-    lines.insert(1, ['errors from [s]', *(_number(float(run.time[steady_start(run, after)])) for run in runs)])
+    lines.insert(1, ['status', *(run.status for run in runs)])
+    lines.insert(2, ['errors from [s]', *(_number(float(run.time[steady_start(run, after)])) for run in runs)])
+    clipped = [saturation_of(run) for run in runs]
+    for name in dict.fromkeys(name for found in clipped if found is not None for name in found):
+        counts = ('' if found is None else str(len(found.get(name, ()))) for found in clipped)
+        lines.append([f'saturated samples of the {name}', *counts])
     return ['', *run_names(runs)], lines
 
 
@@ -119,14 +166,12 @@ def _number(value: float) -> str:
     return f'{value:.4g}'
 
 
-def _subtitle(run: Run, after: float | None) -> str:
-    ended = run.status + (f': {run.reason}' if run.reason else '')
+def _subtitle(run: Run, after: float | None, clipped: Mapping[str, NDArray[np.int64]] | None) -> str:
     since = float(run.time[steady_start(run, after)])
-    saturation = saturation_line(run, run.description) if 'ldv' in run and 'control' in run else ''
-    clipped = f'; clipped: {saturation}' if saturation else ''
+    said = f'; clipped: {in_one_line(clipped, len(run.ticks))}' if clipped else ''
     return (
-        f'{ended}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
-        f'errors and spectrum from {since:g} s on{clipped}'
+        f'{_ended(run) or run.status}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
+        f'errors and spectrum from {since:g} s on{said}'
     )
 
 
@@ -185,6 +230,14 @@ def _print_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
         print('  '.join(f'{text:>{width}}' for text, width in zip(line, widths, strict=True)))
 
 
+def _seconds(text: str) -> float:
+    """Return a time [s]; argparse tells what is none."""
+    number = float(text)
+    if not 0.0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
+    return number
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Report runs; exit code 0, or 2 if one cannot be read."""
     parser = argparse.ArgumentParser(
@@ -202,7 +255,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         '--after',
-        type=float,
+        type=_seconds,
         metavar='SECONDS',
         help='time before which errors do not count (default: half of the run, 2 s at most)',
     )
@@ -210,10 +263,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         runs = [Run.open(path) for path in options.run]
         _refuse_different_units(runs)
-        written = []
+        written, remarks = [], []
         jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
-        for directory, run in zip(_directories(runs, options.output), jobs, strict=True):
-            written += report_run(run, directory, options.after)
+        for directory, name, run in zip(_directories(runs, options.output), run_names(runs), jobs, strict=True):
+            files, lines = report_run(run, directory, options.after)
+            written += files
+            remarks += [f'{name}: {line}' for line in lines]
         if len(runs) > 1:
             beside = options.run[0].resolve().parent if options.output is None else options.output
             written += compare_runs(runs, beside, options.after)
@@ -225,6 +280,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print('report: interrupted', file=sys.stderr)
         return 128 + signal.SIGINT
     _print_table(*table)
+    for line in remarks:
+        print(line)
     for path in written:
         print(path)
     return 0

@@ -17,6 +17,7 @@ from hdd_servo_ros.loop.metrics import (
     step_response,
     tracking_metrics,
 )
+from hdd_servo_ros.loop.period import repeat, sine_period
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.summary import OPEN_LOOP, SIGNAL_ANALYZER, transient_of
 
@@ -44,8 +45,13 @@ def tracks(run: Run) -> bool:
 
 
 def reference_period(run: Run) -> float | None:
-    """Return the period of the reference at the end of the run [samples], None if it is not periodic or not known."""
-    if not run.description or run.controller == SIGNAL_ANALYZER:
+    """
+    Return the period of the reference at the end of the run [samples], None if it is not periodic or not known.
+
+    The reference's parameters tell it; without ``run.yaml``, or with a reference from a node that is not ours, the
+    samples of `/reference` in the part of the run that counts do.
+    """
+    if run.controller == SIGNAL_ANALYZER:
         return None
 
     def said(name: str) -> Any:
@@ -62,9 +68,68 @@ def reference_period(run: Run) -> float | None:
         elif waveform not in ('sine', 'square'):
             return None
     except LookupError:
-        # A reference from a node that is not ours.
-        return None
+        return _period_of_samples(run)
     return 1.0 / (frequency * run.sample_time) if frequency > 0.0 else None
+
+
+def _period_of_samples(run: Run) -> float | None:
+    seconds = _sine_of_samples(run)
+    if seconds is not None:
+        return seconds / run.sample_time
+    if 'reference' not in run:
+        return None
+    samples = repeat(run.desired_position[steady_start(run) :])
+    return None if samples is None else float(samples)
+
+
+def _sine_of_samples(run: Run) -> float | None:
+    """Return the period of the sine that `/reference` is [s], None if it is none."""
+    if 'reference' not in run:
+        return None
+    rows = run.reference[steady_start(run) :]
+    return sine_period(rows[:, 0], rows[:, 2])
+
+
+def follows_sine(run: Run) -> bool:
+    """Return whether the reference at the end of the run is a sine."""
+    if run.controller == SIGNAL_ANALYZER:
+        return False
+    try:
+        return bool(run.parameter(REFERENCE_GENERATOR, 'waveform') == 'sine')
+    except LookupError:
+        return _sine_of_samples(run) is not None
+
+
+def left_out(run: Run, after: float | None = None) -> list[str]:
+    """Return what a report of this run leaves out that reports of others hold, and why, a line each."""
+    lines = []
+    if not run.description:
+        lines.append(
+            'there is no run.yaml: how the run ended, its controller, its parameters and saturation are not known'
+        )
+    missing = [f'/{name}' for name in ('head', 'reference') if name not in run]
+    if missing and run.controller not in OPEN_LOOP:
+        lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
+    if 'control' not in run:
+        lines.append('no figures of the control: the bag holds no /control')
+    if tracks(run) and not is_stepwise(run.desired_position):
+        period = reference_period(run)
+        if period is None:
+            lines.append('no repeatable parts, areas and hysteresis: no period of the reference is known')
+            return lines
+        samples, whole = len(run.ticks) - steady_start(run, after), _whole_periods(period).numerator
+        if samples < 2 * whole:
+            what = 'repeatable parts and areas' if samples < whole and follows_sine(run) else 'repeatable parts'
+            lines.append(
+                f'no {what}: {samples * run.sample_time:g} s count, and the periods of the reference that make whole '
+                f'samples take {whole * run.sample_time:g} s'
+            )
+    return lines
+
+
+def _whole_periods(period: float) -> Fraction:
+    """Return a period as whole samples over the fewest periods that make them."""
+    return Fraction(period).limit_denominator(1000)
 
 
 def steady_start(run: Run, after: float | None = None) -> int:
@@ -170,9 +235,8 @@ def _control(run: Run, start: int) -> list[Metric]:
         Metric('control_variation', 'variation of the control', effort.total_variation / seconds, f'{unit}/s'),
     ]
     period = reference_period(run)
-    waveform = None if period is None else run.parameter(REFERENCE_GENERATOR, 'waveform')
-    if waveform == 'sine' and period is not None and 'head' in run:
-        samples = Fraction(period).limit_denominator(1000)
+    if period is not None and 'head' in run and follows_sine(run):
+        samples = _whole_periods(period)
         cycles = (len(run.ticks) - start) // samples.numerator * samples.denominator
         if cycles:
             rows = slice(len(run.ticks) - cycles // samples.denominator * samples.numerator, None)

@@ -44,9 +44,20 @@ def saturated_ticks(signals: Signals | Run, run: Mapping[str, Any]) -> dict[str,
     return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
 
 
+def saturation_of(run: Run) -> dict[str, NDArray[np.int64]] | None:
+    """Return :func:`saturated_ticks` of a run, None if the bag or its ``run.yaml`` do not tell."""
+    if not run.description or 'ldv' not in run or 'control' not in run:
+        return None
+    return saturated_ticks(run, run.description)
+
+
 def saturation_line(signals: Signals | Run, run: Mapping[str, Any]) -> str:
     """Return in one line which signals were clipped, how often and from which tick on; empty if none was."""
+    return in_one_line(saturated_ticks(signals, run), len(signals.time))
+
+
+def in_one_line(clipped: Mapping[str, NDArray[np.int64]], samples: int) -> str:
+    """Return what :func:`saturated_ticks` has found in a run of so many samples."""
     return '; '.join(
-        f'{name} {len(ticks)} of {len(signals.time)} samples, first at tick {ticks[0]}'
-        for name, ticks in saturated_ticks(signals, run).items()
+        f'{name} {len(ticks)} of {samples} samples, first at tick {ticks[0]}' for name, ticks in clipped.items()
     )

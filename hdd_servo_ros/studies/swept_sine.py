@@ -17,12 +17,12 @@ import numpy as np
 
 from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
 from hdd_servo_ros.bench.response import FrequencyResponse, held
-from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import block_parameters
 from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.bode import bode
+from hdd_servo_ros.reporting.recorded_response import node_parameters, response_of_run
 from hdd_servo_ros.reporting.response import CSV, PICTURE, describe
 
 FROM = 400.0
@@ -30,35 +30,6 @@ FROM = 400.0
 ZEROS = 4
 """Of (5.2) and (5.3) together; (5.1) to (5.5) have ten poles."""
 POLES = 10
-
-
-def response_of_run(run: Run) -> FrequencyResponse:
-    """
-    Return what the analyzer measured in a run, from `/ldv` and the parameters alone.
-
-    Raises
-    ------
-    ValueError
-        If the run is no sweep from tick 0 on, or its `/estimates` say something else.
-    """
-    node = _node_parameters(run, 'signal_analyzer')
-    analyzer = SignalAnalyzer(block_parameters('signal_analyzer', node), run.sample_time)
-    ticks = run.ticks
-    if len(ticks) == 0 or ticks[0] != 0:
-        raise ValueError('the bag does not begin with tick 0')
-    analyzer.replay(run.ldv)
-    for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
-        if run.estimates[name][-1] != value:
-            raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')
-    return analyzer.response()
-
-
-def _node_parameters(run: Run, name: str) -> Mapping[str, object]:
-    for full_name, node in run.description.get('nodes', {}).items():
-        if full_name.rsplit('/', 1)[-1] == name:
-            parameters: Mapping[str, object] = node['parameters']
-            return {key: tuple(value) if isinstance(value, list) else value for key, value in parameters.items()}
-    raise ValueError(f'run.yaml tells of no {name}')
 
 
 def with_noise(measured: FrequencyResponse, level: float, seed: int) -> FrequencyResponse:
@@ -126,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         run = Run.open(given.run)
         measured = response_of_run(run)
-        plant = block_parameters('vcm_plant', _node_parameters(run, 'vcm_plant'))
+        plant = block_parameters('vcm_plant', node_parameters(run, 'vcm_plant'))
         used = measured.between(given.lowest, np.inf)
         if given.noise:
             used = with_noise(used, given.noise, given.seed)

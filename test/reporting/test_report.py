@@ -12,16 +12,18 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
+from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.reporting import plot
-from hdd_servo_ros.reporting.panels import comparison_panels, run_panels
+from hdd_servo_ros.reporting.panels import Panel, Trace, comparison_panels, run_panels
+from hdd_servo_ros.reporting.picture import write_picture
 from hdd_servo_ros.reporting.report import main
-from hdd_servo_ros.reporting.run_metrics import reference_period, run_metrics
+from hdd_servo_ros.reporting.run_metrics import left_out, reference_period, run_metrics
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import HEAD, REFERENCE
+from hdd_servo_ros.topics import CONTROL, HEAD, REFERENCE
 
 LARGEST_PAGE = 6_000_000
 
@@ -154,6 +156,117 @@ def test_reports_of_one_name_do_not_overwrite_each_other(runs, tmp_path):
     assert reports == {'nn', 'nn-2', 'pid'}
 
 
+def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, capsys, monkeypatch):
+    """A run that failed, whose vibrometer reached no further than 0.2 V: the 2 um of the sine are 0.25 V."""
+    description = yaml.safe_load((runs['pid'] / 'run.yaml').read_text())
+    description |= {'status': 'failed', 'reason': 'the drive is gone'}
+    description['nodes']['/bench1/ldv_sensor']['parameters']['output_range'] = 0.2
+    (tmp_path / 'broken' / 'bag').mkdir(parents=True)
+    for file in (runs['pid'] / 'bag').iterdir():
+        (tmp_path / 'broken' / 'bag' / file.name).symlink_to(file)
+    (tmp_path / 'broken' / 'run.yaml').write_text(yaml.safe_dump(description))
+    # The converter of 16 bits and +-10 V ends at its last code within the range.
+    code = 20.0 / 2**16
+    count = int(np.sum(np.abs(Run.open(runs['pid']).ldv[:, 0]) >= np.floor(0.2 / code) * code))
+    assert count > 100
+    titles = []
+    monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: titles.append(text))
+    assert main([str(runs['nn']), str(tmp_path / 'broken'), '--output', str(tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out.splitlines()
+    rows = [line.split() for line in said]
+    assert ['status', 'finished', 'failed'] in rows
+    assert ['saturated', 'samples', 'of', 'the', 'displacement', 'output', '0', str(count)] in rows
+    assert 'broken: failed: the drive is gone' in said
+    assert titles[1].endswith(': broken\nfailed: the drive is gone')
+    assert titles[2] == 'nn, broken (failed)'
+    assert 'finished' not in titles[0]
+    content = yaml.safe_load((tmp_path / 'out' / 'broken' / 'metrics.yaml').read_text())
+    assert (content['status'], content['reason']) == ('failed', 'the drive is gone')
+    assert content['saturated_samples']['displacement output'] == count
+    good = yaml.safe_load((tmp_path / 'out' / 'nn' / 'metrics.yaml').read_text())
+    assert (good['status'], good['reason'], good['saturated_samples'], good['left_out']) == ('finished', '', {}, [])
+    assert 'failed' in References((tmp_path / 'out' / 'comparison.html').read_text('utf8')).cells
+
+
+def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
+    """Without run.yaml /reference itself says what repeats, and what is not known is told."""
+    (tmp_path / 'alone').symlink_to(runs['nn'] / 'bag')
+    assert main([str(tmp_path / 'alone'), '--output', str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert 'bag: there is no run.yaml: how the run ended, its controller, its parameters and saturation are' in said
+    known, alone = Run.open(runs['nn']), Run.open(tmp_path / 'alone')
+    assert alone.description == {}
+    assert reference_period(alone) == pytest.approx(100.0, rel=1e-9)
+    expected = {metric.name: metric.value for metric in run_metrics(known)}
+    assert {'repeatable_error', 'control_loop_area', 'feedback_loop_area'} < expected.keys()
+    assert {metric.name: metric.value for metric in run_metrics(alone)} == pytest.approx(expected)
+    assert [panel.name for panel in run_panels(alone)] == [panel.name for panel in run_panels(known)]
+
+
+@pytest.mark.parametrize(
+    ('topics', 'words'),
+    [
+        ((REFERENCE, CONTROL), 'no tracking error and what follows from it: the bag holds no /head'),
+        ((CONTROL,), 'no tracking error and what follows from it: the bag holds no /head and no /reference'),
+        ((REFERENCE, HEAD), 'no figures of the control: the bag holds no /control'),
+    ],
+)
+def test_what_a_bag_lacks_is_told(tmp_path, capsys, topics, words):
+    write_constants(tmp_path / 'bag', dict.fromkeys(topics, 0.02))
+    assert main([str(tmp_path / 'bag'), '--output', str(tmp_path / 'out')]) == 0
+    assert f'bag: {words}' in capsys.readouterr().out.splitlines()
+    assert words in yaml.safe_load((tmp_path / 'out' / 'metrics.yaml').read_text())['left_out']
+
+
+def test_a_part_too_short_for_repeatable_parts_is_told(runs):
+    assert left_out(Run.open(runs['nn'])) == []
+    assert left_out(Run.open(runs['nn']), after=0.985) == [
+        'no repeatable parts: 0.0151 s count, and the periods of the reference that make whole samples take 0.01 s'
+    ]
+
+
+def test_a_sweep_has_its_bode_plot(runs, tmp_path, capsys):
+    assert main([str(runs['sweep']), '--output', str(tmp_path)]) == 0
+    assert 'no measured response' not in capsys.readouterr().out
+    measured = read_csv(runs['sweep'] / 'response.csv')
+    curves = {
+        figure['layout']['annotations'][0]['text']: figure
+        for figure in figures((tmp_path / 'report.html').read_text('utf8'))
+    }
+    gain, phase, coherence = (curves[f'<b>Measured response: {name}</b>'] for name in ('gain', 'phase', 'coherence'))
+    assert gain['layout']['xaxis']['type'] == 'log'
+    assert 'type' not in gain['layout']['yaxis']
+    np.testing.assert_allclose(gain['data'][0]['x'], measured.frequency, rtol=1e-6)
+    np.testing.assert_allclose(10.0 ** (gain['data'][0]['y'] / 20.0), np.abs(measured.response), rtol=1e-5)
+    turns = (phase['data'][0]['y'] - np.degrees(np.angle(measured.response))) / 360.0
+    np.testing.assert_allclose(turns, np.rint(turns), atol=1e-5)
+    np.testing.assert_allclose(coherence['data'][0]['y'], measured.coherence, rtol=1e-6)
+
+
+def test_a_sweep_that_cannot_be_replayed_is_told(runs, tmp_path, capsys):
+    description = yaml.safe_load((runs['sweep'] / 'run.yaml').read_text())
+    description['nodes']['/signal_analyzer']['parameters']['stop_frequency'] = 2500.0
+    (tmp_path / 'bag').symlink_to(runs['sweep'] / 'bag')
+    (tmp_path / 'run.yaml').write_text(yaml.safe_dump(description))
+    assert main([str(tmp_path), '--output', str(tmp_path / 'out')]) == 0
+    assert re.search(r': no measured response: /estimates says .* at the end, /ldv gives', capsys.readouterr().out)
+
+
+def test_no_line_of_a_comparison_is_hidden_by_a_larger_one(tmp_path):
+    """The small one is drawn last, also where it is large at the start."""
+    time = np.linspace(0.0, 1.0, 2001)
+    sign = np.where(np.arange(2001) % 2, 1.0, -1.0)
+    small, large = np.where(time < 0.05, 20.0, 1.0) * sign, 5.0 * sign
+    red, blue = Trace('small', time, small, '#ff0000'), Trace('large', time, large, '#0000ff')
+    shares = {}
+    for largest_first in (True, False):
+        panel = Panel('error', 'Error', 's', 'nm', (red, blue), over_time=True, largest_first=largest_first)
+        write_picture([panel], '', tmp_path / 'picture.png')
+        red_, green, blue_ = np.moveaxis(matplotlib.image.imread(tmp_path / 'picture.png')[..., :3], -1, 0)
+        shares[largest_first] = np.mean((red_ > 0.8) & (green < 0.3) & (blue_ < 0.3))
+    assert shares[True] > 2.0 * shares[False]
+
+
 @pytest.mark.parametrize('said', ['a: [', '- 1', 'controller: pid', b'\xff'])
 def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, said):
     (tmp_path / 'bag').symlink_to(runs['nn'] / 'bag')
@@ -182,6 +295,16 @@ def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, argu
         names['study'] = simulated(tmp_path / 'study', '-p', 'duration:=0.1', '-p', 'length_unit:=m')
     assert main([argument.format(**names) for argument in arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('after', ['-1', '-5', 'nan', 'inf'])
+def test_a_time_that_is_none_is_refused(runs, tmp_path, capsys, after):
+    with pytest.raises(SystemExit) as ended:
+        main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
+    assert ended.value.code == 2
+    said = f'report: error: argument --after: {after} is no time: it must be finite and not negative [s]'
+    assert capsys.readouterr().err.splitlines()[-1] == said
+    assert not (tmp_path / 'out').exists()
 
 
 def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):

@@ -11,7 +11,8 @@ from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.studies.swept_sine import FROM, response_of_run, true_modes, with_noise
+from hdd_servo_ros.reporting.recorded_response import response_of_run
+from hdd_servo_ros.studies.swept_sine import FROM, true_modes, with_noise
 
 SWEPT_SINE = Path(__file__).parents[2] / 'params' / 'swept_sine.yaml'
 OVERLAY = ('--params-file', str(SWEPT_SINE))

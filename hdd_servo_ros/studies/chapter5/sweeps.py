@@ -4,10 +4,11 @@ import math
 
 from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
 from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.reporting.recorded_response import response_of_run
 from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.chapter5.cases import FILE
 from hdd_servo_ros.studies.recorded import RecordedRuns
-from hdd_servo_ros.studies.swept_sine import FROM, POLES, ZEROS, response_of_run
+from hdd_servo_ros.studies.swept_sine import FROM, POLES, ZEROS
 
 SANATHANAN_KOERNER = METHODS[0]
 

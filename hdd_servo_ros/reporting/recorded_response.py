@@ -1,0 +1,39 @@
+"""The frequency response that a recorded run of the signal analyzer holds, measured anew from its bag."""
+
+from collections.abc import Mapping
+
+from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
+from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.recording.recorded_run import Run
+
+
+def response_of_run(run: Run) -> FrequencyResponse:
+    """
+    Return what the analyzer measured in a run, from `/ldv` and the parameters alone.
+
+    Raises
+    ------
+    ValueError
+        If the run is no sweep from tick 0 on, or its `/estimates` say something else.
+    """
+    analyzer = SignalAnalyzer(
+        block_parameters('signal_analyzer', node_parameters(run, 'signal_analyzer')), run.sample_time
+    )
+    ticks = run.ticks
+    if len(ticks) == 0 or ticks[0] != 0:
+        raise ValueError('the bag does not begin with tick 0')
+    analyzer.replay(run.ldv)
+    for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
+        if run.estimates[name][-1] != value:
+            raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')
+    return analyzer.response()
+
+
+def node_parameters(run: Run, name: str) -> Mapping[str, object]:
+    """Return the parameters that ``run.yaml`` tells of a node; raises ValueError if it does not know it."""
+    for full_name, node in run.description.get('nodes', {}).items():
+        if full_name.rsplit('/', 1)[-1] == name:
+            parameters: Mapping[str, object] = node['parameters']
+            return {key: tuple(value) if isinstance(value, list) else value for key, value in parameters.items()}
+    raise ValueError(f'run.yaml tells of no {name}')
