@@ -162,12 +162,12 @@ class LoopMargins:
         self.gain = plant.gain
         self.frequencies = frequency_grid(sample_time)
         self.drives = tuple(sampled_drive(plant, sample_time, presliding) for presliding in (True, False))
-        self._responses = tuple(drive.response(self.frequencies) for drive in self.drives)
+        self.responses = tuple(drive.response(self.frequencies) for drive in self.drives)
 
     def peak_sensitivity(self, controller: LinearController) -> float:
         """Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable."""
         law = controller.response(self.frequencies, self.sample_time)
-        peaks = [float(np.abs(1.0 / (1.0 + (law * response).sum(axis=1))).max()) for response in self._responses]
+        peaks = [float(np.abs(1.0 / (1.0 + (law * response).sum(axis=1))).max()) for response in self.responses]
         if max(controller.closed_loop_radius(drive) for drive in self.drives) >= 1.0:
             return float('inf')
         return max(peaks)

@@ -18,9 +18,10 @@ times as fast. A sample of delay turns the loop by another 18 degrees there, and
 learns at 2 1/s instead.
 
 PID controller. Among all k_d and corner frequencies of the derivative's filter, each with the largest k_p that the rule
-allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise. Then it
-gets the largest k_i, k_p again the largest allowed, that costs at most 5 % of that: the sines do not need an integral,
-steps and slow references do.
+allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise. A grid
+over k_d, up to 6 times what the loop bears without a filter, and the filter's pole finds the start of a Nelder-Mead
+search. Then it gets the largest k_i, k_p again the largest allowed, that costs at most 5 % of that: the sines do not
+need an integral, steps and slow references do. k_i is rounded down to two digits, the others to three.
 
 With ``--same-peak`` the PID controller alone is tuned, for a study whose adaptive NN controller is given (section 4.4):
 least squared error over the last half of 20 s of the file's reference, with no more peak control than the adaptive NN
@@ -35,6 +36,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from scipy.optimize import minimize
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
@@ -63,11 +65,12 @@ DESIGN_FREQUENCY = 100.0
 """Of the design reference [Hz]."""
 FREQUENCIES = (100.0, 200.0)
 """Of the sines by which the PID controller is judged [Hz]."""
-BANDWIDTHS = (0.0, 4000.0, 2500.0, 1500.0)
-"""Corner frequencies of the derivative's filter to choose from [Hz]; 0 is none."""
-INTEGRAL_GAINS = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0, 320.0)
-"""Integral gains to choose from [V/(um s)]."""
+DERIVATIVE_SHARES = tuple(0.4 * 1.12**step for step in range(25))
+"""k_d of the grid that the search for the PID controller's gains starts from, over the largest without a filter."""
+FILTER_POLES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+"""Poles z of the derivative's filter in this grid; 0 is no filter."""
 INTEGRAL_COST = 1.05
+"""What the integral may cost of the squared error."""
 TRANSIENT = 2.0
 """What the tables leave out at the start of a run [s]."""
 
@@ -124,6 +127,42 @@ def largest_gain_on_r(
         allowed_lambda = f'one with which some gain gives Ms <= {MAX_SENSITIVITY:g}; this is too large [1/s]'
         raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)
     return g
+
+
+def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> float:
+    """
+    Return the largest k_p [V/um] that keeps Ms <= 2 beside the rest of ``law``, 0 if there is none.
+
+    At each frequency |1 + L| >= 1/Ms is a quadratic inequality in k_p, and forbids what lies between its roots. What no
+    frequency forbids is a set of intervals, in each of which the loop is stable throughout or nowhere.
+
+    Parameters
+    ----------
+    margins
+        The drive and T.
+    law
+        k_d, its filter, k_i and the delay.
+    """
+    unit = LinearController(1.0, 0.0, delay=law.delay).response(margins.frequencies, margins.sample_time)
+    rest = dataclasses.replace(law, proportional=0.0).response(margins.frequencies, margins.sample_time)
+    lows, highs = [], []
+    for response in margins.responses:
+        slope, start = (unit * response).sum(axis=1), 1.0 + (rest * response).sum(axis=1)
+        square, middle = np.abs(slope) ** 2, -(np.conj(slope) * start).real
+        root = middle**2 - square * (np.abs(start) ** 2 - MAX_SENSITIVITY**-2)
+        square, middle, root = (values[root > 0.0] for values in (square, middle, root))
+        lows.append((middle - np.sqrt(root)) / square)
+        highs.append((middle + np.sqrt(root)) / square)
+    low, high = np.concatenate(lows), np.concatenate(highs)
+    order = np.argsort(low)
+    low, covered = low[order], np.maximum.accumulate(high[order])
+    ends = low[np.concatenate([[True], low[1:] > covered[:-1]])]
+    # A hair inside of the end of each interval that is left, from the highest on.
+    for end in ends[ends > 0.0][::-1] * (1.0 - 1e-9):
+        proportional = float(end)
+        if margins.peak_sensitivity(dataclasses.replace(law, proportional=proportional)) <= MAX_SENSITIVITY:
+            return proportional
+    return 0.0
 
 
 def tune_adaptive_nn(
@@ -199,35 +238,60 @@ def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> 
     """
     margins = LoopMargins(plant, sample_time)
     delay = computation_delay(sections, 'pid_controller')
-    # With hardly any k_p, k_d could reach this far.
+
+    # With hardly any k_p and no filter, k_d could reach this far.
     reach = largest_gain_on_r(margins, 100.0, delay=delay)
 
-    def candidate(derivative: float, integral: float, bandwidth: float) -> tuple[float, dict[str, object]]:
-        def allowed(proportional: float) -> bool:
-            law = LinearController(proportional, derivative, integral, bandwidth, delay)
-            return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
+    def candidate(derivative: float, bandwidth: float, integral: float = 0.0, digits: int = 15) -> LinearController:
+        law = LinearController(0.0, derivative, integral, bandwidth, delay)
+        proportional = largest_proportional_gain(margins, law)
+        return dataclasses.replace(law, proportional=round_down(proportional, digits) if proportional > 0.0 else 0.0)
 
-        # Integral action needs some k_p to be stable at all, so the walk starts where sound loops lie.
-        proportional = round_down(max(largest(allowed, 300.0 * derivative), 1e-12))
-        gains: dict[str, object] = {
-            'proportional_gain': proportional,
-            'integral_gain': integral,
-            'derivative_gain': derivative,
-            'derivative_bandwidth': bandwidth,
-        }
-        if not allowed(proportional):
-            return math.inf, gains
-        runs = [track('pid', gains, sections, sample_time, frequency, 1.0, 0.5) for frequency in FREQUENCIES]
-        return sum(run.rms_error**2 for run in runs), gains
+    def cost(law: LinearController) -> float:
+        if law.proportional == 0.0 or margins.peak_sensitivity(law) > MAX_SENSITIVITY:
+            return math.inf
+        runs = [track('pid', pid_gains(law), sections, sample_time, frequency, 1.0, 0.5) for frequency in FREQUENCIES]
+        return sum(run.rms_error**2 for run in runs)
 
-    def cost(result: tuple[float, dict[str, object]]) -> float:
-        return result[0]
+    def derivative_and_bandwidth(point: Sequence[float]) -> tuple[float, float]:
+        share, pole = point
+        return share * reach, -math.log(pole) / (2.0 * math.pi * sample_time) if pole > 0.0 else 0.0
 
-    derivatives = [round_down(share * reach) for share in (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.94, 0.98)]
-    least, gains = min(itertools.starmap(candidate, itertools.product(derivatives, (0.0,), BANDWIDTHS)), key=cost)
-    derivative, bandwidth = (float(str(gains[name])) for name in ('derivative_gain', 'derivative_bandwidth'))
-    results = [candidate(derivative, integral, bandwidth) for integral in INTEGRAL_GAINS]
-    return [found for squares, found in results if squares <= INTEGRAL_COST * least][-1]
+    def cost_at(point: Sequence[float]) -> float:
+        return cost(candidate(*derivative_and_bandwidth(point)))
+
+    point = min(itertools.product(DERIVATIVE_SHARES, FILTER_POLES), key=cost_at)
+    bounds = ((0.0, math.inf), (0.0, 0.99))
+    # Begun anew where it has ended: at the edge of what the rule allows, a simplex may close up too early.
+    for _ in range(2):
+        share, pole = point
+        simplex = [(share, pole), (0.95 * share, pole), (share, pole + 0.05)]
+        options = {'initial_simplex': simplex, 'xatol': 1e-3, 'fatol': math.inf}
+        point = minimize(cost_at, point, method='Nelder-Mead', bounds=bounds, options=options).x
+    derivative, bandwidth = derivative_and_bandwidth(point)
+    derivative, bandwidth = round_down(derivative), round_down(bandwidth) if bandwidth > 0.0 else 0.0
+
+    def rounded(derivative: float, integral: float) -> LinearController:
+        # The best k_d may be the last that any k_p goes with; three digits of both need some room.
+        while cost(law := candidate(derivative, bandwidth, integral, digits=3)) == math.inf:
+            derivative = round_down(0.995 * derivative)
+        return law
+
+    without = rounded(derivative, 0.0)
+    most = INTEGRAL_COST * cost(candidate(without.derivative, bandwidth))
+    # Walked from an integral that takes a second to do what k_p does: one still slower is none.
+    integral = largest(lambda gain: cost(candidate(without.derivative, bandwidth, gain)) <= most, without.proportional)
+    return pid_gains(rounded(without.derivative, round_down(integral, 2)) if integral > 0.0 else without)
+
+
+def pid_gains(law: LinearController) -> dict[str, object]:
+    """Return the gains of the PID controller that acts as ``law``, under their ROS names."""
+    return {
+        'proportional_gain': law.proportional,
+        'integral_gain': law.integral,
+        'derivative_gain': law.derivative,
+        'derivative_bandwidth': law.bandwidth,
+    }
 
 
 def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float = 20.0) -> dict[str, object]:

@@ -8,7 +8,7 @@ import pytest
 from hdd_servo_ros.control.pid import Pid, PidParameters
 
 T = 1e-4
-UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0, 'control_limit': 1e9}
+UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0, 'control_limit': 1e9, 'derivative_bandwidth': 0.0}
 
 
 def pid(**parameters):

@@ -1,5 +1,6 @@
 """What the bench's instruments do to the error in the closed loop: the figures of docs/bench.md, as limits."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -52,10 +53,11 @@ def test_the_overlay_holds_where_the_effective_mass_learns_fastest():
 def test_with_the_delay_the_pid_controller_needs_the_overlay():
     margins = LoopMargins(PlantParameters(), T)
     default, tuned = PidParameters(), OVERLAY['pid_controller']
-    law = LinearController(default.proportional_gain, default.derivative_gain, default.integral_gain)
+    law = LinearController(
+        default.proportional_gain, default.derivative_gain, default.integral_gain, default.derivative_bandwidth
+    )
     assert margins.peak_sensitivity(law) <= 2.0
-    late = LinearController(default.proportional_gain, default.derivative_gain, default.integral_gain, delay=1)
-    assert margins.peak_sensitivity(late) == math.inf
+    assert margins.peak_sensitivity(dataclasses.replace(law, delay=1)) == math.inf
     assert error('pid', 100.0, 3.0, gains=LATE).rms_error > 1e5
     assert error('pid', 100.0, 12.0, gains=tuned).rms_error < 150.0
 

@@ -140,8 +140,11 @@ def test_steps(runs, height, settling_limit):
     assert worst['settling_time'] < settling_limit
     assert worst['steady_error'] < 3e-3
     assert worst['overshoot'] < 0.1 * of_pid['overshoot']
-    assert worst['steady_error'] < of_pid['steady_error']
-    assert worst['settling_time'] < of_pid['settling_time'] - 0.5e-4
+    assert worst['steady_error'] < of_pid['steady_error'] + 5e-4
+    # Of small steps it settles sooner than PID, of large ones later, with less than a quarter of the control.
+    assert (worst['settling_time'] < of_pid['settling_time'] - 0.5e-4) == (height < 1.0)
+    peaks = [runs.metrics(cases[height], 0.0).peak_control for cases in (NN_STEPS, PID_STEPS)]
+    assert peaks[0] < 0.25 * peaks[1]
     # The law itself does not overshoot, and stops short by more than a tenth of the step.
     assert law.worst()['overshoot'] == 0.0
     assert law.median()['steady_error'] > 0.1 * height

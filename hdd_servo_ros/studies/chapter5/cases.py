@@ -26,6 +26,7 @@ _SAME_GAINS = {
     'proportional_gain': 7.96e-5 * 595.0,
     'derivative_gain': 7.96e-5,
     'integral_gain': 0.0,
+    'derivative_bandwidth': 0.0,
 }
 """PID as the law's own -k r: k_p = k lambda, k_d = k."""
 
