@@ -143,7 +143,7 @@ class AdaptiveNn:
         """
         Take other parameters from the next tick on; what was learnt stays, unless ``reset_count`` is another.
 
-        A reset leaves the integral of e and the velocity filter alone: they are no estimates.
+        A reset leaves the integral of e, the velocity filter and a jump's late part alone: they are no estimates.
 
         Raises
         ------
@@ -190,6 +190,8 @@ class AdaptiveNn:
             constants[kernel.SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.velocity_bandwidth * self.sample_time)
         constants[kernel.LAMBDA] = parameters.error_filter_lambda
         constants[kernel.INTEGRAL_GAIN] = parameters.integral_gain
+        constants[kernel.SHAPING_SHARE] = parameters.shaping.share
+        constants[kernel.SHAPING_TICKS] = parameters.shaping.ticks(self.sample_time)
         constants[kernel.FEEDBACK_GAIN] = parameters.feedback_gain
         constants[kernel.BOUNDARY_LAYER] = parameters.boundary_layer
         constants[kernel.CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.control.adaptive_nn_parameters import NETWORK_INPUTS, VELOCITY_SOURCES
 from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.control.input_shaping import STATE_SIZE, shaped
 from hdd_servo_ros.control.rbf import fill_axis, lattice_sum
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
@@ -22,13 +23,15 @@ SIGMA_LAW, MASS_LAW, PHI_LAW, WIDTH_LAW = range(12, 12 + 4 * LAW_SIZE, LAW_SIZE)
 NETWORK, NODES, NETWORK_INPUT, POSITION_INVERSE, VELOCITY_INVERSE, WEIGHT_LIMIT = range(32, 38)
 COMPENSATOR, COMPENSATOR_NODES, COMPENSATOR_POSITION, COMPENSATOR_VELOCITY = range(38, 42)
 COMPENSATOR_DECAY, COMPENSATOR_STEP, COMPENSATOR_LAG, FILTER_REFERENCE = range(42, 46)
-CENTRES = 46
+SHAPING_SHARE, SHAPING_TICKS = range(46, 48)
+CENTRES = 48
 # From CENTRES on: n position and n velocity centres, n^2 decays and n^2 steps of W, then the compensator's centres.
 
 # Where its state stands; then n + n activations, n^2 weights, and the same of the compensator.
 SIGMA, MASS, PHI, POSITION_WIDTH, VELOCITY_WIDTH, INTEGRAL = range(6)
 LAST_POSITION, LAST_REFERENCE, MEASURED_VELOCITY, REFERENCE_VELOCITY, STARTED = range(6, 11)
-ACTIVATIONS = 11
+SHAPING = 11
+ACTIVATIONS = SHAPING + STATE_SIZE
 
 
 @compiled
@@ -200,6 +203,7 @@ def adaptive_nn_step(
     if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
         return math.nan, math.nan, math.nan
     x = displacement_volts * constants[DISPLACEMENT_SCALE]
+    x_d = shaped(state, SHAPING, x_d, dx_d, constants[SHAPING_SHARE], constants[SHAPING_TICKS])
     v, reference_velocity = _tracking(constants, state, x, velocity_volts, x_d, dx_d)
     # (4.10), (4.11), with the integral of the option.
     e = x - x_d

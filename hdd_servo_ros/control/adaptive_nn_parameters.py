@@ -150,6 +150,20 @@ class CompensatorParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
+class ShapingParameters(ParameterSet):
+    """Option beyond the thesis: a jump of the reference is taken in two parts (docs/controllers.md)."""
+
+    share: float = parameter(
+        0.0, 'part of a jump of the reference that is taken later, 0 to take it whole', minimum=0.0, maximum=1.0
+    )
+    delay: float = parameter(1.0e-3, 'by how much later, to the nearest sample', unit='s', minimum=0.0)
+
+    def ticks(self, sample_time: float) -> float:
+        """Return the delay in samples of T = ``sample_time`` [s]."""
+        return float(round(self.delay / sample_time))
+
+
+@dataclasses.dataclass(frozen=True)
 class AdaptiveNnParameters(ParameterSet):
     """Parameters of :class:`AdaptiveNn`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
 
@@ -190,6 +204,7 @@ class AdaptiveNnParameters(ParameterSet):
     integral_gain: float = parameter(
         0.0, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
     )
+    shaping: ShapingParameters = group(ShapingParameters)
     projection: bool = parameter(
         False, 'option beyond the thesis: whether the estimates are kept inside their minimum and maximum'
     )

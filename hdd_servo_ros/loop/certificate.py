@@ -24,6 +24,7 @@ from hdd_servo_ros.control.certificate import (
     weight_energy,
 )
 from hdd_servo_ros.control.ideal_values import IdealValues, KnownPlant, NetworkAt, run_values, theorem_values
+from hdd_servo_ros.control.input_shaping import STATE_SIZE, fill_shaped
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.replay import replay_weights
 
@@ -150,7 +151,7 @@ def certify(
     mass = 1.0 / plant.rigid_gain
     x, v, friction = signals.head[:, :3].T
     columns = dict(zip(signals.estimate_names, signals.estimates.T, strict=True))
-    e = x - signals.reference[:, 0]
+    e = x - _shaped_reference(signals, controller, sample_time)
     r = v - signals.reference[:, 1] + controller.error_filter_lambda * e
     r = r + controller.integral_gain * columns['integral']
     seen = _network_inputs(signals, controller)
@@ -203,6 +204,15 @@ def known_plant(plant: PlantParameters, disturbance_bound: float) -> KnownPlant:
         stribeck_velocity=friction.stribeck_velocity,
         disturbance_bound=disturbance_bound,
     )
+
+
+def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample_time: float) -> Array:
+    """Return x_d as the law takes it [um]: without the part of a jump that is still held back."""
+    x_d: Array = signals.reference[:, 0].copy()
+    dx_d: Array = signals.reference[:, 1].copy()
+    shaping = controller.shaping
+    fill_shaped(np.zeros(STATE_SIZE), x_d, dx_d, shaping.share, shaping.ticks(sample_time))
+    return x_d
 
 
 def _network_inputs(signals: Signals, controller: AdaptiveNnParameters) -> tuple[Array, Array] | None:

@@ -1,5 +1,6 @@
 """The adaptive NN law of (4.10)-(4.21) written out slowly, for the tests: 25 Gaussians, no tensor product, libm."""
 
+import itertools
 import math
 
 import numpy as np
@@ -21,6 +22,7 @@ class Twin:
         self.widths = np.zeros(2)
         self.integral = 0.0
         self.saturated = 0
+        self.past = [(0.0, 0.0)]
 
     def activations(self, x, v):
         width_x, width_v = np.array(self.p.network.axis_widths) * np.exp(self.widths)
@@ -38,6 +40,8 @@ class Twin:
 
     def step(self, x, v, x_d, dx_d, ddx_d):
         p = self.p
+        self.past.append((x_d, dx_d))
+        x_d -= p.shaping.share * self.late_jumps()
         e, e_rate = x - x_d, v - dx_d
         if p.integral_gain > 0.0:
             self.integral += self.T * e
@@ -81,6 +85,11 @@ class Twin:
                     value = self.law(self.widths[axis], p.width.gain, p.width.leakage, drive)
                     self.widths[axis] = min(max(value, -reach), reach)
         return limited, u, -p.feedback_gain * (e_rate + p.error_filter_lambda * e + p.integral_gain * self.integral)
+
+    def late_jumps(self):
+        """The jumps of x_d at rest that are younger than the delay; only for jumps further apart than it."""
+        young = self.past[-round(self.p.shaping.delay / self.T) - 1 :]
+        return sum(b - a for (a, va), (b, vb) in itertools.pairwise(young) if va == 0.0 == vb)
 
     def width_slopes(self, weights, S, x, v):
         """d(W'S)/d(ln eta) of both axes, by central differences of (4.7) itself."""

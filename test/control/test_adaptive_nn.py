@@ -120,6 +120,18 @@ def test_follows_the_law_written_out(name):
         assert np.abs(twin.widths).min() > 0.05
 
 
+def test_follows_the_law_written_out_on_jumps_in_two_parts():
+    parameters = parameters_of(**{'shaping.share': 0.3, 'shaping.delay': 0.05, 'integral_gain': 2.0})
+    controller, twin = AdaptiveNn(parameters, 1e-2), twin_of(parameters, 1e-2)
+    differs = 0
+    for k, (x, v, _, _, _) in enumerate(signals(400).tolist()):
+        row = (x, v, 0.5 if k % 40 < 20 else -0.5, 0.0, 0.0)
+        result = controller.step(k, *row)
+        np.testing.assert_allclose(result, twin.step(*row), rtol=1e-7, atol=1e-9)
+        differs += named(controller)['e'] != x - row[2]
+    assert differs == 20 * 5
+
+
 def test_by_hand():
     """(4.10), (4.11), (4.16) with round numbers."""
     controller = controller_of(

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import NANOMETRES, rms
+from hdd_servo_ros.loop.metrics import NANOMETRES, rms, step_response
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
 from hdd_servo_ros.studies.chapter import figures, make_figures
 from hdd_servo_ros.studies.chapter5 import table_random_drives
 from hdd_servo_ros.studies.chapter5.cases import (
+    FREQUENCIES,
     HEIGHTS,
     HYSTERESIS,
     HYSTERESIS_FREQUENCY,
@@ -20,18 +21,21 @@ from hdd_servo_ros.studies.chapter5.cases import (
     LAMBDA_SINES,
     LAMBDA_STEPS,
     LAMBDAS,
+    LAW_FROM_REST,
     LAW_STEPS,
     NN,
     NN_COMPENSATOR,
     NN_DELAY,
+    NN_FROM_REST,
     NN_STEPS,
     PID,
+    PID_FROM_REST,
     PID_SAME_GAINS,
     PID_STEPS,
     TRANSIENT,
 )
 from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_after_edges, loop_areas
-from hdd_servo_ros.studies.chapter5.random_drives import errors_on_random_drives, random_drive, trials
+from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, random_drive, trials
 from hdd_servo_ros.studies.chapter5.table_lambda import peak_sensitivity
 from hdd_servo_ros.studies.chapter5.thesis_gains_cases import MAGNITUDES, PRINTED_SIGNS
 from hdd_servo_ros.studies.recorded import RecordedRuns
@@ -45,9 +49,11 @@ pytestmark = pytest.mark.timeout(600)
 
 
 def asserted_cases():
-    by_key = (NN, PID, PID_SAME_GAINS, NN_DELAY, LAW_STEPS, NN_STEPS, PID_STEPS, LAMBDA_SINES, LAMBDA_STEPS)
+    squares = (LAW_STEPS, NN_STEPS, PID_STEPS, LAMBDA_STEPS)
+    by_key = (NN, PID, PID_SAME_GAINS, NN_DELAY, *squares, NN_FROM_REST, PID_FROM_REST, LAW_FROM_REST, LAMBDA_SINES)
     cases = [case for cases in by_key for case in cases.values()]
-    return [*cases, NN_COMPENSATOR[100.0], HYSTERESIS_OFF, HYSTERESIS_ON, WITHOUT_SIGMA, ONLY_SIGMA, MAGNITUDES[100.0]]
+    hysteresis = (HYSTERESIS_OFF, HYSTERESIS_ON, WITHOUT_SIGMA, ONLY_SIGMA)
+    return [*cases, *NN_COMPENSATOR.values(), *hysteresis, MAGNITUDES[100.0]]
 
 
 def short(case):
@@ -123,31 +129,55 @@ def test_the_compensator_breaks_the_floor(runs):
     assert own.rms_error < 0.35 * on_sine(runs, NN[100.0]).rms_error
 
 
-def test_the_compensator_stays_for_a_minute(runs):
-    rows = Experiment(1e-4, 'adaptive_nn', runs.parameters(NN_COMPENSATOR[100.0])).run(0, 600_001)
+@pytest.mark.parametrize('frequency', FREQUENCIES)
+def test_the_compensator_stays_for_a_minute(runs, frequency):
+    """No bag: it would have 300 MB. The study records it; this is the same loop, and equals the bag where that ends."""
+    case = NN_COMPENSATOR[frequency]
+    rows = Experiment(1e-4, 'adaptive_nn', runs.parameters(case)).run(0, 600_001)
     e = (rows.head[:, 0] - rows.reference[:, 0]) * NANOMETRES
-    np.testing.assert_array_equal(rows.head[:100_001], runs[NN_COMPENSATOR[100.0]].head)
+    np.testing.assert_array_equal(rows.head[:100_001], runs[case].head)
     assert rms(e[-10_000:]) < 2.5
     assert np.abs(e[20_000:]).max() < 25.0
 
 
-@pytest.mark.parametrize(('height', 'settling_limit'), list(zip(HEIGHTS, (5e-3, 3e-3), strict=True)))
-def test_steps(runs, height, settling_limit):
-    own, pid, law = (edges(runs[cases[height]]) for cases in (NN_STEPS, PID_STEPS, LAW_STEPS))
-    assert len(own) == 199
+SETTLING_LIMITS = dict(zip(HEIGHTS, (5e-3, 3e-3), strict=True))
+FROM_REST = (NN_FROM_REST, PID_FROM_REST, LAW_FROM_REST)
+SQUARES = (NN_STEPS, PID_STEPS, LAW_STEPS)
+
+
+@pytest.mark.parametrize('height', HEIGHTS)
+@pytest.mark.parametrize(('cases', 'count'), [(FROM_REST, 1), (SQUARES, 199)], ids=['from rest', 'square wave'])
+def test_steps(runs, height, cases, count):
+    assert all(runs[by_height[height]].time[-1] >= LEAST_TIME for by_height in cases)
+    own, pid, law = (edges(runs[by_height[height]]) for by_height in cases)
+    assert len(own) == count
     worst, of_pid = own.worst(), pid.worst()
     assert worst['overshoot'] < 3.0
-    assert worst['settling_time'] < settling_limit
+    assert worst['settling_time'] < SETTLING_LIMITS[height]
     assert worst['steady_error'] < 3e-3
     assert worst['overshoot'] < 0.1 * of_pid['overshoot']
-    assert worst['steady_error'] < of_pid['steady_error'] + 5e-4
-    # Of small steps it settles sooner than PID, of large ones later, with less than a quarter of the control.
-    assert (worst['settling_time'] < of_pid['settling_time'] - 0.5e-4) == (height < 1.0)
-    peaks = [runs.metrics(cases[height], 0.0).peak_control for cases in (NN_STEPS, PID_STEPS)]
-    assert peaks[0] < 0.25 * peaks[1]
+    assert worst['steady_error'] < of_pid['steady_error']
+    # A shortfall: in the square wave of 5 um it needs 1.8 ms, and PID, whose overshoot is over soon, may need less.
+    allowance = 0.5e-3 if (height, count) == (5.0, 199) else 0.0
+    assert worst['settling_time'] <= of_pid['settling_time'] + allowance
     # The law itself does not overshoot, and stops short by more than a tenth of the step.
     assert law.worst()['overshoot'] == 0.0
     assert law.median()['steady_error'] > 0.1 * height
+
+
+@pytest.mark.parametrize('height', HEIGHTS)
+def test_steps_from_rest_whichever_way_and_whenever(runs, height):
+    """Both directions, several seeds and times, without bags; the last one at the first tick."""
+    nodes = runs.parameters(NN_FROM_REST[height])
+    for place, start_time in enumerate((1.0, 2.0, 3.3333, 0.05, 0.5, 0.0)):
+        step = {'waveform': 'step', 'amplitude': height * (-1) ** place, 'start_time': start_time}
+        ldv = {**nodes['ldv_sensor'], 'seed': place}
+        changed = {**nodes, 'reference_generator': step, 'ldv_sensor': ldv}
+        rows = Experiment(1e-4, 'adaptive_nn', changed).run(0, round((start_time + 0.5) / 1e-4))
+        found = step_response(rows.time, rows.reference[:, 0], rows.head[:, 0]).worst()
+        assert found['overshoot'] < 3.0
+        assert found['settling_time'] < SETTLING_LIMITS[height]
+        assert found['steady_error'] < 3e-3
 
 
 def test_lambda(runs):
@@ -195,13 +225,33 @@ def test_the_gains_of_section_5_5(runs):
 
 
 def test_random_drives(runs):
-    """24 of the 200 drives of the study."""
+    """24 of the 200 drives of the study, for 10 s."""
     due = [trial for case in (NN[100.0], PID[100.0]) for trial in trials(runs, case, DRIVES)]
-    own, pid = np.array(errors_on_random_drives(due)).reshape(2, DRIVES, 2)
+    own, pid = np.array(errors_on_random_drives(due)).reshape(2, DRIVES, 3)
     assert own[:, 0].max() < 20.0
     assert own[:, 1].max() < 60.0
     assert np.median(own[:, 0]) < 0.3 * np.median(pid[:, 0])
     assert len(set(own[:, 0])) == DRIVES
+
+
+def test_all_random_drives_stay_bounded(runs):
+    """All 200 at both frequencies, by runs of 1 s: the study runs them for 10 s, and writes how many stay bounded."""
+    due = [trial for f in FREQUENCIES for trial in trials(runs, NN[f], table_random_drives.DRIVES)]
+    found = np.array(errors_on_random_drives([dataclasses.replace(trial, last_tick=10_000) for trial in due]))
+    assert len(found) == 2 * 200
+    assert found[:, 2].max() < BOUND
+
+
+def test_a_drive_that_diverges_is_named(runs, monkeypatch, tmp_path):
+    """Drive 1 of two, for all three controllers and both frequencies, in the table's title and in its last column."""
+
+    def errors(waiting):
+        return [(np.nan,) * 3 if trial.seed == 1 else (1.0, 2.0, 3.0) for trial in waiting]
+
+    monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
+    monkeypatch.setattr(table_random_drives, 'errors_on_random_drives', errors)
+    text = table_random_drives.make(runs, tmp_path / 'table').read_text()
+    assert text.count('| 1 of 2 |') == text.count('Hz on drive 1') == 6
 
 
 def test_a_random_drive_is_drawn_within_its_range(runs):

@@ -20,6 +20,8 @@ HEIGHTS = (0.5, 5.0)
 """Of the steps of figs. 5.13 to 5.18 [um]."""
 STEP_FREQUENCY = 10.0
 """Of the square wave that makes them [Hz]."""
+STEP_TIME = 2.0
+"""Of a lone step from rest [s]."""
 LAMBDAS = (100.0, 300.0, 595.0, 1000.0, 1600.0)
 """Of figs. 5.19 and 5.20 [1/s]; 595 is the thesis's."""
 _SAME_GAINS = {
@@ -56,6 +58,12 @@ def steps(name: str, controller: str, height: float, *overlays: str, **overrides
     """Return a run on a square wave whose edges have the given height [um]; parameters as of :func:`sine`."""
     reference = {'waveform': 'square', 'amplitude': 0.5 * height, 'frequency': STEP_FREQUENCY}
     return _case(f'{name}_{height:g}_um', controller, overlays, reference, overrides)
+
+
+def step_from_rest(name: str, controller: str, height: float, *overlays: str) -> Case:
+    """Return a run on one step from 0 to a height [um] at ``STEP_TIME``; parameters as of :func:`sine`."""
+    reference = {'waveform': 'step', 'amplitude': height, 'start_time': STEP_TIME}
+    return _case(f'{name}_from_rest_{height:g}_um', controller, overlays, reference, {})
 
 
 def open_loop(amplitude: float) -> Case:
@@ -99,6 +107,10 @@ LAW_STEPS = {h: steps('law_steps', 'adaptive_nn', h) for h in HEIGHTS}
 NN_STEPS = {h: steps('nn_steps', 'adaptive_nn', h, STEPS) for h in HEIGHTS}
 """With integral action."""
 PID_STEPS = {h: steps('pid_steps', 'pid', h) for h in HEIGHTS}
+LAW_FROM_REST = {h: step_from_rest('law', 'adaptive_nn', h) for h in HEIGHTS}
+"""One step, of a head that has not moved before."""
+NN_FROM_REST = {h: step_from_rest('nn', 'adaptive_nn', h, STEPS) for h in HEIGHTS}
+PID_FROM_REST = {h: step_from_rest('pid', 'pid', h) for h in HEIGHTS}
 
 LAMBDA_SINES = {
     value: NN[100.0]
@@ -121,10 +133,11 @@ LAMBDA_INTEGRAL_STEPS = {
         STEPS,
         error_filter_lambda=value,
         integral_gain=0.138 * value**2,
+        shaping__share=0.0,
     )
     for value in LAMBDAS
 }
-"""With integral action in the ratio of step_references.yaml, lambda_i = 0.138 lambda^2."""
+"""With integral action, lambda_i = 0.138 lambda^2; each jump of the reference is taken at once."""
 
 _TERMS = ('sigma', 'mass', 'network', 'phi')
 _OFF = {f'{term}__enabled': False for term in _TERMS}

@@ -21,8 +21,15 @@ def error(run: Run) -> NDArray[np.float64]:
 
 
 def edges(run: Run) -> StepResponse:
-    """Return the answers to all edges but the first, which starts from zero and is half as high."""
+    """
+    Return the answers to all edges of a square wave but the first, or to a lone step.
+
+    The first edge of a square wave starts from rest and is half as high; what a drive at rest does is what the runs with
+    a lone step are for.
+    """
     found = step_response(run.time, run.desired_position, run.position)
+    if len(found) == 1:
+        return found
     return dataclasses.replace(
         found, **{field.name: getattr(found, field.name)[1:] for field in dataclasses.fields(found)}
     )

@@ -19,6 +19,8 @@ from hdd_servo_ros.studies.recorded import RecordedRuns
 
 SPREAD = 0.2
 """Each quantity is drawn within this part of its nominal value, all values alike."""
+BOUND = 1000.0
+"""A run is bounded if its error never exceeds this, from first to last tick [nm]: half of the sine's amplitude."""
 FRICTION = ('stiffness', 'bristle_damping', 'viscous_coefficient', 'coulomb_level', 'static_level', 'stribeck_velocity')
 
 
@@ -27,7 +29,8 @@ def random_drive(nominal: Mapping[str, Any], seed: int) -> dict[str, Any]:
     Return the parameters of a drive about a nominal one with LuGre friction and resonances in sections.
 
     Drawn are the gain, the six numbers of the friction, and of each mode the frequency w and the damping: denominator
-    and numerator of its section are scaled alike, s^1 by both and s^0 by w^2.
+    and numerator of its section are scaled alike, s^1 by both and s^0 by w^2. Each is drawn by itself, but a static
+    level below the Coulomb level is raised to it.
 
     Parameters
     ----------
@@ -82,15 +85,16 @@ class Trial:
     parameters: Mapping[str, Mapping[str, Any]]
     seed: int
 
-    def errors(self) -> tuple[float, float]:
-        """Return rms and largest error after the transient [nm]."""
+    def errors(self) -> tuple[float, float, float]:
+        """Return rms and largest error after the transient, and the largest of the whole run [nm], or NaN."""
         drive = random_drive(self.parameters['vcm_plant'], self.seed)
         experiment = Experiment(self.sample_time, self.controller, {**self.parameters, 'vcm_plant': drive})
         rows = experiment.run(0, self.last_tick + 1)
         found = tracking_metrics(
             rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], TRANSIENT, NANOMETRES
         )
-        return found.rms_error, found.max_error
+        ever = NANOMETRES * float(np.abs(rows.head[:, 0] - rows.reference[:, 0]).max())
+        return found.rms_error, found.max_error, ever
 
 
 def trials(runs: RecordedRuns, case: Case, drives: int) -> list[Trial]:
@@ -100,8 +104,8 @@ def trials(runs: RecordedRuns, case: Case, drives: int) -> list[Trial]:
     return [Trial(*fixed, seed) for seed in range(drives)]
 
 
-def errors_on_random_drives(waiting: Sequence[Trial]) -> list[tuple[float, float]]:
-    """Return rms and largest error [nm] of each trial, by all cores, with progress and the time left on a terminal."""
+def errors_on_random_drives(waiting: Sequence[Trial]) -> list[tuple[float, float, float]]:
+    """Return what :meth:`Trial.errors` says of each trial, by all cores, with progress and time left on a terminal."""
     cores = len(os.sched_getaffinity(0))
     with concurrent.futures.ProcessPoolExecutor(cores, initializer=_leave_signals_to_the_parent) as pool:
         try:

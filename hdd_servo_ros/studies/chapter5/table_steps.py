@@ -1,31 +1,42 @@
-"""Table: steps of 0.5 and 5 um."""
+"""Table: steps of 0.5 and 5 um, lone ones from rest and those of a square wave."""
 
+import itertools
 from pathlib import Path
 
 from hdd_servo_ros.loop.metrics import NANOMETRES
-from hdd_servo_ros.studies.chapter5.cases import HEIGHTS, LAW_STEPS, NN_STEPS, PID_STEPS
+from hdd_servo_ros.studies.chapter5.cases import (
+    HEIGHTS,
+    LAW_FROM_REST,
+    LAW_STEPS,
+    NN_FROM_REST,
+    NN_STEPS,
+    PID_FROM_REST,
+    PID_STEPS,
+    STEP_TIME,
+)
 from hdd_servo_ros.studies.chapter5.measures import edges
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.recorded import RecordedRuns
 
+_NAMES = ('law of the thesis', 'adaptive NN with integral action', 'PID')
 _RUNS = {
-    'law of the thesis': LAW_STEPS,
-    'adaptive NN with integral action': NN_STEPS,
-    'PID': PID_STEPS,
+    'lone, from rest': dict(zip(_NAMES, (LAW_FROM_REST, NN_FROM_REST, PID_FROM_REST), strict=True)),
+    'square wave': dict(zip(_NAMES, (LAW_STEPS, NN_STEPS, PID_STEPS), strict=True)),
 }
-CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
+CASES = tuple(case for kind in _RUNS.values() for cases in kind.values() for case in cases.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a height and controller."""
+    """Write one row a height, kind of step and controller."""
     rows = []
-    for height in HEIGHTS:
-        for name, cases in _RUNS.items():
+    for height, (kind, by_controller) in itertools.product(HEIGHTS, _RUNS.items()):
+        for name, cases in by_controller.items():
             found = edges(runs[cases[height]])
             worst, median = found.worst(), found.median()
             rows.append(
                 (
                     f'{height:g}',
+                    kind,
                     name,
                     worst['overshoot'],
                     _milliseconds(worst['settling_time']),
@@ -36,6 +47,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             )
     header = (
         'step [um]',
+        'reference',
         'controller',
         'overshoot [%]',
         '2 % settling [ms]',
@@ -43,7 +55,10 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'mean steady error [nm]',
         'peak control [V]',
     )
-    title = 'Square wave of 10 Hz, 10 s: the worst of all edges but the first, unless it says median.'
+    title = (
+        f'10 s each. Lone: 0 to the height at {STEP_TIME:g} s. Square wave: -height/2 to height/2 and back at 10 Hz, the '
+        'worst of all edges but the first, unless it says median.'
+    )
     return write_table(path, title, header, rows)
 
 
