@@ -16,7 +16,7 @@ def shaped(state: NDArray[np.float64], start: int, x_d: float, dx_d: float, shar
     Return the reference of a tick without the part of its last jumps that is still held back.
 
     A jump is a change of x_d between two ticks at both of which x_d' = 0, so that a smooth reference has none. Before
-    the first tick the reference counts as zero. Jumps that follow each other sooner than ``ticks`` are held back together.
+    the first tick the reference counts as zero. Jumps that follow each other sooner than ``ticks`` wait together.
 
     Parameters
     ----------

@@ -24,8 +24,7 @@ def edges(run: Run) -> StepResponse:
     """
     Return the answers to all edges of a square wave but the first, or to a lone step.
 
-    The first edge of a square wave starts from rest and is half as high; what a drive at rest does is what the runs with
-    a lone step are for.
+    The first edge of a square wave starts from rest and is half as high; the runs with a lone step are for that.
     """
     found = step_response(run.time, run.desired_position, run.position)
     if len(found) == 1:

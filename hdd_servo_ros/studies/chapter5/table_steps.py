@@ -56,8 +56,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'peak control [V]',
     )
     title = (
-        f'10 s each. Lone: 0 to the height at {STEP_TIME:g} s. Square wave: -height/2 to height/2 and back at 10 Hz, the '
-        'worst of all edges but the first, unless it says median.'
+        f'10 s each. Lone: 0 to the height at {STEP_TIME:g} s. Square wave: -height/2 to height/2 and back at 10 Hz, '
+        'the worst of all edges but the first, unless it says median.'
     )
     return write_table(path, title, header, rows)
 
