@@ -31,6 +31,9 @@ def test_every_entry_point_leads_to_a_main():
 INTERRUPTED = """
 import signal, sys
 
+# A shell that starts the tests in the background has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 class Interrupt:
     def find_spec(name, *_):
         if name == 'hdd_servo_ros.registry':

@@ -19,6 +19,7 @@ from hdd_servo_ros.registry import NODE_PARAMETERS, node_declarations, refuse_un
 PURE_NUMBERS = {
     'rate',
     'duty_cycle',
+    'shaping.share',
     'component_amplitudes',
     'component_frequencies',
     'actuator.amplifier_gain',
