@@ -59,14 +59,14 @@ def simulated(bench, *arguments):
 def test_start_step_pause_and_resume_change_no_bit(bench, remote):
     process = bench.start('rig', *DURATION, '-p', 'rate:=0.05', '-p', 'autostart:=false', '-p', 'run_dir:=run')
     assert remote.timer_at_last('step') == 'stepping over tick 0'
-    time.sleep(0.3)
+    time.sleep(1.0)
     assert remote.timer('step') == (True, 'stepping over tick 1')
     assert remote.timer('start') == (False, 'started already')
-    time.sleep(0.3)
+    time.sleep(1.0)
     assert remote.timer('pause') == (False, 'not running: paused before tick 2')
     assert remote.timer('step')[0]
     assert remote.timer('step')[0]  # whether the last one is over or not
-    time.sleep(0.3)
+    time.sleep(1.0)
     assert remote.timer('pause') == (False, 'not running: paused before tick 4')
     assert remote.timer('resume') == (True, 'running, next is tick 4')
     assert remote.timer('resume') == (False, 'not paused')
