@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Vector3Stamped
 
 from hdd_servo_ros.recording.bag_reader import read_signals
 
@@ -126,12 +127,12 @@ def test_two_publishers_from_the_start(bench):
     expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=45.0)
 
 
-def test_second_publisher_during_the_run(bench):
+def test_second_publisher_during_the_run(bench, outside):
     processes = bench.start_nodes('run', *SLOW)
     wait_for_ticks(bench)
-    late = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *PATIENCE)
-    assert late.wait() == 1
-    expect_failure(bench, processes, '/ldv: 2 publishers', 'second_sensor', 'tick')
+    # One of our own sensors would hear that it came too late, and perhaps be gone before anybody has seen it.
+    outside.create_publisher(Vector3Stamped, '/ldv', 10)
+    expect_failure(bench, processes, '/ldv: 2 publishers', '/outside', 'tick')
     expect_bag(bench)
 
 
@@ -162,7 +163,8 @@ def test_misbehaving_controller(bench, fault, words):
 def test_controller_that_never_answers(bench):
     processes = bench.start_nodes('run', nodes=OTHERS)
     stuck = bench.start('misbehaving_controller', '-p', 'fault:=silence', script=HERE / 'misbehaving_controller.py')
-    expect_failure(bench, processes, 'misbehaving_controller', '/control is missing for tick 300', within=45.0)
+    # Who is the first to miss it, and for want of which message, is chance: /control of tick 300, or what follows it.
+    expect_failure(bench, processes, '/misbehaving_controller; /', 'is missing for tick 30', within=45.0)
     expect_bag(bench)
     for _ in range(2):  # the second one, when the first had its time, is for a node whose step never returns
         stuck.signal(signal.SIGTERM)
