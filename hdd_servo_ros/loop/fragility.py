@@ -4,10 +4,7 @@ import math
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
-
-MAX_SENSITIVITY = 2.0
-"""Largest peak sensitivity Ms of a sound loop."""
+from hdd_servo_ros.loop.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:
@@ -33,7 +30,7 @@ def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int 
     g, parameters = controller.gain_on_r, controller.parameters
     if not math.isfinite(g):
         return math.inf
-    law = LinearController(g * parameters.error_filter_lambda, g, g * parameters.integral_gain, delay=delay)
+    law = LinearController.on_r(g, parameters.error_filter_lambda, parameters.integral_gain, delay)
     return LoopMargins(plant, controller.sample_time).peak_sensitivity(law)
 
 

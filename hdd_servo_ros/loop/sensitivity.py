@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import modal_form
 
+MAX_SENSITIVITY = 2.0
+"""Largest peak sensitivity Ms of a sound loop."""
+
 
 @dataclasses.dataclass(frozen=True)
 class SampledDrive:
@@ -107,6 +110,11 @@ class LinearController:
     """Corner frequency of F [Hz], 0 for F = 1."""
     delay: int = 0
     """Samples by which u comes late."""
+
+    @classmethod
+    def on_r(cls, gain: float, error_filter_lambda: float, integral_gain: float, delay: int = 0) -> 'LinearController':
+        """Return u = -gain r [V s/um] for r = e' + lambda e + lambda_i int e dt."""
+        return cls(gain * error_filter_lambda, gain, gain * integral_gain, delay=delay)
 
     def _smoothing(self, sample_time: float) -> float:
         return 1.0 - float(np.exp(-2.0 * np.pi * self.bandwidth * sample_time)) if self.bandwidth > 0.0 else 1.0

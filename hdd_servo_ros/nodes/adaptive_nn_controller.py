@@ -9,10 +9,9 @@ from std_srvs.srv import Trigger
 
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
-from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop import fragility
 from hdd_servo_ros.loop.certificate_margin import CertificateMargin
-from hdd_servo_ros.nodes.controller_node import ControllerNode, drive_of
+from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run import Run
@@ -26,13 +25,11 @@ class AdaptiveNnController(ControllerNode):
     def __init__(self) -> None:
         super().__init__('adaptive_nn_controller', AdaptiveNnParameters, AdaptiveNn)
         self.create_service(Trigger, '~/reset', self._reset)
-        self._drive: PlantParameters | None = None
         self._at_start: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
         self._first_r = 0.0
         self._margin: CertificateMargin | None = None
 
     def prepare(self, run: Run) -> None:
-        self._drive = drive_of(run)
         super().prepare(run)
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]

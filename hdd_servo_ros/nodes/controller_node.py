@@ -19,7 +19,7 @@ _OFTEN = 0.5
 """Part of the ticks above which a limited control is an error."""
 
 
-def drive_of(run: Run) -> PlantParameters | None:
+def _drive_of(run: Run) -> PlantParameters | None:
     """Return the parameters of a run's drive as they stand before tick 0, None if no `vcm_plant` takes part."""
     found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
     if found is None:
@@ -56,12 +56,13 @@ class ControllerNode(LoopNode):
         self._codec = VectorCodec('')
         self._estimates = ArrayCodec(self._controller.estimate_names)
         self._diagnosed = (0, 0)
+        self._drive: PlantParameters | None = None
 
     def prepare(self, run: Run) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
-        drive = drive_of(run)
-        drive_limit = math.inf if drive is None else drive.control_limit
+        self._drive = _drive_of(run)
+        drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
         for warning in self._warnings():

@@ -43,13 +43,12 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import Experiment, block_parameters, dsp_parameters
 from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
-from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.loop.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 from hdd_servo_ros.loop_parameters import TimerParameters
 from hdd_servo_ros.parameter_files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.studies.command import exit_code
 
-MAX_SENSITIVITY = 2.0
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
 FORGETTING_RATE = 5.0
 """Of phi_hat and W_hat [1/s]."""
@@ -118,7 +117,7 @@ def largest_gain_on_r(
     """
 
     def allowed(g: float) -> bool:
-        law = LinearController(g * error_filter_lambda, g, g * integral_gain, delay=delay)
+        law = LinearController.on_r(g, error_filter_lambda, integral_gain, delay)
         return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
     # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
@@ -412,9 +411,7 @@ def _tune(options: argparse.Namespace) -> int:
         'derivative_bandwidth': 0.0,
     }
     g = float(str(nn['safe_gain']))
-    law = LinearController(
-        g * base.error_filter_lambda, g, g * base.integral_gain, delay=delays['adaptive_nn_controller']
-    )
+    law = LinearController.on_r(g, base.error_filter_lambda, base.integral_gain, delays['adaptive_nn_controller'])
     print(f'\nMs of -g r:  {margins.peak_sensitivity(law):.3f}')
     fair = LinearController(
         proportional=float(str(pid['proportional_gain'])),

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+from hdd_servo_ros.loop import fragility
 from hdd_servo_ros.loop.experiment import block_parameters
 from hdd_servo_ros.loop.metrics import NANOMETRES, rms
-from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.chapter5.cases import LAMBDA_INTEGRAL_STEPS, LAMBDA_SINES, LAMBDA_STEPS, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_after_edges
@@ -56,6 +56,4 @@ def peak_sensitivity(runs: RecordedRuns, case: Case) -> float:
     """Return Ms of the adapted loop -g r, g = k + 1/sigma_phi + max(S'S)/sigma_w, of a run."""
     nodes, sample_time = runs.parameters(case), runs[case].sample_time
     plant, law = (block_parameters(name, nodes[name]) for name in ('vcm_plant', 'adaptive_nn_controller'))
-    gain = AdaptiveNn(law, sample_time).gain_on_r
-    linear = LinearController(gain * law.error_filter_lambda, gain, gain * law.integral_gain)
-    return LoopMargins(plant, sample_time).peak_sensitivity(linear)
+    return fragility.peak_sensitivity(AdaptiveNn(law, sample_time), plant)
