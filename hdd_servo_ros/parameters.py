@@ -192,6 +192,11 @@ def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: 
         raise ParameterError(prefix + error.name, error.value, error.allowed) from None
 
 
+def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as messages and ``run.yaml`` hold them, with the tuples of the dataclasses for their lists."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+
 def to_mapping(values: object, prefix: str = '') -> dict[str, Value]:
     """Return a parameter dataclass as dotted names and values, in the order of declaration."""
     mapping: dict[str, Value] = {}

@@ -8,7 +8,7 @@ from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.loop.experiment import block_parameters
-from hdd_servo_ros.parameters import ParameterSet
+from hdd_servo_ros.parameters import ParameterSet, with_tuples
 from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
@@ -24,8 +24,7 @@ def _drive_of(run: Run) -> PlantParameters | None:
     found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
     if found is None:
         return None
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in found['parameters'].items()}
-    drive: PlantParameters = block_parameters('vcm_plant', values)
+    drive: PlantParameters = block_parameters('vcm_plant', with_tuples(found['parameters']))
     return drive
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import Run
 
 
@@ -34,6 +35,5 @@ def node_parameters(run: Run, name: str) -> Mapping[str, object]:
     """Return the parameters that ``run.yaml`` tells of a node; raises ValueError if it does not know it."""
     for full_name, node in run.description.get('nodes', {}).items():
         if full_name.rsplit('/', 1)[-1] == name:
-            parameters: Mapping[str, object] = node['parameters']
-            return {key: tuple(value) if isinstance(value, list) else value for key, value in parameters.items()}
+            return with_tuples(node['parameters'])
     raise ValueError(f'run.yaml tells of no {name}')

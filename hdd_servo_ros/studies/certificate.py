@@ -12,7 +12,7 @@ import argparse
 import dataclasses
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from hdd_servo_ros.loop.certificate import Certificate, Condition, certify, conditions
 from hdd_servo_ros.loop.experiment import block_parameters, dsp_parameters
 from hdd_servo_ros.loop.replay import ReplayError
-from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters import ParameterError, with_tuples
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.topics import DISTURBANCE, PARAMETER_EVENTS
@@ -79,19 +79,15 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     outputs = {topic.rsplit('/', 1)[-1] for node in nodes.values() for topic in node['outputs']}
     if DISTURBANCE.name in outputs and extra_disturbance is None:
         raise CertificateError(f'{directory}: a node published {DISTURBANCE.name}: say its bound with --disturbance')
-    of_controller = _tuples(nodes[CONTROLLER]['parameters'])
+    of_controller = with_tuples(nodes[CONTROLLER]['parameters'])
     controller = block_parameters(CONTROLLER, of_controller)
     dsp = dsp_parameters(CONTROLLER, of_controller)
-    plant = block_parameters(DRIVE, _tuples(nodes[DRIVE]['parameters']))
+    plant = block_parameters(DRIVE, with_tuples(nodes[DRIVE]['parameters']))
     signals = read_signals(directory)
     sample_time = float(run['sample_time'])
     certificates = certify(signals, sample_time, plant, controller, dsp, extra_disturbance or 0.0)
     kept = conditions(signals, sample_time, plant, controller, dsp, certificates)
     return Report(certificates, kept, str(run.get('length_unit', 'um')), str(run.get('control_unit', 'V')))
-
-
-def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def _changed_nodes(directory: Path) -> set[str]:
