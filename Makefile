@@ -55,7 +55,7 @@ bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
 
 docs: $(VENV)/.run
-	$(BIN)/python -m hdd_servo_ros.manual docs/parameters.md
+	$(BIN)/python -m hdd_servo_ros.graph.manual docs/parameters.md
 
 ws: $(VENV)/.develop
 	AMENT_PREFIX_PATH= PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \

@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = 'hdd_servo_ros'
 HERE = Path(__file__).parent
-VERSION = re.search(r"__version__ = '(.+)'", (HERE / NAME / '__init__.py').read_text()).group(1)
+VERSION = re.search(r"__version__ = '(.+)'", (HERE / NAME / 'version.py').read_text()).group(1)
 
 # Node executables: one module each in hdd_servo_ros/nodes.
 NODES = (

@@ -22,13 +22,13 @@ import yaml
 
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
-from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.parameter_files import parse_ros_arguments
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
+from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.registry import NODE_PARAMETERS
-from hdd_servo_ros.simulate import Packer, Simulation
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import LOOP_TOPICS, QUEUE_DEPTH
+from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.simulation.simulate import Packer, Simulation
 
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
@@ -150,7 +150,7 @@ def simulate_figures(bench, repeats, ticks):
         compute.append(ticks * 10 * 1e-4 / (time.perf_counter() - started))
 
         run = bench.folder()
-        bench._finish([bench.popen('hdd_servo_ros.simulate', *bench.ros_arguments(run, ticks))])
+        bench._finish([bench.popen('hdd_servo_ros.simulation.simulate', *bench.ros_arguments(run, ticks))])
         whole.append(yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor'])
 
         simulation = Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)]))

@@ -19,9 +19,9 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
-from hdd_servo_ros.topics import LOOP_TOPICS, QUEUE_DEPTH
 
 T = 1e-4
 PATIENCE = 5.0

@@ -6,17 +6,18 @@ A hard disk drive servo bench as a deterministic ROS 2 node graph.
 
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from hdd_servo_ros.recording.recorded_run import Run as Run
+from hdd_servo_ros.version import __version__
 
-__version__ = '0.1.0'
-__all__ = ['Run']
+if TYPE_CHECKING:
+    from hdd_servo_ros.testing.run import Run as Run
+
+__all__ = ['Run', '__version__']
 
 
 def __getattr__(name: str) -> Any:
     """Import what the package offers when it is asked for: importing the package itself costs nothing."""
     if name != 'Run':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    from hdd_servo_ros.recording.recorded_run import Run
+    from hdd_servo_ros.testing.run import Run
 
     return Run

@@ -11,7 +11,7 @@ import signal
 from collections.abc import Callable
 
 _ELSEWHERE = {
-    'simulate': 'simulate',
+    'simulate': 'simulation.simulate',
     'study': 'studies.main',
     'compare': 'studies.compare',
     'report': 'reporting.report',

@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 
-from hdd_servo_ros.launching import composed, description
+from hdd_servo_ros.graph.launching import composed, description
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -7,7 +7,7 @@ from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from hdd_servo_ros.launching import PACKAGE, composed, description, value
+from hdd_servo_ros.graph.launching import PACKAGE, composed, description, value
 
 SCOPE, PLOTJUGGLER, FOXGLOVE, NONE = 'scope', 'plotjuggler', 'foxglove', 'none'
 

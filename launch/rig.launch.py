@@ -2,7 +2,7 @@
 
 from launch import LaunchDescription
 
-from hdd_servo_ros.launching import description, separate_nodes
+from hdd_servo_ros.graph.launching import description, separate_nodes
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hdd_servo_ros.loop.closed_loop import CONTROLLERS
-from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.numerics.compiled import kernel_cache_directory
+from hdd_servo_ros.simulation.closed_loop import CONTROLLERS
+from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.testing.domain import take_domain
 
 ROOT = Path(__file__).parent.parent
@@ -86,7 +86,7 @@ class Bench:
 
     def start(self, name: str, *ros_arguments: str, script: Path | None = None, defaults: bool = True) -> Process:
         """Start an executable of the package (or a script of the tests) with the default parameter file."""
-        module = 'hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
+        module = 'hdd_servo_ros.simulation.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
         command = [str(script)] if script else ['-m', module]
         command += ['--ros-args', *(['--params-file', str(DEFAULT)] if defaults else []), *ros_arguments]
         return self.start_python(name, *command)
@@ -153,8 +153,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 @pytest.fixture(scope='session')
 def simulated() -> Callable[..., Path]:
     """Record a run without middleware, in this process: ``simulated(directory, '-p', 'duration:=0.2', ...)``."""
-    from hdd_servo_ros.parameter_files import parse_ros_arguments
-    from hdd_servo_ros.simulate import Simulation, simulate
+    from hdd_servo_ros.parameters.files import parse_ros_arguments
+    from hdd_servo_ros.simulation.simulate import Simulation, simulate
 
     def run(directory: Path, *ros_arguments: str) -> Path:
         arguments = ['--ros-args', '--params-file', str(DEFAULT), '-p', f'run_dir:={directory}', *ros_arguments]

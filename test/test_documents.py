@@ -29,7 +29,7 @@ def commands(block):
 
 def launch_arguments(file):
     """Return the names of the arguments that a launch file declares."""
-    texts = [(ROOT / 'launch' / file).read_text(), (ROOT / 'hdd_servo_ros' / 'launching.py').read_text()]
+    texts = [(ROOT / 'launch' / file).read_text(), (ROOT / 'hdd_servo_ros' / 'graph' / 'launching.py').read_text()]
     return set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", ''.join(texts)))
 
 
@@ -83,10 +83,10 @@ def test_modules_and_files_that_the_text_names_exist(bench, document):
 
 
 @pytest.mark.parametrize(
-    'name', sorted(re.findall(r"^    '(\w+)': '", (ROOT / 'hdd_servo_ros' / 'help.py').read_text(), re.M))
+    'name', sorted(re.findall(r"^    '(\w+)': '", (ROOT / 'hdd_servo_ros' / 'graph' / 'help.py').read_text(), re.M))
 )
 def test_every_executable_has_a_help(bench, name):
-    module = 'hdd_servo_ros.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
+    module = 'hdd_servo_ros.simulation.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
     answer = bench.python('-m', module, '--help')
     assert answer.returncode == 0
     assert f'parameters of {name}' in answer.stdout

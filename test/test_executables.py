@@ -36,7 +36,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 class Interrupt:
     def find_spec(name, *_):
-        if name == 'hdd_servo_ros.registry':
+        if name == 'hdd_servo_ros.graph.catalogue':
             signal.raise_signal(signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupt)

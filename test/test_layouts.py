@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.ros.loop_node import message_class
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 CONFIG = Path(__file__).parent.parent / 'config'
 TOPICS = {f'/{topic.name}': topic for topic in LOOP_TOPICS}

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import tracking_metrics
-from hdd_servo_ros.parameter_files import read_parameter_files
+from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
 from hdd_servo_ros.parameters import from_mapping, to_mapping
-from hdd_servo_ros.registry import NODE_PARAMETERS
+from hdd_servo_ros.parameters.files import read_parameter_files
+from hdd_servo_ros.simulation.experiment import Experiment
 
 PARAMS = Path(__file__).parents[1] / 'params'
 

@@ -118,7 +118,7 @@ class AdaptiveNn:
         """
         Return what a user should be told of these constants before a run: what makes the loop fragile, if so.
 
-        The loop is judged by ``safe_gain``; where the drive is known, :mod:`hdd_servo_ros.loop.fragility` knows better.
+        ``safe_gain`` judges the loop; where the drive is known, :mod:`~hdd_servo_ros.analysis.fragility` does.
         """
         safe, gain = self.parameters.safe_gain, self.gain_on_r
         if not gain > safe > 0.0:

@@ -7,14 +7,14 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
-from hdd_servo_ros.loop import fragility
-from hdd_servo_ros.loop.certificate_margin import CertificateMargin
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
-from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
+from hdd_servo_ros.ros.run_plan import RunPlan
+from hdd_servo_ros.stability.margin import CertificateMargin
 
 _R = AdaptiveNn.estimate_names.index('r')
 
@@ -29,7 +29,7 @@ class AdaptiveNnController(ControllerNode):
         self._first_r = 0.0
         self._margin: CertificateMargin | None = None
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         super().prepare(run)
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]

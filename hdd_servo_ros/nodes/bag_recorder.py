@@ -10,16 +10,17 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from hdd_servo_ros.loop_parameters import RecorderParameters
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.outcome import Outcome
+from hdd_servo_ros.messages.scope_blocks import Block, make_block
+from hdd_servo_ros.messages.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.parameter_events import change_of_event, pack_parameter_event
+from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
+from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.run_recorder import RunRecorder
-from hdd_servo_ros.recording.scope_blocks import Block, make_block
-from hdd_servo_ros.ros.diagnostics import OK, Diagnosis
-from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.run import Outcome, Run
-from hdd_servo_ros.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PARAMETER_EVENTS_QOS = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -48,7 +49,7 @@ class BagRecorder(LoopNode):
         )
         self._separate_process = separate_process
         self._recorder: RunRecorder | None = None
-        self._run: Run | None = None
+        self._run: RunPlan | None = None
         self._scope = self.create_publisher(Float64MultiArray, SCOPE, _SCOPE_QOS)
         self._is_watched = False
         self._watched: list[tuple[bytes, ...]] = []
@@ -62,7 +63,7 @@ class BagRecorder(LoopNode):
         """Folder of the run; empty before there is one."""
         return '' if self._recorder is None else str(self._recorder.directory)
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self._run = run
         parameters = self.parameters[RecorderParameters]
         try:

@@ -7,19 +7,19 @@ from typing import Any
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
+from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, LDV, REFERENCE
 from hdd_servo_ros.parameters import ParameterSet, with_tuples
-from hdd_servo_ros.recording.cdr import ArrayCodec, VectorCodec, unpack_vector
-from hdd_servo_ros.ros.diagnostics import ERROR, OK, WARN, Diagnosis
+from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.run import Run
-from hdd_servo_ros.topics import CONTROL, ESTIMATES, LDV, REFERENCE
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 _OFTEN = 0.5
 """Part of the ticks above which a limited control is an error."""
 
 
-def _drive_of(run: Run) -> PlantParameters | None:
+def _drive_of(run: RunPlan) -> PlantParameters | None:
     """Return the parameters of a run's drive as they stand before tick 0, None if no `vcm_plant` takes part."""
     found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
     if found is None:
@@ -57,7 +57,7 @@ class ControllerNode(LoopNode):
         self._diagnosed = (0, 0)
         self._drive: PlantParameters | None = None
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
         self._drive = _drive_of(run)

@@ -7,15 +7,16 @@ from collections.abc import Callable, Iterable, Sequence
 
 from std_srvs.srv import Trigger
 
-from hdd_servo_ros.loop_parameters import TimerParameters
+from hdd_servo_ros.messages.cdr import ClockCodec
+from hdd_servo_ros.messages.errors import StopRequest
+from hdd_servo_ros.messages.outcome import Outcome
+from hdd_servo_ros.messages.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.cdr import ClockCodec
+from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.progress import Progress
-from hdd_servo_ros.ros.diagnostics import OK, WARN, Diagnosis
-from hdd_servo_ros.ros.errors import StopRequest
+from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.run import Outcome, Run
-from hdd_servo_ros.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 RECORDER_WINDOW = QUEUE_DEPTH // 2
 """How many ticks the recorder may be behind before the timer waits; half of what its queues hold."""
@@ -150,14 +151,14 @@ class DeterministicTimer(LoopNode):
             # The others may never come.
             raise StopRequest(f'~/stop {self.get_name()} before the run')
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: RunPlan) -> None:
         wires = self.inputs
         super().begin(run)
         # The recorder's count is no tick's message: it is looked at when the recorder seems far behind.
         self._recorder_takes_part = self._recorded_wire in self.inputs
         self.inputs = wires
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self.update()
         if self.parameters[TimerParameters].progress:
             self._progress = Progress('run', run.last_tick, run.sample_time)

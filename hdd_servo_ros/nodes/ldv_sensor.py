@@ -4,12 +4,12 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
+from hdd_servo_ros.messages.topics import HEAD, LDV
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
-from hdd_servo_ros.ros.diagnostics import OK, WARN, Diagnosis
+from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.run import Run
-from hdd_servo_ros.topics import HEAD, LDV
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 
 class LdvSensor(LoopNode):
@@ -24,7 +24,7 @@ class LdvSensor(LoopNode):
         self._told: set[str] = set()
         self._diagnosed = self._ldv.saturated_samples
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._ldv = Ldv(self.parameters[LdvParameters], run.sample_time)
 

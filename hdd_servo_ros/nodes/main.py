@@ -9,16 +9,16 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hdd_servo_ros.help import COMPILING, parse_help
-from hdd_servo_ros.loop_parameters import TimerParameters
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, refuse_unknown
+from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.numerics.compiled import first_compilation
-from hdd_servo_ros.parameter_files import ArgumentError, RosArguments, parse_ros_arguments
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.registry import NODE_PARAMETERS, refuse_unknown
+from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
+from hdd_servo_ros.parameters.run_parameters import TimerParameters
+from hdd_servo_ros.parameters.schedule import refuse_strangers
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.transport import use_udp_alone
-from hdd_servo_ros.schedule import refuse_strangers
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:

@@ -4,12 +4,12 @@ import sys
 from collections.abc import Callable, Sequence
 
 from hdd_servo_ros.control.outside import ControllerError
-from hdd_servo_ros.controllers import ENTRY_POINTS, ControllerKind, load_controller
+from hdd_servo_ros.graph.controller_loader import ENTRY_POINTS, ControllerKind, load_controller
+from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.ros.errors import RunError
-from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 USAGE = 'usage: outside_controller MODULE:CLASS [--help] [--ros-args ...]'
 HELP = f"""{USAGE}
@@ -43,7 +43,7 @@ class OutsideControllerNode(ControllerNode):
     def offers(self) -> dict[str, str]:
         return self._outside.offers()
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         try:
             super().prepare(run)
         except (ParameterError, ControllerError) as error:

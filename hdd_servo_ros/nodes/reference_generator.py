@@ -3,12 +3,12 @@
 import sys
 from collections.abc import Sequence
 
+from hdd_servo_ros.messages.cdr import VectorCodec
+from hdd_servo_ros.messages.topics import CLOCK, REFERENCE
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.run import Run
+from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
-from hdd_servo_ros.topics import CLOCK, REFERENCE
 
 
 class ReferenceGenerator(LoopNode):
@@ -20,7 +20,7 @@ class ReferenceGenerator(LoopNode):
         self._reference = self.trial(Reference, ReferenceParameters)
         self._reference.step(0)
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._reference = Reference(self.parameters[ReferenceParameters], run.sample_time)
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from hdd_servo_ros.controllers import load_controller
-from hdd_servo_ros.loop_parameters import RigParameters, TimerParameters, last_tick_of_run
+from hdd_servo_ros.graph.catalogue import refuse_unknown
+from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
@@ -20,7 +20,7 @@ from hdd_servo_ros.nodes.pid_controller import PidController
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.signal_analyzer import SignalAnalyzerNode
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
-from hdd_servo_ros.registry import refuse_unknown
+from hdd_servo_ros.parameters.run_parameters import RigParameters, TimerParameters, last_tick_of_run
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode, last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters, plan
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError
+from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.reporting.response import write_response
-from hdd_servo_ros.ros.errors import NotFiniteError, RunError
-from hdd_servo_ros.ros.run import Outcome
 
 
 class SignalAnalyzerNode(ControllerNode):

@@ -5,13 +5,13 @@ import sys
 from collections.abc import Sequence
 
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
-from hdd_servo_ros.loop_parameters import DriveNameParameters
+from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
+from hdd_servo_ros.messages.errors import NotFiniteError
+from hdd_servo_ros.messages.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.cdr import VectorCodec, unpack_vector
-from hdd_servo_ros.ros.errors import NotFiniteError
+from hdd_servo_ros.parameters.run_parameters import DriveNameParameters
 from hdd_servo_ros.ros.loop_node import Input, LoopNode, publishers_of
-from hdd_servo_ros.ros.run import Run
-from hdd_servo_ros.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 
 class VcmPlant(LoopNode):
@@ -38,7 +38,7 @@ class VcmPlant(LoopNode):
             'control_unit': drive.control_unit,
         }
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._plant = Plant(self.parameters[PlantParameters], run.sample_time)
 

@@ -1,4 +1,4 @@
-"""The loop's signals of a run as plain arrays, and the messages of a bag; :class:`Run` is what both read with."""
+"""The loop's signals of a run as plain arrays, and the messages of a bag, read by :class:`RecordedRun`."""
 
 import dataclasses
 from pathlib import Path
@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.topics import ESTIMATES, PARAMETER_EVENTS
+from hdd_servo_ros.parameters.events import NodeChange, unpack_parameter_event
 from hdd_servo_ros.recording.bag_columns import Bag
-from hdd_servo_ros.recording.parameter_events import NodeChange, unpack_parameter_event
-from hdd_servo_ros.recording.recorded_run import Run, bag_directory
-from hdd_servo_ros.topics import ESTIMATES, PARAMETER_EVENTS
+from hdd_servo_ros.recording.recorded_run import RecordedRun, bag_directory
 
 
 def read_messages(path: Path) -> dict[str, tuple[NDArray[np.int64], list[bytes]]]:
@@ -75,5 +75,5 @@ def read_signals(path: Path) -> Signals:
     ValueError
         If a loop topic is missing or its messages are not those of consecutive ticks.
     """
-    run = Run.open(path)
+    run = RecordedRun.open(path)
     return Signals(run.time, run.reference, run.head, run.ldv, run.control, run[ESTIMATES.name], run.estimate_names)

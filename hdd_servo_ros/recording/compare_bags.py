@@ -9,11 +9,11 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.messages.cdr import array_names_and_offset, unpack_vector
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError
-from hdd_servo_ros.recording.cdr import array_names_and_offset, unpack_vector
-from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 _AXES = ('x', 'y', 'z')
 
@@ -50,7 +50,7 @@ class _Side:
 
     def __init__(self, path: Path, label: str) -> None:
         self.label = label
-        self.run = Run.open(path)
+        self.run = RecordedRun.open(path)
 
     def messages(self, topic: LoopTopic) -> list[bytes]:
         return self.run.column(topic.name).as_bytes()

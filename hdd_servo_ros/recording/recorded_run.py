@@ -5,16 +5,15 @@ import difflib
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column
-from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.recording.run_folder import FINISHED, DescriptionError, read_run_yaml
-from hdd_servo_ros.ticks import NANOSECONDS, sample_time_to_nanoseconds
-from hdd_servo_ros.topics import (
+from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import (
     ARRAY_TYPE,
     CLOCK,
     CLOCK_TYPE,
@@ -27,13 +26,11 @@ from hdd_servo_ros.topics import (
     PARAMETER_EVENTS,
     PARAMETER_VALUE_FIELDS,
     REFERENCE,
-    VECTOR_TYPE,
 )
+from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column
+from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
 
-if TYPE_CHECKING:
-    from hdd_servo_ros.testing.checks import Checks
-
-_TICK_TYPES = (CLOCK_TYPE, VECTOR_TYPE, ARRAY_TYPE)
+OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 
 
 def bag_directory(path: Path) -> Path:
@@ -61,13 +58,13 @@ class ParameterChange:
     value: Any
 
 
-class Run:
+class RecordedRun:
     """
-    A recorded run, opened with :meth:`Run.open`.
+    A recorded run, opened with :meth:`RecordedRun.open`.
 
     Opening reads texts only. A topic is decoded when it is first asked for, and kept. All arrays have one row a tick of
-    :attr:`ticks`, in the units of the topics (see ``hdd_servo_ros.topics``): lengths in :attr:`length_unit`, um unless
-    the drive's parameter file says otherwise, control in :attr:`control_unit`, time in s.
+    :attr:`ticks`, in the units of the topics (see ``hdd_servo_ros.messages.topics``): lengths in :attr:`length_unit`,
+    um unless the drive's parameter file says otherwise, control in :attr:`control_unit`, time in s.
 
     Attributes
     ----------
@@ -85,7 +82,7 @@ class Run:
         self._arrays: dict[str, NDArray[Any]] = {}
 
     @classmethod
-    def open(cls, path: str | Path, *, namespace: str | None = None) -> 'Run':
+    def open(cls: type[OpenedRun], path: str | Path, *, namespace: str | None = None) -> OpenedRun:
         """
         Open a run.
 
@@ -118,7 +115,7 @@ class Run:
         return cls(path, bag, description, topics)
 
     def __repr__(self) -> str:
-        return f'Run({str(self.path)!r})'
+        return f'{type(self).__name__}({str(self.path)!r})'
 
     # What the run says of itself.
 
@@ -407,14 +404,6 @@ class Run:
             if (change.node, change.name) == (full_name, name) and (tick is None or change.tick <= tick):
                 value = change.value
         return value
-
-    @property
-    def check(self) -> 'Checks':
-        """Assertions about the run, for tests; see ``docs/bag-assertions.md``."""
-        # Late, as this is the one thing here that draws: on failure.
-        from hdd_servo_ros.testing.checks import Checks
-
-        return Checks(self)
 
     # Decoding.
 

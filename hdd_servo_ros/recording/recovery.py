@@ -6,20 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import CLOCK, LOOP_TOPICS, PARAMETER_EVENTS
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.run_folder import (
-    FAILED,
-    FINISHED,
-    RECOVERED,
-    RUNNING,
-    read_run_yaml,
-    rewrite_run_yaml,
-)
+from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
 from hdd_servo_ros.recording.salvage import Salvage, salvage
-from hdd_servo_ros.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.topics import CLOCK, LOOP_TOPICS, PARAMETER_EVENTS
 
 BACKUP = 'damaged'
 """Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""

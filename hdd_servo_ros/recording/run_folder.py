@@ -15,14 +15,8 @@ from typing import Any
 
 import yaml
 
-from hdd_servo_ros import __version__
-
-RUNNING = 'running'
-FINISHED = 'finished'
-INTERRUPTED = 'interrupted'
-FAILED = 'failed'
-RECOVERED = 'recovered'
-"""Ended by a crash, and mended by `recover`: whole up to its last tick."""
+from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.version import __version__
 
 _KINDS: dict[str, type | tuple[type, ...]] = {
     'status': str,

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.messages.outcome import FAILED
+from hdd_servo_ros.messages.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.run_folder import FAILED, RunFolder, default_run_directory
+from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
 from hdd_servo_ros.recording.writer_process import WriterProcess
-from hdd_servo_ros.registry import CONTROLLERS
-from hdd_servo_ros.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 
 _PARAMETER_EVENT_DEPTH = 1000
 _ATTEMPTS = 100
@@ -29,7 +30,7 @@ class RunRecorder:
     topics
         For every topic that has one message a tick: the loop topic, and the full name that it goes by.
     description
-        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run.Run`.
+        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.Run`.
     separate_process
         Whether a second process writes the bag: worth it where the loop keeps one core busy by itself.
 

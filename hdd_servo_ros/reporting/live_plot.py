@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hdd_servo_ros.recording.scope_blocks import NAMES, Block
+from hdd_servo_ros.messages.scope_blocks import NAMES, Block
 
 _SHOWN_ESTIMATES = 6
 _HIDDEN_ESTIMATES = ('r', 'e')

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.analysis.metrics import amplitude_spectrum, is_stepwise, step_response
 from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
-from hdd_servo_ros.loop.metrics import amplitude_spectrum, is_stepwise, step_response
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.decimation import rows_to_draw
 from hdd_servo_ros.reporting.run_metrics import reference_period, shown_unit, steady_start, tracks
 from hdd_servo_ros.reporting.summary import NOT_ADAPTED
@@ -61,7 +61,7 @@ class Panel:
     """Which part of the horizontal axis a picture shows, where the whole would be a filled band."""
 
 
-def run_panels(run: Run, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
+def run_panels(run: RecordedRun, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
     """
     Return the diagrams of one run; those whose topics the bag does not hold are left out.
 
@@ -117,7 +117,7 @@ def run_panels(run: Run, after: float | None = None, response: FrequencyResponse
     return panels
 
 
-def comparison_panels(runs: Sequence[Run], after: float | None = None) -> list[Panel]:
+def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -> list[Panel]:
     """Return the diagrams in which several runs lie over each other."""
     complete = [run for run in runs if tracks(run)]
     buckets = max(200, min(_BUCKETS, _COMPARED_POINTS // (2 * max(len(runs), 1))))
@@ -146,19 +146,19 @@ def comparison_panels(runs: Sequence[Run], after: float | None = None) -> list[P
     return panels
 
 
-def run_name(run: Run) -> str:
+def run_name(run: RecordedRun) -> str:
     """Return the name of the run's folder."""
     path = run.path.resolve()
     return path.parent.name if path.name == 'bag' and run.description else path.name
 
 
-def run_names(runs: Sequence[Run]) -> list[str]:
+def run_names(runs: Sequence[RecordedRun]) -> list[str]:
     """Return a name for each of several runs, all different."""
     names = [run_name(run) for run in runs]
     return [name if names.count(name) == 1 else str(run.path) for run, name in zip(runs, names, strict=True)]
 
 
-def _named(runs: Sequence[Run]) -> list[tuple[Run, str, str]]:
+def _named(runs: Sequence[RecordedRun]) -> list[tuple[RecordedRun, str, str]]:
     colours = [COLOURS[place % len(COLOURS)] for place in range(len(runs))]
     return list(zip(runs, run_names(runs), colours, strict=True))
 
@@ -166,7 +166,7 @@ def _named(runs: Sequence[Run]) -> list[tuple[Run, str, str]]:
 class _Lines:
     """Makes lines over the time of one run, decimated."""
 
-    def __init__(self, run: Run, buckets: int) -> None:
+    def __init__(self, run: RecordedRun, buckets: int) -> None:
         self._run = run
         self._buckets = buckets
         rows = len(run.ticks)
@@ -180,7 +180,7 @@ class _Lines:
         return Trace(name, self._run.time[rows], values[rows], colour, wide)
 
 
-def _last_periods(run: Run) -> tuple[float, float] | None:
+def _last_periods(run: RecordedRun) -> tuple[float, float] | None:
     """Return begin and end of the last periods of a smooth periodic reference [s]."""
     period = reference_period(run)
     if period is None or is_stepwise(run.desired_position):
@@ -188,7 +188,7 @@ def _last_periods(run: Run) -> tuple[float, float] | None:
     return run.duration - min(_PERIODS * period * run.sample_time, run.duration), run.duration
 
 
-def _last_periods_panels(runs: Sequence[Run]) -> list[Panel]:
+def _last_periods_panels(runs: Sequence[RecordedRun]) -> list[Panel]:
     """Return error and control of several runs in the last periods of the shortest one, sample by sample."""
     window = _last_periods(min(runs, key=lambda run: run.duration))
     if window is None or (window[1] - window[0]) / runs[0].sample_time > _LOOP_SAMPLES:
@@ -207,7 +207,7 @@ def _last_periods_panels(runs: Sequence[Run]) -> list[Panel]:
     return panels
 
 
-def _error_panel(runs: Sequence[Run], buckets: int) -> Panel:
+def _error_panel(runs: Sequence[RecordedRun], buckets: int) -> Panel:
     unit, factor = runs[0].error_unit, runs[0].error_factor
     return Panel(
         'error',
@@ -245,7 +245,7 @@ def _bode_panels(response: FrequencyResponse) -> list[Panel]:
     ]
 
 
-def _estimates_panel(run: Run, lines: _Lines) -> Panel | None:
+def _estimates_panel(run: RecordedRun, lines: _Lines) -> Panel | None:
     traces: list[Trace] = []
     for name, values in run.estimates.items():
         largest = float(np.abs(values).max())
@@ -257,7 +257,7 @@ def _estimates_panel(run: Run, lines: _Lines) -> Panel | None:
     return Panel('estimates', 'Estimates', 'time [s]', label, tuple(traces), over_time=True) if traces else None
 
 
-def _spectrum_panel(runs: Sequence[Run], after: float | None, buckets: int) -> Panel:
+def _spectrum_panel(runs: Sequence[RecordedRun], after: float | None, buckets: int) -> Panel:
     unit, factor = runs[0].error_unit, runs[0].error_factor
     traces = []
     for run, name, colour in _named(runs):
@@ -277,7 +277,7 @@ def _spectrum_panel(runs: Sequence[Run], after: float | None, buckets: int) -> P
     )
 
 
-def _edges_panel(run: Run) -> Panel | None:
+def _edges_panel(run: RecordedRun) -> Panel | None:
     if not tracks(run) or not is_stepwise(run.desired_position):
         return None
     try:
@@ -297,7 +297,7 @@ def _edges_panel(run: Run) -> Panel | None:
     return Panel('edges', 'Answers to the edges', 'time after the edge [ms]', 'of the height', tuple(traces))
 
 
-def _loop_panel(run: Run) -> Panel | None:
+def _loop_panel(run: RecordedRun) -> Panel | None:
     """Return friction and feedback over the position: the last periods of a periodic reference."""
     period = reference_period(run)
     if period is None or is_stepwise(run.desired_position):

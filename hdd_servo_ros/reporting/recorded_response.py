@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
-from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.parameters import with_tuples
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
-def response_of_run(run: Run) -> FrequencyResponse:
+def response_of_run(run: RecordedRun) -> FrequencyResponse:
     """
     Return what the analyzer measured in a run, from `/ldv` and the parameters alone.
 
@@ -31,7 +31,7 @@ def response_of_run(run: Run) -> FrequencyResponse:
     return analyzer.response()
 
 
-def node_parameters(run: Run, name: str) -> Mapping[str, object]:
+def node_parameters(run: RecordedRun, name: str) -> Mapping[str, object]:
     """Return the parameters that ``run.yaml`` tells of a node; raises ValueError if it does not know it."""
     for full_name, node in run.description.get('nodes', {}).items():
         if full_name.rsplit('/', 1)[-1] == name:

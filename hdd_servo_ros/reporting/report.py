@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from hdd_servo_ros.bench.response import FrequencyResponse
-from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.recording.run_folder import FINISHED
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.panels import comparison_panels, run_name, run_names, run_panels
 from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics, shown_unit, steady_start
 from hdd_servo_ros.reporting.saturation import in_one_line, saturation_of
@@ -31,7 +31,7 @@ _TITLE_WIDTH = 150
 """Characters that fit over a picture."""
 
 
-def report_run(run: Run, directory: Path, after: float | None = None) -> tuple[list[Path], list[str]]:
+def report_run(run: RecordedRun, directory: Path, after: float | None = None) -> tuple[list[Path], list[str]]:
     """
     Write the metrics, the picture and the page of a run.
 
@@ -86,7 +86,7 @@ def report_run(run: Run, directory: Path, after: float | None = None) -> tuple[l
     return written, [_ended(run), *missing] if _ended(run) else missing
 
 
-def _measured_response(run: Run) -> tuple[FrequencyResponse | None, list[str]]:
+def _measured_response(run: RecordedRun) -> tuple[FrequencyResponse | None, list[str]]:
     """Return what a signal analyzer measured in a run, None in another; and why there is nothing, a line at most."""
     if run.controller != SIGNAL_ANALYZER:
         return None, []
@@ -100,14 +100,14 @@ def _measured_response(run: Run) -> tuple[FrequencyResponse | None, list[str]]:
     return response, [] if len(response.frequency) else ['no measured response: no point was complete']
 
 
-def _ended(run: Run) -> str:
+def _ended(run: RecordedRun) -> str:
     """Return how a run ended that did not finish and why; empty if it finished, or nothing says."""
     if run.status == FINISHED or not run.description:
         return ''
     return f'{run.status}: {run.reason}' if run.reason else run.status
 
 
-def compare_runs(runs: Sequence[Run], directory: Path, after: float | None = None) -> list[Path]:
+def compare_runs(runs: Sequence[RecordedRun], directory: Path, after: float | None = None) -> list[Path]:
     """
     Write one table and overlay of several runs: ``comparison.html``, ``comparison.png``.
 
@@ -131,13 +131,13 @@ def compare_runs(runs: Sequence[Run], directory: Path, after: float | None = Non
     return [picture, page]
 
 
-def _refuse_different_units(runs: Sequence[Run]) -> None:
+def _refuse_different_units(runs: Sequence[RecordedRun]) -> None:
     if len({(run.length_unit, run.control_unit) for run in runs}) > 1:
         said = ', '.join(f'{run.path}: {run.length_unit} and {run.control_unit}' for run in runs)
         raise ValueError(f'runs in different units cannot be compared: {said}')
 
 
-def comparison_table(runs: Sequence[Run], after: float | None = None) -> tuple[list[str], list[list[str]]]:
+def comparison_table(runs: Sequence[RecordedRun], after: float | None = None) -> tuple[list[str], list[list[str]]]:
     """Return head and lines of the table of metrics of several runs; raises ValueError if their units differ."""
     _refuse_different_units(runs)
     by_run = [{metric.name: metric for metric in run_metrics(run, after)} for run in runs]
@@ -166,7 +166,7 @@ def _number(value: float) -> str:
     return f'{value:.4g}'
 
 
-def _subtitle(run: Run, after: float | None, clipped: Mapping[str, NDArray[np.int64]] | None) -> str:
+def _subtitle(run: RecordedRun, after: float | None, clipped: Mapping[str, NDArray[np.int64]] | None) -> str:
     since = float(run.time[steady_start(run, after)])
     said = f'; clipped: {in_one_line(clipped, len(run.ticks))}' if clipped else ''
     return (
@@ -175,7 +175,7 @@ def _subtitle(run: Run, after: float | None, clipped: Mapping[str, NDArray[np.in
     )
 
 
-def _details(run: Run) -> dict[str, list[tuple[str, str]]]:
+def _details(run: RecordedRun) -> dict[str, list[tuple[str, str]]]:
     """Return everything that ``run.yaml`` says, and the parameters that were changed, as tables of two columns."""
     description: dict[str, Any] = {name: value for name, value in run.description.items() if name != 'nodes'}
     details = {'run': list(_flat(description, ''))} if description else {}
@@ -189,7 +189,7 @@ def _details(run: Run) -> dict[str, list[tuple[str, str]]]:
     return details
 
 
-def _differences(runs: Sequence[Run]) -> list[list[str]]:
+def _differences(runs: Sequence[RecordedRun]) -> list[list[str]]:
     """Return what ``run.yaml`` says differently of the runs, a line each; nodes go by their names without namespace."""
     said = []
     for run in runs:
@@ -212,7 +212,7 @@ def _flat(values: dict[str, Any], prefix: str) -> list[tuple[str, str]]:
     return lines
 
 
-def _directories(runs: Sequence[Run], output: Path | None) -> list[Path]:
+def _directories(runs: Sequence[RecordedRun], output: Path | None) -> list[Path]:
     """Return where each run's own report goes: below ``output``, a name that several have with a number behind it."""
     if output is None or len(runs) == 1:
         return [output or run.path for run in runs]
@@ -261,7 +261,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     try:
-        runs = [Run.open(path) for path in options.run]
+        runs = [RecordedRun.open(path) for path in options.run]
         _refuse_different_units(runs)
         written, remarks = [], []
         jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hdd_servo_ros.drive.misregistration import misregistration_from_spectrum
-from hdd_servo_ros.loop.metrics import (
+from hdd_servo_ros.analysis.metrics import (
     control_effort,
     is_stepwise,
     loop_area,
@@ -17,8 +16,9 @@ from hdd_servo_ros.loop.metrics import (
     step_response,
     tracking_metrics,
 )
-from hdd_servo_ros.loop.period import repeat, sine_period
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
+from hdd_servo_ros.analysis.period import repeat, sine_period
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.summary import OPEN_LOOP, SIGNAL_ANALYZER, transient_of
 
 REFERENCE_GENERATOR = 'reference_generator'
@@ -39,12 +39,12 @@ def shown_unit(unit: str) -> str:
     return unit.replace('um', 'µm')
 
 
-def tracks(run: Run) -> bool:
+def tracks(run: RecordedRun) -> bool:
     """Return whether the run has an error: a head that was to follow a reference."""
     return 'reference' in run and 'head' in run and run.controller not in OPEN_LOOP
 
 
-def reference_period(run: Run) -> float | None:
+def reference_period(run: RecordedRun) -> float | None:
     """
     Return the period of the reference at the end of the run [samples], None if it is not periodic or not known.
 
@@ -72,7 +72,7 @@ def reference_period(run: Run) -> float | None:
     return 1.0 / (frequency * run.sample_time) if frequency > 0.0 else None
 
 
-def _period_of_samples(run: Run) -> float | None:
+def _period_of_samples(run: RecordedRun) -> float | None:
     seconds = _sine_of_samples(run)
     if seconds is not None:
         return seconds / run.sample_time
@@ -82,7 +82,7 @@ def _period_of_samples(run: Run) -> float | None:
     return None if samples is None else float(samples)
 
 
-def _sine_of_samples(run: Run) -> float | None:
+def _sine_of_samples(run: RecordedRun) -> float | None:
     """Return the period of the sine that `/reference` is [s], None if it is none."""
     if 'reference' not in run:
         return None
@@ -90,7 +90,7 @@ def _sine_of_samples(run: Run) -> float | None:
     return sine_period(rows[:, 0], rows[:, 2])
 
 
-def follows_sine(run: Run) -> bool:
+def follows_sine(run: RecordedRun) -> bool:
     """Return whether the reference at the end of the run is a sine."""
     if run.controller == SIGNAL_ANALYZER:
         return False
@@ -100,7 +100,7 @@ def follows_sine(run: Run) -> bool:
         return _sine_of_samples(run) is not None
 
 
-def left_out(run: Run, after: float | None = None) -> list[str]:
+def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     """Return what a report of this run leaves out that reports of others hold, and why, a line each."""
     lines = []
     if not run.description:
@@ -132,7 +132,7 @@ def _whole_periods(period: float) -> Fraction:
     return Fraction(period).limit_denominator(1000)
 
 
-def steady_start(run: Run, after: float | None = None) -> int:
+def steady_start(run: RecordedRun, after: float | None = None) -> int:
     """
     Return the row from which the run counts as steady.
 
@@ -149,7 +149,7 @@ def steady_start(run: Run, after: float | None = None) -> int:
     return max(start, int(np.searchsorted(run.ticks, changes[-1]))) if changes and after is None else int(start)
 
 
-def run_metrics(run: Run, after: float | None = None) -> list[Metric]:
+def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
     """
     Return the metrics of a run; those that its reference or its topics do not allow are left out.
 
@@ -178,7 +178,7 @@ def run_metrics(run: Run, after: float | None = None) -> list[Metric]:
     return found
 
 
-def _tracking(run: Run, start: int) -> list[Metric]:
+def _tracking(run: RecordedRun, start: int) -> list[Metric]:
     unit, factor = run.error_unit, run.error_factor
     control = run.command if 'control' in run else np.zeros(len(run.ticks))
     tracking = tracking_metrics(
@@ -206,7 +206,7 @@ def _tracking(run: Run, start: int) -> list[Metric]:
     return found
 
 
-def _steps(run: Run) -> list[Metric]:
+def _steps(run: RecordedRun) -> list[Metric]:
     try:
         response = step_response(run.time, run.desired_position, run.position)
     except ValueError:
@@ -225,7 +225,7 @@ def _steps(run: Run) -> list[Metric]:
     return found
 
 
-def _control(run: Run, start: int) -> list[Metric]:
+def _control(run: RecordedRun, start: int) -> list[Metric]:
     unit = run.control_unit
     effort = control_effort(run.command[start:])
     seconds = max(len(run.command) - 1 - start, 1) * run.sample_time

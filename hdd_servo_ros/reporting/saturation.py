@@ -10,10 +10,10 @@ from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
 from hdd_servo_ros.parameters import declarations, from_mapping
 from hdd_servo_ros.recording.bag_reader import Signals
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
-def saturated_ticks(signals: Signals | Run, run: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
+def saturated_ticks(signals: Signals | RecordedRun, run: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
     """
     Find the samples that an instrument has clipped.
 
@@ -44,14 +44,14 @@ def saturated_ticks(signals: Signals | Run, run: Mapping[str, Any]) -> dict[str,
     return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
 
 
-def saturation_of(run: Run) -> dict[str, NDArray[np.int64]] | None:
+def saturation_of(run: RecordedRun) -> dict[str, NDArray[np.int64]] | None:
     """Return :func:`saturated_ticks` of a run, None if the bag or its ``run.yaml`` do not tell."""
     if not run.description or 'ldv' not in run or 'control' not in run:
         return None
     return saturated_ticks(run, run.description)
 
 
-def saturation_line(signals: Signals | Run, run: Mapping[str, Any]) -> str:
+def saturation_line(signals: Signals | RecordedRun, run: Mapping[str, Any]) -> str:
     """Return in one line which signals were clipped, how often and from which tick on; empty if none was."""
     return in_one_line(saturated_ticks(signals, run), len(signals.time))
 

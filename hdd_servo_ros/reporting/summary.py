@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from hdd_servo_ros.loop.metrics import tracking_metrics
+from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.reporting.saturation import saturation_line
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 NOT_ADAPTED = ('t', 'r', 'e')
 """What stands among the estimates without being one: time and errors."""

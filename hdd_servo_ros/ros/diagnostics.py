@@ -1,43 +1,17 @@
 """Diagnostics of the loop's nodes on `/diagnostics`, once a second of wall time, from the housekeeping."""
 
-import dataclasses
 import time
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
-if TYPE_CHECKING:
-    from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.diagnosis import Diagnosis
+from hdd_servo_ros.ros.loop_node import LoopNode
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 PERIOD = 1.0
 """Wall time between two reports [s]."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Diagnosis:
-    """
-    How one thing of a node is.
-
-    Attributes
-    ----------
-    what
-        The thing; the status is named ``NODE: what``.
-    level
-        ``OK``, ``WARN`` or ``ERROR``.
-    message
-        In a few words.
-    values
-        Figures behind it, by name with unit.
-    """
-
-    what: str
-    level: bytes
-    message: str
-    values: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
 
 class DiagnosticsPublisher:
@@ -50,7 +24,7 @@ class DiagnosticsPublisher:
         The nodes; the first one lends its publisher.
     """
 
-    def __init__(self, nodes: 'Sequence[LoopNode]') -> None:
+    def __init__(self, nodes: Sequence[LoopNode]) -> None:
         self._nodes = nodes
         # Absolute, as every diagnostics tool expects it.
         self._publisher = nodes[0].create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -72,7 +46,7 @@ class DiagnosticsPublisher:
         self._publisher.publish(array)
 
 
-def _status(node: 'LoopNode', diagnosis: Diagnosis) -> DiagnosticStatus:
+def _status(node: LoopNode, diagnosis: Diagnosis) -> DiagnosticStatus:
     values = [KeyValue(key=key, value=_text(value)) for key, value in diagnosis.values.items()]
     return DiagnosticStatus(
         level=diagnosis.level,

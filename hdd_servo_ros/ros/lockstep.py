@@ -21,11 +21,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
+from hdd_servo_ros.messages.errors import RunError, StopRequest
+from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.ros.diagnostics import DiagnosticsPublisher
-from hdd_servo_ros.ros.errors import RunError, StopRequest
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
 from hdd_servo_ros.ros.peers import PeerEnded, Peers
-from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, failed, interrupted
 
 HOUSEKEEPING_PERIOD = 0.1
 """Wall time between two rounds of housekeeping while the loop runs [s]."""

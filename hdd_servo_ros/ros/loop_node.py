@@ -13,16 +13,17 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.time import Time
 
-from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters
+from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError, StampError
+from hdd_servo_ros.messages.outcome import Outcome
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
 from hdd_servo_ros.parameters import ParameterSet
-from hdd_servo_ros.recording.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.ros.diagnostics import Diagnosis
-from hdd_servo_ros.ros.errors import NotFiniteError, RunError, StampError
+from hdd_servo_ros.parameters.run_parameters import PeerParameters, SampleTimeParameters
+from hdd_servo_ros.parameters.schedule import Change, Step, plan
+from hdd_servo_ros.ros.diagnosis import Diagnosis
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
-from hdd_servo_ros.ros.run import Outcome, Run
-from hdd_servo_ros.schedule import Change, Step, plan
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 _TRIAL_SAMPLE_TIME = 1e-4
 UNKNOWN_NODE = 'a node that has not said its name or is gone'
@@ -188,7 +189,7 @@ class LoopNode(ParameterNode):
         """Return the last tick that this node has a plan for at a sample time [s], 0 if any number of ticks will do."""
         return 0
 
-    def prepare(self, run: Run) -> None:
+    def prepare(self, run: RunPlan) -> None:
         """Build the block for the run's sample time; called once, before tick 0."""
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
@@ -268,7 +269,7 @@ class LoopNode(ParameterNode):
         ]
         self._publish = [publisher.handle.publish_raw for publisher in self.loop_publishers]
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: RunPlan) -> None:
         """Prepare for tick 0 of ``run``."""
         self.last_tick = run.last_tick
         self._ticks = run.ticks

@@ -26,14 +26,19 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from hdd_servo_ros.loop_parameters import PeerParameters, SampleTimeParameters, TimerParameters, last_tick_of_run
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, FINISHED_OUTCOME, INTERRUPTED, Outcome
+from hdd_servo_ros.messages.topics import CLOCK, RECORDED
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
-from hdd_servo_ros.ros.errors import RunError
+from hdd_servo_ros.parameters.run_parameters import (
+    PeerParameters,
+    SampleTimeParameters,
+    TimerParameters,
+    last_tick_of_run,
+)
+from hdd_servo_ros.parameters.schedule import parse_schedule, refuse_strangers
 from hdd_servo_ros.ros.loop_node import UNKNOWN_NODE, LoopNode, last_ticks_needed, publishers_of
-from hdd_servo_ros.ros.run import FINISHED_OUTCOME, Outcome, Run
-from hdd_servo_ros.schedule import parse_schedule, refuse_strangers
-from hdd_servo_ros.topics import CLOCK, RECORDED
+from hdd_servo_ros.ros.run_plan import RunPlan
 
 WAITING = 'waiting'
 READY = 'ready'
@@ -81,7 +86,7 @@ class Peers:
             node.connect()
         self.identifier = f'{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}'
         self.state = WAITING
-        self.run: Run | None = None
+        self.run: RunPlan | None = None
         self.timeout = max(node.parameters[PeerParameters].peer_timeout for node in nodes)
         start_timeouts = [node.parameters[PeerParameters].start_timeout for node in nodes]
         self._start_timeout = 0.0 if 0.0 in start_timeouts else max(start_timeouts)
@@ -167,7 +172,7 @@ class Peers:
                 f'{names} came too late: a run is in progress in this namespace; wait for its end, or give this node '
                 'another namespace (--ros-args -r __ns:=/bench2)'
             )
-        self._start(Run(**run))
+        self._start(RunPlan(**run))
 
     def _forget(self, process: str) -> None:
         self._heard.pop(process, None)
@@ -224,7 +229,7 @@ class Peers:
                 raise RunError(f'lost a peer before tick 0: {process}; it was one of {", ".join(self.run.nodes)}')
         return all(self._heard[process]['state'] in states for process in others)
 
-    def _start(self, run: Run) -> None:
+    def _start(self, run: RunPlan) -> None:
         for node in self._nodes:
             node.begin(run)
         self.run = run
@@ -378,7 +383,7 @@ class Peers:
             self._nodes[0].get_logger().info('waiting for ' + '; '.join(self._missing))
             self._told, self._told_at = self._missing, now
 
-    def _make_run(self) -> Run:
+    def _make_run(self) -> RunPlan:
         assert self._timer is not None
         timer = self._timer.parameters[TimerParameters]
         nodes = dict(self._known_nodes())
@@ -395,7 +400,7 @@ class Peers:
         except ParameterError as error:
             raise RunError(str(error)) from None
         schedule = list(timer.schedule)
-        return Run(timer.sample_time, last_tick, timer.rate, frame_id, name, nodes, processes, schedule)
+        return RunPlan(timer.sample_time, last_tick, timer.rate, frame_id, name, nodes, processes, schedule)
 
     # During the run.
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol, cast
 
-from hdd_servo_ros.parameter_files import ArgumentError
-from hdd_servo_ros.studies.case import Case
-from hdd_servo_ros.studies.recorded import RecordedRuns
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.parameters.files import ArgumentError
 
 CHAPTERS = ('chapter4', 'chapter5')
 FIGURES = 'figures'

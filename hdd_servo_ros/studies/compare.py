@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from hdd_servo_ros.controllers import load_controller
-from hdd_servo_ros.loop.metrics import is_stepwise
-from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
-from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.recording.run_folder import FINISHED
-from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, node_declarations
+from hdd_servo_ros.analysis.metrics import is_stepwise
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.command import exit_code
+from hdd_servo_ros.campaign.runner import run_cases
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, node_declarations
+from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.run_metrics import run_metrics, shown_unit
-from hdd_servo_ros.studies.case import Case
-from hdd_servo_ros.studies.command import exit_code
 from hdd_servo_ros.studies.output import draw, new_figure, save, write_table
-from hdd_servo_ros.studies.runner import run_cases
 
 DEFAULT_FILE = 'seagate_7200_10.yaml'
 _TRACKING = ('rms_error', 'max_error')
@@ -137,7 +137,7 @@ def _known(nodes: Iterable[str]) -> set[str]:
     return {declaration.name for node in registered for declaration in node_declarations(node)}
 
 
-def read_row(experiment: str, controller: str, run: Run) -> Row:
+def read_row(experiment: str, controller: str, run: RecordedRun) -> Row:
     """Return the row of a recorded run."""
     if run.status != FINISHED:
         return Row(experiment, controller, {}, {}, f'{run.status}: {run.reason}')
@@ -183,7 +183,7 @@ def _shown(value: float) -> str:
     return f'{value:.3g}' if math.isfinite(value) else 'never'
 
 
-def draw_runs(runs: Mapping[tuple[str, str], Run], path: Path) -> Path:
+def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
     """Draw the runs of each experiment over each other; return the file."""
     experiments = list(dict.fromkeys(experiment for experiment, _ in runs))
     figure = new_figure('The same experiments with each controller', width=1.0 + 4.6 * len(experiments), height=8.5)
@@ -199,7 +199,7 @@ def draw_runs(runs: Mapping[tuple[str, str], Run], path: Path) -> Path:
     return save(figure, path)
 
 
-def _draw_run(axes: Sequence[Axes], run: Run, label: str, color: str) -> None:
+def _draw_run(axes: Sequence[Axes], run: RecordedRun, label: str, color: str) -> None:
     error, time = run.error_factor * run.error, run.time
     rows = _close_up(run)
     position, close, whole = axes
@@ -215,7 +215,7 @@ def _draw_run(axes: Sequence[Axes], run: Run, label: str, color: str) -> None:
     whole.set_xlabel('time [s]')
 
 
-def _close_up(run: Run) -> slice:
+def _close_up(run: RecordedRun) -> slice:
     edges = np.flatnonzero(np.diff(run.desired_position)) + 1
     if is_stepwise(run.desired_position) and len(edges):
         at = run.time[edges[-1]]
@@ -297,7 +297,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def work() -> int:
         cases = _comparison(options).cases()
         run_cases(cases.values(), directory, without_ros=options.without_ros, keep_failed=True)
-        runs = {key: Run.open(directory / case.name) for key, case in cases.items()}
+        runs = {key: RecordedRun.open(directory / case.name) for key, case in cases.items()}
         rows = [read_row(*key, run) for key, run in runs.items()]
         written, table = write_rows(rows, directory / 'compare')
         print(table.read_text('utf8'))

@@ -7,7 +7,7 @@ What each instrument of the bench does to the tracking error, one effect at a ti
 import argparse
 from collections.abc import Mapping, Sequence
 
-from hdd_servo_ros.parameter_files import read_parameter_files
+from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.studies.tune import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
 
 CONTROLLERS = ('adaptive_nn', 'pid')

@@ -9,11 +9,11 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from hdd_servo_ros.parameter_files import ArgumentError
-from hdd_servo_ros.studies.case import Case, PlannedRun
+from hdd_servo_ros.campaign.case import Case, PlannedRun
+from hdd_servo_ros.campaign.command import exit_code
+from hdd_servo_ros.campaign.runner import run_cases
+from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
-from hdd_servo_ros.studies.command import exit_code
-from hdd_servo_ros.studies.runner import run_cases
 
 MINIMUM_SAMPLES = 50
 """Of a period of a reference, with ``--sample-time``: what the thesis has at 200 Hz with its 0.1 ms."""

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.analysis.identification import LEVY, METHODS, Model, identify_measured
 from hdd_servo_ros.bench.response import FrequencyResponse, held
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import block_parameters
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.bode import bode
 from hdd_servo_ros.reporting.recorded_response import node_parameters, response_of_run
 from hdd_servo_ros.reporting.response import CSV, PICTURE, describe
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--from', type=float, default=FROM, dest='lowest', metavar='HZ', help='lowest frequency used')
     given = parser.parse_args(arguments)
     try:
-        run = Run.open(given.run)
+        run = RecordedRun.open(given.run)
         measured = response_of_run(run)
         plant = block_parameters('vcm_plant', node_parameters(run, 'vcm_plant'))
         used = measured.between(given.lowest, np.inf)

@@ -39,15 +39,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
+from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
+from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import Experiment, block_parameters, dsp_parameters
-from hdd_servo_ros.loop.metrics import TrackingMetrics, tracking_metrics
-from hdd_servo_ros.loop.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
-from hdd_servo_ros.loop_parameters import TimerParameters
-from hdd_servo_ros.parameter_files import ArgumentError, read_parameter_files
+from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.studies.command import exit_code
+from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
+from hdd_servo_ros.parameters.run_parameters import TimerParameters
+from hdd_servo_ros.simulation.experiment import Experiment
 
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
 FORGETTING_RATE = 5.0

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.loop.metrics import rms, step_response
+from hdd_servo_ros.analysis.metrics import rms, step_response
 from hdd_servo_ros.recording.bag_columns import BagError
-
-if TYPE_CHECKING:
-    from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 plot_directory: Path | None = None
 """Where pictures of failed checks go; None for the run's own folder. The pytest plugin sets it."""
@@ -39,7 +37,7 @@ class Checks:
         The run.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RecordedRun) -> None:
         self._run = run
 
     # How the run went.
@@ -90,7 +88,7 @@ class Checks:
         return self
 
     def parameter(self, node: str, name: str, equals: Any, tick: int | None = None) -> Checks:
-        """Assert that a parameter had a value at a tick, the last one if None; see :meth:`Run.parameter`."""
+        """Assert that a parameter had a value at a tick, the last one if None; see :meth:`RecordedRun.parameter`."""
         __tracebackhide__ = True
         value = self._run.parameter(node, name, tick)
         expected = list(equals) if isinstance(equals, tuple) else equals

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.testing.domain import take_domain
+from hdd_servo_ros.testing.run import Run
 
 TIMEOUT = 120.0
 """How long a run may take, if a test does not say [s]."""
@@ -56,7 +56,7 @@ def make_run(
     ExperimentFailed
         If the run fails, is refused, or takes too long.
     """
-    module = 'hdd_servo_ros.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
+    module = 'hdd_servo_ros.simulation.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
     parameters = {'run_dir': str(directory), 'plot': False, 'progress': False}
     arguments = ['--ros-args']
     for file in parameter_files:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from hdd_servo_ros.recording.recorded_run import Run
+    from hdd_servo_ros.testing.run import Run
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

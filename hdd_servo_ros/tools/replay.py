@@ -9,15 +9,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.parameters import ParameterError, Value
+from hdd_servo_ros.parameters.events import NodeChange
+from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.bag_reader import recorded_changes
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.recording.parameter_events import NodeChange
-from hdd_servo_ros.recording.run_folder import RUNNING, git_revision, read_run_yaml, versions
-from hdd_servo_ros.schedule import format_entry, parse_schedule
-from hdd_servo_ros.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.topics import LOOP_TOPICS
+from hdd_servo_ros.recording.run_folder import git_revision, read_run_yaml, versions
 
 TIMER = 'deterministic_timer'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -156,7 +157,7 @@ def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
         arguments = ['--ros-args', '--params-file', str(path), *recording.remaps()]
         # Imported late: without ROS there need be no rclpy.
         if without_ros:
-            from hdd_servo_ros import simulate
+            from hdd_servo_ros.simulation import simulate
 
             return simulate.main(arguments)
         from hdd_servo_ros.nodes import rig

@@ -27,12 +27,12 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from std_msgs.msg import Float64MultiArray, String
 
-from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
-from hdd_servo_ros.recording.run_folder import FAILED, FINISHED, INTERRUPTED
-from hdd_servo_ros.recording.scope_blocks import Block
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.messages.scope_blocks import Block
+from hdd_servo_ros.messages.topics import SCOPE
+from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.reporting.live_plot import LivePlot, lighten
 from hdd_servo_ros.ros.transport import use_udp_alone
-from hdd_servo_ros.topics import SCOPE
 
 FRAME_PERIOD = 0.25
 """Wall time between two pictures [s]."""

@@ -9,10 +9,10 @@ import pytest
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.certificate_margin import CertificateMargin
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.parameters import from_mapping
-from hdd_servo_ros.ros.diagnostics import OK, WARN
+from hdd_servo_ros.ros.diagnosis import OK, WARN
+from hdd_servo_ros.stability.margin import CertificateMargin
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,10 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import WriterError
 
+from hdd_servo_ros.messages.cdr import ClockCodec, VectorCodec
+from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.cdr import ClockCodec, VectorCodec
 from hdd_servo_ros.recording.writer_process import BATCH_MESSAGES, WriterProcess
-from hdd_servo_ros.ticks import Ticks
 
 TICKS = Ticks(1e-4)
 TOPICS = [('/clock', 'rosgraph_msgs/msg/Clock', 1024), ('/bench1/head', 'geometry_msgs/msg/Vector3Stamped', 7)]

@@ -1,11 +1,11 @@
 import pytest
 
+from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
 from hdd_servo_ros.recording.compare_bags import first_difference, main
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 TICKS = Ticks(1e-4)
 VECTOR, ARRAY = VectorCodec('drive'), ArrayCodec(['t', 'r'])

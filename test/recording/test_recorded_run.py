@@ -10,11 +10,11 @@ from rosbags.typesys import Stores, get_typestore
 
 import hdd_servo_ros
 from hdd_servo_ros import Run
+from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
-from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
 from hdd_servo_ros.recording.run_recorder import RunRecorder
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 TICKS = Ticks(1e-4)

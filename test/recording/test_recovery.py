@@ -14,7 +14,7 @@ from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recovery import Recovery, RecoveryError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.recording.salvage import salvage
-from hdd_servo_ros.simulate import main as simulate
+from hdd_servo_ros.simulation.simulate import main as simulate
 from hdd_servo_ros.tools.recover import main as recover
 
 LAST_TICK = 2500  # more than two chunks of an MCAP file

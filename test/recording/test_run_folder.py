@@ -58,7 +58,7 @@ def test_another_checkout_is_not_ours(tmp_path, monkeypatch):
 
 
 def test_recording_needs_no_ros():
-    code = 'import hdd_servo_ros.simulate, sys; sys.exit(any(m.startswith("rcl") for m in sys.modules))'
+    code = 'import hdd_servo_ros.simulation.simulate, sys; sys.exit(any(m.startswith("rcl") for m in sys.modules))'
     assert subprocess.run([sys.executable, '-c', code]).returncode == 0
 
 

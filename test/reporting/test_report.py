@@ -13,17 +13,17 @@ import yaml
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.bench.response import read_csv
+from hdd_servo_ros.messages.cdr import VectorCodec
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.reporting import plot
 from hdd_servo_ros.reporting.panels import Panel, Trace, comparison_panels, run_panels
 from hdd_servo_ros.reporting.picture import write_picture
 from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, reference_period, run_metrics
 from hdd_servo_ros.reporting.summary import summary
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import CONTROL, HEAD, REFERENCE
 
 LARGEST_PAGE = 6_000_000
 

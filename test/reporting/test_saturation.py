@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from hdd_servo_ros.loop.experiment import Experiment
 from hdd_servo_ros.parameters import to_mapping
 from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.reporting.saturation import saturated_ticks, saturation_line
+from hdd_servo_ros.simulation.experiment import Experiment
 
 T = 1e-4
 

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.campaign.runner import run_cases
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
 from hdd_servo_ros.studies.chapter import figures, make_figures
 from hdd_servo_ros.studies.chapter4.cases import (
@@ -18,8 +20,6 @@ from hdd_servo_ros.studies.chapter4.cases import (
 from hdd_servo_ros.studies.chapter4.network_cases import as_printed, compensator, network, phi_instead, without
 from hdd_servo_ros.studies.chapter4.table_ablation import ABLATION
 from hdd_servo_ros.studies.chapter4.table_lambda import NN_COARSE
-from hdd_servo_ros.studies.recorded import RecordedRuns
-from hdd_servo_ros.studies.runner import run_cases
 
 COARSE = {'deterministic_timer:sample_time': 1e-3}
 FINE = at_sample_time(NN, 1e-4)

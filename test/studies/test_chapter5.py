@@ -6,9 +6,11 @@ import itertools
 import numpy as np
 import pytest
 
-from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import NANOMETRES, rms, step_response
+from hdd_servo_ros.analysis.metrics import NANOMETRES, rms, step_response
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.campaign.runner import run_cases
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
+from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.chapter import figures, make_figures
 from hdd_servo_ros.studies.chapter5 import table_random_drives
 from hdd_servo_ros.studies.chapter5.cases import (
@@ -38,8 +40,6 @@ from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_a
 from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, random_drive, trials
 from hdd_servo_ros.studies.chapter5.table_lambda import peak_sensitivity
 from hdd_servo_ros.studies.chapter5.thesis_gains_cases import MAGNITUDES, PRINTED_SIGNS
-from hdd_servo_ros.studies.recorded import RecordedRuns
-from hdd_servo_ros.studies.runner import run_cases
 
 WITHOUT_SIGMA, ONLY_SIGMA = (HYSTERESIS[name] for name in ('without sigma_hat', 'only sigma_hat'))
 SHORT = 2.5

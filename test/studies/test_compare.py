@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
-from hdd_servo_ros.controllers import load_controller
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.registry import NODE_PARAMETERS
 from hdd_servo_ros.studies.compare import Comparison, main
 
 ROOT = Path(__file__).parents[2]

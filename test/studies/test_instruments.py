@@ -2,8 +2,8 @@
 
 import re
 
-from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import tracking_metrics
+from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies import instruments
 
 T = 1e-4

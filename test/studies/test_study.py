@@ -10,13 +10,13 @@ import time
 import pytest
 import yaml
 
-from hdd_servo_ros.parameter_files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.campaign.case import Case, parameter_file
+from hdd_servo_ros.campaign.runner import StudyError, run_cases
 from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
-from hdd_servo_ros.studies.case import Case, parameter_file
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures
 from hdd_servo_ros.studies.main import main
-from hdd_servo_ros.studies.runner import StudyError, run_cases
 
 SHORT = {'deterministic_timer:duration': 0.02}
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.loop.experiment import Experiment, block_parameters
-from hdd_servo_ros.loop.metrics import tracking_metrics
-from hdd_servo_ros.loop.sensitivity import LinearController, LoopMargins
-from hdd_servo_ros.parameter_files import read_parameter_files
 from hdd_servo_ros.parameters import ParameterError, from_mapping
+from hdd_servo_ros.parameters.files import read_parameter_files
+from hdd_servo_ros.simulation.experiment import Experiment, block_parameters
 from hdd_servo_ros.studies.tune import (
     FREQUENCIES,
     computation_delay,

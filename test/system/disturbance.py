@@ -2,10 +2,10 @@
 
 import sys
 
+from hdd_servo_ros.messages.cdr import VectorCodec
+from hdd_servo_ros.messages.topics import CLOCK, DISTURBANCE
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.recording.cdr import VectorCodec
 from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.topics import CLOCK, DISTURBANCE
 
 
 class Disturbance(LoopNode):

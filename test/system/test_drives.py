@@ -8,10 +8,10 @@ import pytest
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.friction.parameters import MODELS
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.parameter_files import parse_ros_arguments, read_parameter_files
 from hdd_servo_ros.parameters import from_mapping, to_mapping
+from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
 from hdd_servo_ros.recording.bag_reader import read_signals
-from hdd_servo_ros.simulate import Simulation
+from hdd_servo_ros.simulation.simulate import Simulation
 
 PARAMS = Path(__file__).parents[2] / 'params'
 

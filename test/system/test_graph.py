@@ -10,9 +10,9 @@ from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 HERE = Path(__file__).parent
 

@@ -145,7 +145,9 @@ def test_help(example):
 
 def test_the_file_needs_no_ros(example):
     """`simulate` runs it where rclpy is not installed."""
-    program = "import sys; sys.modules['rclpy'] = None; import my_controller, hdd_servo_ros.simulate as simulate; "
+    program = (
+        "import sys; sys.modules['rclpy'] = None; import my_controller; from hdd_servo_ros.simulation import simulate; "
+    )
     program += f"raise SystemExit(simulate.main(['--ros-args', '-p', 'controller:={PATH}', '-p', 'duration:=0.01']))"
     answer = example.python('-c', program)
     assert answer.returncode == 0, answer.stderr

@@ -15,9 +15,9 @@ from rcl_interfaces.srv import (
 )
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, node_declarations
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS, node_declarations
 
 LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())]
 NODES = ['rig', *LOOP_NODES, CONTROLLERS['adaptive_nn']]

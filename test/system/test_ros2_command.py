@@ -18,11 +18,11 @@ import yaml
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.registry import CONTROLLERS, NODE_PARAMETERS
 from hdd_servo_ros.testing.domain import take_domain
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 PACKAGE = 'hdd_servo_ros'
 CONTROLLER = CONTROLLERS['adaptive_nn']

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdd_servo_ros.bench.identification import LEVY, identify_measured
+from hdd_servo_ros import Run
+from hdd_servo_ros.analysis.identification import LEVY, identify_measured
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.recording.recorded_run import Run
 from hdd_servo_ros.reporting.recorded_response import response_of_run
 from hdd_servo_ros.studies.swept_sine import FROM, true_modes, with_noise
 

@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.recording.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.testing import checks
-from hdd_servo_ros.ticks import Ticks
-from hdd_servo_ros.topics import LOOP_TOPICS
 
 T = 1e-4
 TICKS = Ticks(T)

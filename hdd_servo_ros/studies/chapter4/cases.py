@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
 
 FILE = 'simulation_study.yaml'
 LAST_HALF = 10.0

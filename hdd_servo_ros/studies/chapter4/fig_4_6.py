@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import NN
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = (NN,)
 _TRUE_MASS = 1.0

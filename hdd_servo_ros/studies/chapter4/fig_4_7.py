@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import LAMBDAS, LAST_HALF, LAST_PERIODS, NN_BY_LAMBDA
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(NN_BY_LAMBDA.values())
 _DRAWN = (0.1, 1.0, 5.0, 15.0)

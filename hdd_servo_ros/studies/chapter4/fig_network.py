@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, LAST_PERIODS
 from hdd_servo_ros.studies.chapter4.network_cases import LEAKAGES, STRONG, compensator, network, phi_instead, without
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _LAMBDA = 10.0
 _NONE = without(_LAMBDA)

@@ -1,6 +1,6 @@
 """What would make the network earn its place: its leakage and gain, its lattice, and where it acts."""
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.studies.chapter4.cases import adaptive_nn
 
 SLOW = {'sigma__leakage': 0.01, 'mass__leakage': 0.01}

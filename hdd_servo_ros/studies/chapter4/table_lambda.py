@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, NN_BY_LAMBDA, at_sample_time
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 COARSE = 1e-3
 """The other sample time [s]; the parameter file has 1e-4."""

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, NN_BY_LAMBDA
 from hdd_servo_ros.studies.chapter4.network_cases import (
     GAIN,
@@ -13,7 +14,6 @@ from hdd_servo_ros.studies.chapter4.network_cases import (
     without,
 )
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 ROWS = {
     value: {

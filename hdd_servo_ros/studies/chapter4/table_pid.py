@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import (
     COMPARED_LAMBDAS,
     FEEDFORWARD_BY_LAMBDA,
@@ -10,7 +11,6 @@ from hdd_servo_ros.studies.chapter4.cases import (
     PID_BY_LAMBDA,
 )
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _CONTROLLERS = {
     'adaptive NN': NN_BY_LAMBDA,

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
 
 FILE = 'seagate_7200_10.yaml'
 STEPS = 'step_references.yaml'

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.recording.recorded_run import Run
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 ESTIMATES = {
     'sigma_hat': (r'$\hat\sigma$ [µV s/µm]', 1e6, 'C0'),
@@ -18,7 +18,7 @@ ESTIMATES = {
     'W_norm': (r'$\|\hat W\|$ [mV]', 1e3, 'C3'),
 }
 """Axis label, factor to its unit, and colour of what figs. 5.11, 5.12, 5.17 and 5.18 show."""
-Quantity = Callable[[Run], NDArray[np.float64]]
+Quantity = Callable[[RecordedRun], NDArray[np.float64]]
 
 
 def draw_start_and_end(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import NN
 from hdd_servo_ros.studies.chapter5.drawing import draw_estimates
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _CASE = NN[100.0]
 CASES = (_CASE,)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.step_figures import compared, draw_control
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _HEIGHT = 5.0
 CASES = tuple(compared(_HEIGHT).values())

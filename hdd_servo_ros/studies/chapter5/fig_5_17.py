@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import NN_STEPS
 from hdd_servo_ros.studies.chapter5.drawing import draw_estimates
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _CASE = NN_STEPS[0.5]
 CASES = (_CASE,)

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import LAMBDA_INTEGRAL_STEPS, LAMBDA_STEPS
 from hdd_servo_ros.studies.chapter5.step_figures import edge_window
 from hdd_servo_ros.studies.output import draw, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = (*LAMBDA_STEPS.values(), *LAMBDA_INTEGRAL_STEPS.values())
 

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import LAMBDA_SINES
 from hdd_servo_ros.studies.chapter5.drawing import draw_start_and_end
 from hdd_servo_ros.studies.chapter5.measures import error
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(LAMBDA_SINES.values())
 

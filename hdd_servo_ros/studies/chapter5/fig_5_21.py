@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, HYSTERESIS_OFF, HYSTERESIS_ON
 from hdd_servo_ros.studies.chapter5.measures import last_cycles, loop_areas
 from hdd_servo_ros.studies.output import new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _RUNS = {'without: only -k r': HYSTERESIS_OFF, 'with: the whole law': HYSTERESIS_ON}
 CASES = tuple(_RUNS.values())

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from hdd_servo_ros.bench.response import FrequencyResponse, held
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.reporting.bode import bode
 from hdd_servo_ros.studies.chapter5.sweeps import SANATHANAN_KOERNER, WIDE, identified, response
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = (WIDE,)
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.friction_curves import (
     PRESLIDING_AMPLITUDES,
     PRESLIDING_DURATION,
@@ -15,7 +16,6 @@ from hdd_servo_ros.studies.friction_curves import (
     SLIDING_FREQUENCY,
     draw_lugre_hysteresis,
 )
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 
 def _open_loop(name: str, amplitude: float, frequency: float, duration: float) -> Case:

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, open_loop
 from hdd_servo_ros.studies.chapter5.measures import last_cycles
 from hdd_servo_ros.studies.output import new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _RUNS = {amplitude: open_loop(amplitude) for amplitude in (0.1, 0.05, 0.02)}
 CASES = tuple(_RUNS.values())

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import amplitude_spectrum
+from hdd_servo_ros.analysis.metrics import amplitude_spectrum
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import error
 from hdd_servo_ros.studies.chapter5.sine_figures import compared
 from hdd_servo_ros.studies.output import legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(case for frequency in FREQUENCIES for case in compared(frequency).values())
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.loop.metrics import NANOMETRES, StepResponse, loop_area, rms, step_response
-from hdd_servo_ros.recording.recorded_run import Run
+from hdd_servo_ros.analysis.metrics import NANOMETRES, StepResponse, loop_area, rms, step_response
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, STEP_FREQUENCY
 
 FIRST_MILLISECONDS = 5e-3
@@ -15,12 +15,12 @@ START = 0.05
 """What counts as the transient of a sine: five periods at 100 Hz [s]."""
 
 
-def error(run: Run) -> NDArray[np.float64]:
+def error(run: RecordedRun) -> NDArray[np.float64]:
     """Return x - x_d of the head's true position [nm], shape (n,)."""
     return run.error * NANOMETRES
 
 
-def edges(run: Run) -> StepResponse:
+def edges(run: RecordedRun) -> StepResponse:
     """
     Return the answers to all edges of a square wave but the first, or to a lone step.
 
@@ -34,14 +34,14 @@ def edges(run: Run) -> StepResponse:
     )
 
 
-def error_after_edges(run: Run) -> float:
+def error_after_edges(run: RecordedRun) -> float:
     """Return the rms error over the first 5 ms after each edge from 1 s on [nm]."""
     since_edge = np.mod(run.time + 1e-9, 0.5 / STEP_FREQUENCY)
     chosen = (since_edge < FIRST_MILLISECONDS) & (run.time >= 1.0)
     return rms(error(run)[chosen])
 
 
-def last_cycles(run: Run, cycles: int) -> slice:
+def last_cycles(run: RecordedRun, cycles: int) -> slice:
     """Return the rows of the last periods of 80 Hz, without the first point repeated."""
     rows = round(cycles / HYSTERESIS_FREQUENCY / run.sample_time)
     return slice(len(run.time) - rows, None)
@@ -59,7 +59,7 @@ class LoopAreas:
     """Of the pivot's friction."""
 
 
-def loop_areas(run: Run) -> LoopAreas:
+def loop_areas(run: RecordedRun) -> LoopAreas:
     """Return the areas of a run at 80 Hz."""
     cycles = round(2.0 * HYSTERESIS_FREQUENCY)
     rows = last_cycles(run, cycles)

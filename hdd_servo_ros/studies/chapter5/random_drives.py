@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from hdd_servo_ros.loop.experiment import Experiment
-from hdd_servo_ros.loop.metrics import NANOMETRES, tracking_metrics
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.analysis.metrics import NANOMETRES, tracking_metrics
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 SPREAD = 0.2
 """Each quantity is drawn within this part of its nominal value, all values alike."""

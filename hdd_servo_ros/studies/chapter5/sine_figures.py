@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import NN, NN_COMPENSATOR, PID
 from hdd_servo_ros.studies.chapter5.drawing import draw_start_and_end
 from hdd_servo_ros.studies.chapter5.measures import error
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 
 def compared(frequency: float) -> dict[str, Case]:

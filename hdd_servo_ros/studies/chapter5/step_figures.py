@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import LAW_STEPS, NN_STEPS, PID_STEPS
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _EDGE = 5.0
 """Time of the rising edge that is drawn [s]."""

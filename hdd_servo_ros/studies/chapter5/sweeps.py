@@ -2,12 +2,12 @@
 
 import math
 
-from hdd_servo_ros.bench.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.analysis.identification import LEVY, METHODS, Model, identify_measured
 from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.reporting.recorded_response import response_of_run
-from hdd_servo_ros.studies.case import Case
 from hdd_servo_ros.studies.chapter5.cases import FILE
-from hdd_servo_ros.studies.recorded import RecordedRuns
 from hdd_servo_ros.studies.swept_sine import FROM, POLES, ZEROS
 
 SANATHANAN_KOERNER = METHODS[0]

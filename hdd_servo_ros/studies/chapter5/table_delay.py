@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import NANOMETRES
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_DELAY, PID, PID_DELAY, TRANSIENT
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _RUNS = {'adaptive NN': (NN, NN_DELAY), 'PID': (PID, PID_DELAY)}
 CASES = tuple(case for pair in _RUNS.values() for cases in pair for case in cases.values())

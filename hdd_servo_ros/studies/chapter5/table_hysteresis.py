@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import NANOMETRES
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS, HYSTERESIS_OFF, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import loop_areas
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(HYSTERESIS.values())
 

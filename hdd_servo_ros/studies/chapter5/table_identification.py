@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.experiment import block_parameters
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.studies.chapter5.sweeps import WIDE, identified, response
-from hdd_servo_ros.studies.recorded import RecordedRuns
 from hdd_servo_ros.studies.swept_sine import compare, with_noise
 
 CASES = (WIDE,)

@@ -2,15 +2,15 @@
 
 from pathlib import Path
 
+from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.analysis.metrics import NANOMETRES, rms
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
-from hdd_servo_ros.loop import fragility
-from hdd_servo_ros.loop.experiment import block_parameters
-from hdd_servo_ros.loop.metrics import NANOMETRES, rms
-from hdd_servo_ros.studies.case import Case
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.studies.chapter5.cases import LAMBDA_INTEGRAL_STEPS, LAMBDA_SINES, LAMBDA_STEPS, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_after_edges
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = (*LAMBDA_SINES.values(), *LAMBDA_STEPS.values(), *LAMBDA_INTEGRAL_STEPS.values())
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import rms
+from hdd_servo_ros.analysis.metrics import rms
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import NN_COMPENSATOR_MINUTE
 from hdd_servo_ros.studies.chapter5.measures import error
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(NN_COMPENSATOR_MINUTE.values())
 _SECONDS = (1, 2, 5, 10, 20, 40, 60)

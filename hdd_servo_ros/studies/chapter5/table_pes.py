@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hdd_servo_ros.drive.misregistration import misregistration, misregistration_from_spectrum
-from hdd_servo_ros.loop.metrics import amplitude_spectrum, power_spectral_density, repeatable_parts, rms
+from hdd_servo_ros.analysis.metrics import amplitude_spectrum, power_spectral_density, repeatable_parts, rms
+from hdd_servo_ros.analysis.misregistration import misregistration, misregistration_from_spectrum
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import error
 from hdd_servo_ros.studies.chapter5.sine_figures import compared
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 CASES = tuple(case for frequency in FREQUENCIES for case in compared(frequency).values())
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hdd_servo_ros.loop.metrics import NANOMETRES
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, TRANSIENT
 from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, trials
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 DRIVES = 200
 _RUNS = {'adaptive NN': NN, 'PID': PID, 'adaptive NN with compensator': NN_COMPENSATOR}

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import NANOMETRES
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, PID_SAME_GAINS, TRANSIENT
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _RUNS = {
     'adaptive NN': NN,

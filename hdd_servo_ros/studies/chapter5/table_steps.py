@@ -3,7 +3,8 @@
 import itertools
 from pathlib import Path
 
-from hdd_servo_ros.loop.metrics import NANOMETRES
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import (
     HEIGHTS,
     LAW_FROM_REST,
@@ -16,7 +17,6 @@ from hdd_servo_ros.studies.chapter5.cases import (
 )
 from hdd_servo_ros.studies.chapter5.measures import edges
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _NAMES = ('law of the thesis', 'adaptive NN with integral action', 'PID')
 _RUNS = {

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hdd_servo_ros.loop.metrics import rms
+from hdd_servo_ros.analysis.metrics import rms
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.measures import error
 from hdd_servo_ros.studies.chapter5.thesis_gains_cases import READINGS
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.recorded import RecordedRuns
 
 _DIVERGED = 1e5
 """An error larger than this is none of a servo: 100 um, beyond the vibrometer's range of 80 um [nm]."""

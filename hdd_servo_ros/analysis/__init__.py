@@ -1,0 +1,1 @@
+"""What signals and models show: metrics, stability margins, identified models."""

@@ -1,0 +1,1 @@
+"""Many runs from one specification: what to run, who runs it, and what was recorded."""

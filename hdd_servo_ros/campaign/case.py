@@ -1,0 +1,151 @@
+"""A case of a study: one run to make, told by its parameters."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import hdd_servo_ros
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.simulation.simulate import Simulation
+from hdd_servo_ros.version import __version__
+
+_NOT_COMPARED = {
+    'deterministic_timer': ('rate', 'progress', 'lookahead', 'start_timeout', 'peer_timeout'),
+    'bag_recorder': ('run_dir', 'storage'),
+}
+"""Parameters on which no bit of a run depends."""
+
+
+def parameter_file(name: str) -> Path:
+    """
+    Return a parameter file of this package, from the checkout or from where the package is installed.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none of that name.
+    """
+    package = Path(hdd_servo_ros.__file__).resolve().parent
+    share = [place / 'share' / 'hdd_servo_ros' / 'params' for place in package.parents]
+    for directory in (package.parent / 'params', *share):
+        if (directory / name).is_file():
+            return directory / name
+    raise ArgumentError(f'no parameter file {name!r} among those of hdd_servo_ros')
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """
+    One run of a study.
+
+    Attributes
+    ----------
+    name
+        Of the case and of its run's folder.
+    controller
+        As the parameter ``controller`` of `rig`.
+    files
+        Parameter files, those of ``params/`` by name, others by path; later ones win.
+    overrides
+        What differs from the files, under ``'node:parameter'``; a float must be written as one, as ROS insists.
+    """
+
+    name: str
+    controller: str
+    files: tuple[str | Path, ...]
+    overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+    def arguments(self, defaults: Mapping[str, object], run_dir: Path) -> list[str]:
+        """
+        Return the command line of `rig` and of `simulate` for this case.
+
+        Parameters
+        ----------
+        defaults
+            Overrides that hold for the whole study; those of the case win.
+        run_dir
+            Folder of the run.
+        """
+        arguments = ['--ros-args']
+        for file in self.files:
+            arguments += ['--params-file', str(file if isinstance(file, Path) else parameter_file(file))]
+        values = {**defaults, **self.overrides, 'controller': self.controller, 'plot': False, 'run_dir': str(run_dir)}
+        for name, value in values.items():
+            arguments += ['-p', f'{name}:={_as_yaml(value)}']
+        return arguments
+
+
+def _as_yaml(value: object) -> str:
+    """Return a value as ROS reads it on a command line; JSON is YAML, and quotes every string."""
+    return json.dumps(value)
+
+
+class PlannedRun:
+    """
+    A case with its checked parameters and its place on disk.
+
+    Parameters
+    ----------
+    case
+        What to run.
+    defaults
+        Overrides of the whole study.
+    directory
+        Folder below which the run's folder lies.
+
+    Raises
+    ------
+    ParameterError, ArgumentError
+        If the parameters are not allowed.
+    """
+
+    def __init__(self, case: Case, defaults: Mapping[str, object], directory: Path) -> None:
+        self.case = case
+        self.directory = directory / case.name
+        self.log = directory / f'{case.name}.log'
+        self.arguments: Sequence[str] = case.arguments(defaults, self.directory)
+        self._simulation = Simulation(parse_ros_arguments(self.arguments))
+        self.ticks = self._simulation.last_tick + 1
+
+    @property
+    def period(self) -> float:
+        """Period of the reference [s], infinite where it has none or drives nothing."""
+        nodes = self._simulation.nodes
+        named = {name.rsplit('/', 1)[-1]: node['parameters'] for name, node in nodes.items()}
+        reference = named['reference_generator']
+        repeats = reference['waveform'] in ('sine', 'square') and reference['frequency'] > 0.0
+        return 1.0 / reference['frequency'] if repeats and 'signal_analyzer' not in named else math.inf
+
+    @property
+    def sample_time(self) -> float:
+        """T [s]."""
+        return self._simulation.timer.sample_time
+
+    def obstacle(self, run: Mapping[str, Any]) -> str:
+        """Return why a recorded run cannot stand for this one, in a few words; empty if it can."""
+        if run['status'] != FINISHED:
+            return f'it is {run["status"]}'
+        version = run['versions']['hdd_servo_ros']
+        if version != __version__:
+            return f'it is of version {version}'
+        return next(self._differences(run), '')
+
+    def _differences(self, run: Mapping[str, Any]) -> Iterator[str]:
+        for full_name, expected in self._simulation.nodes.items():
+            node = full_name.rsplit('/', 1)[-1]
+            recorded = run['nodes'].get(full_name)
+            if recorded is None:
+                yield f'it has no {node}'
+                continue
+            if recorded['offers'] != expected['offers']:
+                # Such as the digest of a controller's file.
+                yield f'{node} was another'
+            for name, value in expected['parameters'].items():
+                plain = list(value) if isinstance(value, tuple) else value
+                found = recorded['parameters'].get(name)
+                if name not in _NOT_COMPARED.get(node, ()) and found != plain:
+                    yield f'{node}:{name} is {found}, not {plain}'

@@ -1,0 +1,45 @@
+"""What the commands that make many runs have in common: how they end."""
+
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import NoReturn
+
+from hdd_servo_ros.campaign.runner import StudyError
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import ArgumentError
+
+
+def exit_code(name: str, work: Callable[[], int]) -> int:
+    """
+    Do a command's work, and return its exit code.
+
+    Parameters
+    ----------
+    name
+        What the command is called, for messages.
+    work
+        Returns 0 for done, 1 for done in part.
+
+    Returns
+    -------
+    int
+        As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 130 if interrupted.
+    """
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        return work()
+    except (ParameterError, ArgumentError) as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 2
+    except (StudyError, OSError) as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f'{name}: interrupted; what has finished stays, and the next call goes on from there', file=sys.stderr)
+        return 128 + signal.SIGINT
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    sys.exit(128 + number)

@@ -1,0 +1,44 @@
+"""The parameters of a node's block, from all that a parameter file holds for the node."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
+
+
+def block_parameters(node: str, values: Mapping[str, object]) -> Any:
+    """
+    Return the parameters of a node's block from all that a file says of the node.
+
+    What belongs to the node around the block (its waiting times, the drive's name) is passed over.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused or a name known to neither; the name is preceded by the node's.
+    """
+    kind = NODE_PARAMETERS[node][-1]
+    other = {
+        declaration.name
+        for declared in NODE_PARAMETERS[node]
+        if declared is not kind
+        for declaration in declarations(declared)
+    }
+    return _constructed(kind, node, {name: value for name, value in values.items() if name not in other})
+
+
+def dsp_parameters(node: str, values: Mapping[str, object]) -> DspParameters:
+    """Return the parameters of what lies behind a controller's law, from all that a file says of its node."""
+    own = {declaration.name for declaration in declarations(ControllerOutputParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    output: ControllerOutputParameters = _constructed(ControllerOutputParameters, node, given)
+    return output.dsp
+
+
+def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> Any:
+    try:
+        return from_mapping(kind, values)
+    except ParameterError as error:
+        raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None

@@ -1,0 +1,222 @@
+"""
+Controllers from outside this package: found by entry point or import path, checked, and known like the built-in ones.
+
+No ROS import, for `simulate` runs them too.
+"""
+
+import dataclasses
+import hashlib
+import importlib
+import importlib.metadata
+import inspect
+import re
+import sys
+import typing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hdd_servo_ros.control.outside import ControllerError, OutsideController, described
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, register_controller
+from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations
+
+ENTRY_POINTS = 'hdd_servo_ros.controllers'
+"""Group of the entry points by which an installed package offers controllers."""
+
+_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerKind:
+    """
+    A controller class from outside that has been found fit for the loop.
+
+    Attributes
+    ----------
+    name
+        What the user called it: an entry point's name or an import path.
+    node
+        Name of its node: the class attribute ``node_name``, or the class's name in snake_case.
+    kind
+        The class.
+    parameters
+        Its parameter dataclass.
+    """
+
+    name: str
+    node: str
+    kind: type[Any]
+    parameters: type[ParameterSet]
+
+    def make(self, parameters: Any, sample_time: float) -> OutsideController:
+        """Make a controller for T [s]; raises :class:`ParameterError` if its class cannot be constructed."""
+        return OutsideController(self.node, self.kind, parameters, sample_time)
+
+    def trial(self, parameters: Any, sample_time: float) -> OutsideController:
+        """Make a controller and let it step once with zeros: what cannot run at all is refused before a run."""
+        made = self.make(parameters, sample_time)
+        try:
+            made.step(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        except ControllerError as error:
+            raise _refused(self.name, f'tried with zeros: {error}') from error
+        return made
+
+    def offers(self) -> dict[str, str]:
+        """Return what ``run.yaml`` says of it: where the class was found, and the digest of its file."""
+        path = Path(inspect.getfile(self.kind))
+        module = path.stem if self.kind.__module__ == '__main__' else self.kind.__module__
+        return {
+            'controller_class': f'{module}:{self.kind.__qualname__}',
+            'controller_sha256': hashlib.sha256(path.read_bytes()).hexdigest(),
+        }
+
+
+def load_controller(name: str) -> ControllerKind:
+    """
+    Find a controller from outside, check it, and make its node and parameters known to the registry.
+
+    Parameters
+    ----------
+    name
+        Name of an entry point of the group ``hdd_servo_ros.controllers``, or an import path ``module:Class``. Modules
+        are looked for on ``sys.path`` and then in the working folder.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such controller, its module cannot be imported, or the class does not fit; says why.
+    """
+    path = name if ':' in name else _entry_point(name)
+    module_name, _, attribute = path.partition(':')
+    if not re.fullmatch(r'\w+(\.\w+)*:\w+(\.\w+)*', path):
+        raise _refused(name, f'{path!r} is not an import path module:Class')
+    found: Any = _import(name, module_name)
+    for part in attribute.split('.'):
+        if not hasattr(found, part):
+            place = getattr(sys.modules[module_name], '__file__', None)
+            raise _refused(name, f'there is no {attribute} in {module_name} ({place})')
+        found = getattr(found, part)
+    return checked_controller(found, name)
+
+
+def checked_controller(kind: Any, name: str) -> ControllerKind:
+    """
+    Check a class and make its node and parameters known to the registry.
+
+    Raises
+    ------
+    ParameterError
+        If it is no class, lacks ``update`` or ``step``, does not say its parameters' type, if these are not declared as
+        they should be, or if a name is taken already.
+    """
+    if not isinstance(kind, type):
+        raise _refused(name, f'{kind!r} is no class')
+    for method, arguments in (('step', _STEP_ARGUMENTS), ('update', ('parameters',))):
+        if not callable(getattr(kind, method, None)):
+            raise _refused(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
+        _check_call(name, getattr(kind, method), f'{kind.__name__}.{method}', ('self', *arguments))
+    _check_call(name, kind, kind.__name__, ('parameters', 'sample_time'))
+    parameters = _parameters_of(kind, name)
+    _check_parameters(parameters, name)
+    node = getattr(kind, 'node_name', None) or snake_case(kind.__name__)
+    if not isinstance(node, str) or not re.fullmatch(r'[A-Za-z_][A-Za-z0-9_]*', node):
+        raise _refused(name, f'node name {node!r} is not made of letters, digits and underscores')
+    try:
+        register_controller(node, parameters)
+    except ValueError as error:
+        raise _refused(name, f'{error}; give class {kind.__name__} an attribute node_name') from None
+    PURPOSE[node] = (inspect.getdoc(kind) or f'The controller {kind.__name__}.').partition('\n')[0]
+    return ControllerKind(name, node, kind, parameters)
+
+
+def snake_case(name: str) -> str:
+    """Return a class name in snake_case: MyController is my_controller, and PIController pi_controller."""
+    return re.sub(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])', '_', name).lower()
+
+
+def _refused(name: str, reason: str) -> ParameterError:
+    return ParameterError('controller', name, reason)
+
+
+def _entry_point(name: str) -> str:
+    """Return the import path that the entry point of a name stands for."""
+    offered = importlib.metadata.entry_points(group=ENTRY_POINTS)
+    paths = sorted({point.value.replace(' ', '') for point in offered if point.name == name})
+    if len(paths) > 1:
+        raise _refused(name, f'several installed packages offer it: {", ".join(paths)}')
+    if not paths:
+        names = ', '.join([*CONTROLLERS, *sorted(point.name for point in offered)])
+        raise _refused(name, f'one of {names}, or the import path module:Class of your own')
+    return paths[0]
+
+
+def _import(name: str, module: str) -> Any:
+    here = str(Path.cwd())
+    # An executable's own folder is on the path, the working folder is not; behind all others it can hide nothing.
+    if here not in sys.path and '' not in sys.path:
+        sys.path.append(here)
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and (module == error.name or module.startswith(f'{error.name}.')):
+            reason = f'there is no module {error.name} on sys.path or in {here}'
+            if module.endswith('.py'):
+                reason += '; a module is named without .py'
+        else:
+            reason = f'importing {module} raised {described(error)}'
+        raise _refused(name, reason) from None
+    except (Exception, SystemExit) as error:
+        raise _refused(name, f'importing {module} raised {described(error)}') from error
+
+
+def _check_call(name: str, function: Any, shown: str, arguments: Sequence[str]) -> None:
+    """Refuse a function that cannot be called with so many arguments."""
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # of a compiled one nothing is known
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError:
+        wanted = ', '.join(arguments)
+        raise _refused(name, f'{shown}{signature} cannot be called with ({wanted})') from None
+
+
+def _parameters_of(kind: type[Any], name: str) -> Any:
+    """Return the annotated type of the first argument of a class's constructor."""
+    first = next(iter(inspect.signature(kind).parameters))
+    try:
+        found = typing.get_type_hints(kind.__init__).get(first)
+    except Exception as error:
+        raise _refused(name, f'the annotations of {kind.__name__}.__init__ raised {described(error)}') from error
+    if found is None:
+        reason = f'{kind.__name__}.__init__ does not annotate {first} with its parameter dataclass'
+        raise _refused(name, reason)
+    return found
+
+
+def _is_parameter_dataclass(kind: Any) -> bool:
+    if not isinstance(kind, type) or not issubclass(kind, ParameterSet):
+        return False
+    return bool(getattr(getattr(kind, '__dataclass_params__', None), 'frozen', False))
+
+
+def _check_parameters(parameters: Any, name: str) -> None:
+    """Refuse what is no parameter dataclass, or has undeclared fields, bad defaults or names that every node has."""
+    if not _is_parameter_dataclass(parameters):
+        shown = getattr(parameters, '__name__', repr(parameters))
+        raise _refused(name, f'{shown} is no frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')
+    for field in dataclasses.fields(parameters):
+        if 'declaration' not in field.metadata and not dataclasses.is_dataclass(field.default_factory):
+            raise _refused(name, f'{parameters.__name__}.{field.name} is not declared by parameter() or group()')
+    try:
+        parameters()
+    except ParameterError as error:
+        raise _refused(name, f'the defaults of {parameters.__name__}: {error}') from None
+    taken = {
+        declaration.name for common in NODE_PARAMETERS['pid_controller'][:-1] for declaration in declarations(common)
+    }
+    for declaration in declarations(parameters):
+        if declaration.name in taken:
+            raise _refused(name, f'{parameters.__name__}.{declaration.name}: every node has a parameter of that name')

@@ -1,1 +1,0 @@
-"""The closed loop without middleware: one experiment, its compiled run, its metrics."""

@@ -1,0 +1,92 @@
+"""``rcl_interfaces/ParameterEvent`` as bytes, without ROS: what a node changed, and at which tick."""
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+
+from hdd_servo_ros.messages.ticks import NANOSECONDS
+from hdd_servo_ros.messages.topics import PARAMETER_EVENT_TYPE, PARAMETER_VALUE_FIELDS
+from hdd_servo_ros.parameters import Value
+
+_UNSET: dict[str, Any] = {
+    'bool_value': False,
+    'integer_value': 0,
+    'double_value': 0.0,
+    'string_value': '',
+    'byte_array_value': np.array([], dtype=np.uint8),
+    'bool_array_value': np.array([], dtype=np.bool_),
+    'integer_array_value': np.array([], dtype=np.int64),
+    'double_array_value': np.array([], dtype=np.float64),
+    'string_array_value': [],
+}
+_SCALARS = {bool: 1, int: 2, float: 3, str: 4}
+_ARRAY = 5
+_DTYPES: dict[type, Any] = {bool: np.bool_, int: np.int64, float: np.float64}
+
+
+@functools.cache
+def _typestore() -> Any:
+    # Late: it takes longer to load than most bags take to read.
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeChange:
+    """What a node changed at once: full name, time of the first tick for which it holds [ns], values by name."""
+
+    node: str
+    time_ns: int
+    values: dict[str, Value]
+
+
+def pack_parameter_event(change: NodeChange) -> bytes:
+    """Return the message that a node publishes when its parameters have been changed."""
+    types = _typestore().types
+    stamp = types['builtin_interfaces/msg/Time'](*divmod(change.time_ns, NANOSECONDS))
+    parameter, parameter_value = (types[f'rcl_interfaces/msg/{name}'] for name in ('Parameter', 'ParameterValue'))
+    changed = [parameter(name, parameter_value(**_fields(value))) for name, value in change.values.items()]
+    event = types[PARAMETER_EVENT_TYPE](stamp, change.node, [], changed, [])
+    return bytes(_typestore().serialize_cdr(event, PARAMETER_EVENT_TYPE))
+
+
+def _fields(value: Value) -> dict[str, Any]:
+    fields = dict(_UNSET)
+    if isinstance(value, tuple):
+        kind = type(value[0]) if value else float
+        number = _SCALARS[kind] + _ARRAY
+        fields[PARAMETER_VALUE_FIELDS[number]] = list(value) if kind is str else np.array(value, dtype=_DTYPES[kind])
+    else:
+        number = _SCALARS[type(value)]
+        fields[PARAMETER_VALUE_FIELDS[number]] = value
+    return {'type': number, **fields}
+
+
+def unpack_parameter_event(message: bytes) -> NodeChange:
+    """Return what a message says."""
+    return change_of_event(_typestore().deserialize_cdr(message, PARAMETER_EVENT_TYPE))
+
+
+def change_of_event(event: Any) -> NodeChange:
+    """
+    Return what a ``ParameterEvent`` says, be it the class of rclpy or of rosbags.
+
+    A list that was empty before counts as changed, though ROS calls it new.
+    """
+    time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
+    changed = (*event.new_parameters, *event.changed_parameters)
+    return NodeChange(event.node, time, {each.name: unpack_value(each.value) for each in changed})
+
+
+def unpack_value(value: Any) -> Value:
+    """Return what a ``ParameterValue`` holds; an empty tuple if it is not set."""
+    field = PARAMETER_VALUE_FIELDS.get(value.type)
+    if field is None:
+        return ()
+    found = getattr(value, field)
+    if value.type > _ARRAY:
+        return tuple(found.tolist() if hasattr(found, 'tolist') else found)
+    return found  # type: ignore[no-any-return]

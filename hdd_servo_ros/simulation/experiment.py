@@ -1,0 +1,258 @@
+"""One experiment: reference, drive, vibrometer and controller, run tick by tick without middleware."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
+from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
+from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
+from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.parameters import ParameterSet
+from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
+from hdd_servo_ros.simulation.closed_loop import CONTROLLERS, closed_loop
+
+BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
+    'reference_generator': (Reference, ReferenceParameters),
+    'vcm_plant': (Plant, PlantParameters),
+    'ldv_sensor': (Ldv, LdvParameters),
+    'adaptive_nn_controller': (AdaptiveNn, AdaptiveNnParameters),
+    'pid_controller': (Pid, PidParameters),
+    'open_loop_controller': (OpenLoop, OpenLoopParameters),
+    'signal_analyzer': (SignalAnalyzer, SignalAnalyzerParameters),
+}
+"""The block and the parameters behind each node's name."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """
+    The signals of consecutive ticks, one row a tick.
+
+    Columns as in the topics: reference x_d [um], dx_d [um/s], ddx_d [um/s^2]; head position [um], velocity [um/s],
+    friction [V]; ldv displacement and velocity output [V]; control u, u before the limit, feedback part [V]; estimates
+    as named by the controller.
+    """
+
+    first_tick: int
+    sample_time: float
+    reference: NDArray[np.float64]
+    head: NDArray[np.float64]
+    ldv: NDArray[np.float64]
+    control: NDArray[np.float64]
+    estimates: NDArray[np.float64]
+    estimate_names: tuple[str, ...]
+
+    @classmethod
+    def empty(cls, first_tick: int, count: int, sample_time: float, estimate_names: tuple[str, ...]) -> 'Rows':
+        """Return rows for ``count`` ticks, to be filled."""
+        return cls(
+            first_tick,
+            sample_time,
+            np.empty((count, 3)),
+            np.empty((count, 3)),
+            np.empty((count, 2)),
+            np.empty((count, 3)),
+            np.empty((count, len(estimate_names))),
+            estimate_names,
+        )
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """The ticks' times [s]."""
+        return np.arange(self.first_tick, self.first_tick + len(self.head), dtype=np.float64) * self.sample_time
+
+    def estimate(self, name: str) -> NDArray[np.float64]:
+        """Return one estimate over the ticks; raises :class:`KeyError` with the names there are."""
+        if name not in self.estimate_names:
+            raise KeyError(f'no estimate {name!r}; there are {", ".join(self.estimate_names)}')
+        return self.estimates[:, self.estimate_names.index(name)]
+
+
+class Experiment:
+    """
+    The closed loop of one reference, drive, vibrometer and controller.
+
+    Parameters
+    ----------
+    sample_time
+        T [s].
+    controller
+        ``'adaptive_nn'``, ``'pid'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of one from
+        outside, as :func:`~hdd_servo_ros.graph.controller_loader.load_controller` takes it; or any object that
+        satisfies :class:`~hdd_servo_ros.control.controller.Controller`. The
+        latter two are called from Python, tick by tick.
+    parameters
+        For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
+        Sections of other nodes are passed over.
+    dsp
+        What lies between a controller that is given as an object and the drive; a named one has it in its section.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused or a name unknown; the name is preceded by its node's.
+    """
+
+    def __init__(
+        self,
+        sample_time: float,
+        controller: str | Controller = 'adaptive_nn',
+        parameters: Mapping[str, Mapping[str, object]] | None = None,
+        dsp: DspParameters | None = None,
+    ) -> None:
+        self.sample_time = sample_time
+        self._blocks: dict[str, Any] = {}
+        sections = parameters or {}
+        self.reference: Reference = self._block('reference_generator', sections)
+        self.plant: Plant = self._block('vcm_plant', sections)
+        self.ldv: Ldv = self._block('ldv_sensor', sections)
+        self._kind: int | None = None
+        self.controller: Controller
+        if isinstance(controller, str) and controller in CONTROLLERS:
+            self._kind = CONTROLLERS.index(controller)
+            node = CONTROLLER_NODES[controller]
+            self.controller = self._block(node, sections)
+            dsp = dsp_parameters(node, sections.get(node, {}))
+        elif isinstance(controller, str):
+            outside = load_controller(controller)
+            own = sections.get(outside.node, {})
+            parameters_of_law = block_parameters(outside.node, own)
+            outside.trial(parameters_of_law, sample_time)
+            self.controller = self._blocks[outside.node] = outside.make(parameters_of_law, sample_time)
+            dsp = dsp_parameters(outside.node, own)
+        else:
+            self.controller = controller
+        self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
+        if isinstance(self.controller, KnowsOutputLimit):
+            self.controller.limit_output(self.dsp.limit)
+        self._held: NDArray[np.float64] = np.zeros(1)
+        self._next_tick = 0
+
+    def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
+        self._blocks[name] = BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
+        return self._blocks[name]
+
+    def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
+        """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
+        if node not in self._blocks:
+            return
+        self._blocks[node].update(sets[NODE_PARAMETERS[node][-1]])
+        if ControllerOutputParameters in sets:
+            self.dsp.update(sets[ControllerOutputParameters].dsp)
+            if isinstance(self.controller, KnowsOutputLimit):
+                self.controller.limit_output(self.dsp.limit)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what a user should be told of the controller before a run."""
+        if isinstance(self.controller, AdaptiveNn):
+            return fragility.warnings(self.controller, self.plant.parameters, self.dsp.parameters.computation_delay)
+        return tuple(getattr(self.controller, 'warnings', tuple)())
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the loop is one compiled kernel, as it is with a controller of this package."""
+        return self._kind is not None
+
+    def compile(self) -> None:
+        """Compile what :meth:`run` calls, where that was never done here, and change nothing."""
+        if self.is_compiled:
+            self.run(self._next_tick, 0)
+            return
+        Reference(self.reference.parameters, self.sample_time).step(0)
+        plant = Plant(self.plant.parameters, self.sample_time)
+        plant.output()
+        plant.step(1, 0.0)
+        Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
+        Dsp(self.dsp.parameters, self.sample_time).step(0.0, 0.0, 0.0)
+
+    def empty_rows(self, first_tick: int, count: int) -> Rows:
+        """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
+        return Rows.empty(first_tick, count, self.sample_time, self.controller.estimate_names)
+
+    def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
+        """
+        Run ticks ``first_tick`` to ``first_tick + count - 1``.
+
+        The ticks of one experiment start at 0 and follow each other; they may be run in pieces of any length.
+
+        Parameters
+        ----------
+        first_tick, count
+            Which ticks.
+        rows
+            Rows of an earlier call with the same count, to be written again instead of new memory.
+
+        Raises
+        ------
+        ValueError
+            If ``first_tick`` is not the one after the last.
+        ControllerError
+            If a controller from outside fails; ``rows``, if given, then hold the ticks before that one.
+        """
+        if first_tick != self._next_tick:
+            raise ValueError(f'expected tick {self._next_tick}, got {first_tick}: the ticks of a run follow each other')
+        self._next_tick += count
+        if rows is None or len(rows.head) != count:
+            rows = self.empty_rows(first_tick, count)
+        else:
+            rows = dataclasses.replace(rows, first_tick=first_tick)
+        if self._kind is None:
+            self._run_from_python(rows)
+        else:
+            controller: Any = self.controller
+            closed_loop(
+                first_tick,
+                count,
+                self._kind,
+                self.reference.constants,
+                self.reference.state,
+                self.plant.constants,
+                self.plant.state,
+                self.ldv.constants,
+                self.ldv.state,
+                controller.constants,
+                controller.state,
+                self.dsp.constants,
+                self.dsp.state,
+                controller.estimates,
+                self._held,
+                rows.reference,
+                rows.head,
+                rows.ldv,
+                rows.control,
+                rows.estimates,
+            )
+        return rows
+
+    def _run_from_python(self, rows: Rows) -> None:
+        for row in range(len(rows.head)):
+            tick = rows.first_tick + row
+            reference = self.reference.step(tick)
+            head = self.plant.output() if tick == 0 else self.plant.step(tick, float(self._held[0]))
+            ldv = self.ldv.step(tick, head[0], head[1])
+            control = self.dsp.step(*self.controller.step(tick, *ldv, *reference))
+            self._held[0] = control[0]
+            rows.reference[row] = reference
+            rows.head[row] = head
+            rows.ldv[row] = ldv
+            rows.control[row] = control
+            rows.estimates[row] = self.controller.estimates
+            if not math.isfinite(sum(head) + sum(control)):
+                # Nothing after it means anything, and the controller must not be asked what to make of it.
+                for signal in (rows.reference, rows.head, rows.ldv, rows.control, rows.estimates):
+                    signal[row + 1 :] = math.nan
+                return

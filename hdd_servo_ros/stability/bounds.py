@@ -1,0 +1,299 @@
+"""
+The stability certificate of theorem 4.1: V of (4.22), c1, c2 and the bounds (i) and (ii), for a known drive.
+
+The proof gives V' <= -c1 V + c2, and from it
+
+    V(t) <= (V(0) - c2/c1) e^(-c1 t) + c2/c1 <= V(0) + c2/c1                              (4.33), (4.35)
+
+with c1 the smallest of 2k/m (printed 2k, but V holds m r^2/2), sigma_i k_i and sigma_w/lambda_max(Gamma^-1)
+(4.30), and c2 half the sum of sigma_i times the squares of the ideal values (4.31). As every term of V is at most V,
+this bounds r and every estimate, and e = r filtered by 1/(s + lambda).
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from hdd_servo_ros.control.adaptive_nn_parameters import (
+    AdaptiveNnParameters,
+    MassParameters,
+    PhiParameters,
+    SigmaParameters,
+)
+from hdd_servo_ros.stability.ideal_values import IdealValues
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-9
+"""Relative excess that counts as rounding: at t = 0 the bound on V is V itself."""
+
+
+def scalar_laws(
+    parameters: AdaptiveNnParameters, ideal: IdealValues
+) -> Iterator[tuple[str, SigmaParameters | MassParameters | PhiParameters, float]]:
+    """Iterate over the laws (4.18)-(4.20) that take part: name of the estimate, law, ideal value."""
+    if parameters.sigma.enabled:
+        yield 'sigma_hat', parameters.sigma, ideal.sigma
+    if parameters.mass.enabled:
+        yield 'm_hat', parameters.mass, ideal.mass
+    if parameters.phi.enabled:
+        yield 'phi_hat', parameters.phi, ideal.phi
+
+
+def convergence_rates(parameters: AdaptiveNnParameters, ideal: IdealValues) -> dict[str, float]:
+    """Return the rates [1/s] of which c1 (4.30) is the smallest, by the parts that they belong to."""
+    rates = {'feedback': 2.0 * parameters.feedback_gain / ideal.mass}
+    rates |= {name: law.gain * law.leakage for name, law, _ in scalar_laws(parameters, ideal)}
+    if parameters.network.enabled:
+        # lambda_max(Gamma^-1) = 1/min(Gamma)
+        rates['network'] = min(parameters.network.gain) * parameters.network.leakage
+    if parameters.compensator.enabled:
+        rates['compensator'] = parameters.compensator.gain * parameters.compensator.leakage
+    return rates
+
+
+def residual_rate(parameters: AdaptiveNnParameters, ideal: IdealValues) -> float:
+    """Return c2 of (4.31), half the sum of sigma_i times the squares of the ideal values."""
+    total = sum(law.leakage * true**2 for _, law, true in scalar_laws(parameters, ideal))
+    if parameters.network.enabled:
+        total += parameters.network.leakage * float(ideal.weights @ ideal.weights)
+    return 0.5 * total
+
+
+def lyapunov(
+    parameters: AdaptiveNnParameters,
+    ideal: IdealValues,
+    r: Array,
+    estimates: Mapping[str, Array],
+    weight_energy: Array,
+) -> Array:
+    """
+    Return V of (4.22), shape (N,).
+
+    Parameters
+    ----------
+    parameters, ideal
+        The controller, and what its estimates are compared with.
+    r
+        Filtered error [um/s], shape (N,).
+    estimates
+        ``sigma_hat``, ``m_hat`` and ``phi_hat``, shape (N,) each.
+    weight_energy
+        The networks' part of V, shape (N,); see :func:`weight_energy`.
+    """
+    value: Array = 0.5 * ideal.mass * r**2 + weight_energy
+    for name, law, true in scalar_laws(parameters, ideal):
+        value += (estimates[name] - true) ** 2 / (2.0 * law.gain)
+    return value
+
+
+def weight_energy(
+    parameters: AdaptiveNnParameters, ideal: IdealValues, weights: Array, compensator_weights: Array
+) -> Array:
+    """
+    Return W~'Gamma^-1 W~/2, and W_c'W_c/(2 Gamma_c) where the compensator takes part; shape (N,).
+
+    The compensator's ideal weights are taken as zero: what it could cancel stays in phi.
+
+    Parameters
+    ----------
+    parameters, ideal
+        The controller, and what its estimates are compared with.
+    weights, compensator_weights
+        W_hat and W_c [V], shape (N, nodes) each.
+    """
+    energy: Array = np.zeros(len(weights))
+    if parameters.network.enabled:
+        gains = np.broadcast_to(np.array(parameters.network.gain), weights.shape[1:])
+        energy = 0.5 * ((weights - ideal.weights) ** 2 / gains).sum(axis=1)
+    if parameters.compensator.enabled:
+        energy = energy + 0.5 * (compensator_weights**2).sum(axis=1) / parameters.compensator.gain
+    return energy
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """
+    The bounds of theorem 4.1.
+
+    Attributes
+    ----------
+    mass
+        m [V s^2/um].
+    error_filter_lambda
+        lambda [1/s]; zero if e is not r filtered by 1/(s + lambda), so that nothing is said of e.
+    c1, c2
+        Of (4.30) [1/s] and (4.31).
+    initial
+        V(0).
+    """
+
+    mass: float
+    error_filter_lambda: float
+    c1: float
+    c2: float
+    initial: float
+
+    @property
+    def whole(self) -> float:
+        """V(0) + c2/c1, which V never exceeds (4.35)."""
+        return self.initial + self.c2 / self.c1
+
+    @property
+    def ultimate(self) -> float:
+        """c2/c1, to which the bound on V tends (4.33)."""
+        return self.c2 / self.c1
+
+    def level(self, time: Array) -> Array:
+        """Return the bound on V over time [s] (4.33)."""
+        values: Array = (self.initial - self.ultimate) * np.exp(-self.c1 * time) + self.ultimate
+        return values
+
+    def r_of(self, level: float) -> float:
+        """Return the largest |r| [um/s] that V <= ``level`` leaves: bound (i) of ``whole``, (ii) of ``ultimate``."""
+        return math.sqrt(2.0 * level / self.mass)
+
+    def e_of(self, level: float) -> float:
+        """Return |r|/lambda [um] of the largest |r|; (4.41) adds |e(0)|, (4.45) is this."""
+        return self.r_of(level) / self.error_filter_lambda if self.error_filter_lambda > 0.0 else math.inf
+
+    def r_over(self, time: Array) -> Array:
+        """Return the bound on |r| over time (4.43) [um/s]."""
+        values: Array = np.sqrt(2.0 * self.level(time) / self.mass)
+        return values
+
+    def e_over(self, time: Array, initial_error: float) -> Array:
+        """
+        Return the bound on |e| over time (4.40) [um], from |r| <= (4.43) and |e(0)|.
+
+        Over each sample |r| counts with the larger of its bounds at both ends, as that bound is monotonic.
+        """
+        if self.error_filter_lambda <= 0.0:
+            return np.full(len(time), math.inf)
+        r = self.r_over(time)
+        decay = np.exp(-self.error_filter_lambda * (time[1] - time[0])) if len(time) > 1 else 1.0
+        drive = np.maximum(r[1:], r[:-1]) * (1.0 - decay) / self.error_filter_lambda
+        values: Array = lfilter([1.0], [1.0, -decay], np.concatenate(([abs(initial_error)], drive)))
+        return values
+
+
+def theorem_bounds(parameters: AdaptiveNnParameters, ideal: IdealValues, initial: float) -> Bounds:
+    """Return the bounds for a controller, the ideal values and V(0)."""
+    rate = min(convergence_rates(parameters, ideal).values())
+    # With integral action r holds an integral: the bounds on r stay, those on e by lambda alone do not.
+    error_filter_lambda = parameters.error_filter_lambda if parameters.integral_gain == 0.0 else 0.0
+    return Bounds(ideal.mass, error_filter_lambda, rate, residual_rate(parameters, ideal), initial)
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """
+    A signal against its bound.
+
+    Attributes
+    ----------
+    name, unit
+        What was checked.
+    tick, value, limit
+        Where the signal comes nearest to its bound or exceeds it most, as a ratio, and both there.
+    violations
+        Number of ticks at which it exceeds it.
+    first_violation
+        Tick, value and limit of the first, None if there is none.
+    """
+
+    name: str
+    unit: str
+    tick: int
+    value: float
+    limit: float
+    violations: int
+    first_violation: tuple[int, float, float] | None
+
+    @property
+    def margin(self) -> float:
+        """Limit less value; negative at a violation."""
+        return self.limit - self.value
+
+    @property
+    def tightness(self) -> float:
+        """Limit over value: 1 is a tight bound, 100 a loose one."""
+        return self.limit / self.value if self.value > 0.0 else math.inf
+
+
+def check(name: str, unit: str, values: Array, limits: Array | float, first_tick: int = 0) -> Check:
+    """
+    Compare a signal that is not negative with its bound, tick by tick.
+
+    Parameters
+    ----------
+    name, unit
+        What it is.
+    values
+        The signal, shape (N,).
+    limits
+        Its bound, one number or shape (N,).
+    first_tick
+        Tick of the first element.
+    """
+    limits = np.broadcast_to(np.asarray(limits, dtype=np.float64), values.shape)
+    ratio = np.divide(values, limits, out=np.where(values > 0.0, np.inf, 0.0), where=limits > 0.0)
+    at = int(np.argmax(ratio))
+    over = np.flatnonzero(ratio > 1.0 + _ROUNDING)
+    first = None
+    if len(over):
+        first = (first_tick + int(over[0]), float(values[over[0]]), float(limits[over[0]]))
+    return Check(name, unit, first_tick + at, float(values[at]), float(limits[at]), len(over), first)
+
+
+class CertificateMonitor:
+    """
+    The bound on |r| while a run goes on: one exponential and one root a call.
+
+    V(0) is known from the first r and the estimates' initial values, which are parameters; nothing else is needed.
+
+    Parameters
+    ----------
+    parameters
+        The controller, as it stands at the first tick.
+    ideal
+        From :func:`~hdd_servo_ros.stability.ideal_values.theorem_values`.
+    """
+
+    def __init__(self, parameters: AdaptiveNnParameters, ideal: IdealValues) -> None:
+        self._parameters = parameters
+        self._ideal = ideal
+        self._start = 0.0
+        self.bounds: Bounds | None = None
+
+    def limit(self, time: float) -> float:
+        """
+        Return the bound on |r| [um/s] (4.43) at a time [s].
+
+        Raises
+        ------
+        RuntimeError
+            Before the first :meth:`margin`.
+        """
+        if self.bounds is None:
+            raise RuntimeError('the bound is not known before the first r')
+        level = (self.bounds.initial - self.bounds.ultimate) * math.exp(-self.bounds.c1 * (time - self._start))
+        return self.bounds.r_of(level + self.bounds.ultimate)
+
+    def margin(self, time: float, r: float) -> float:
+        """Return the bound on |r| less |r| [um/s]; negative when it is violated. The first call sets V(0)."""
+        if self.bounds is None:
+            self._start = time
+            self.bounds = theorem_bounds(self._parameters, self._ideal, self._initial(r))
+        return self.limit(time) - abs(r)
+
+    def _initial(self, r: float) -> float:
+        p = self._parameters
+        estimates = {name: np.array([law.initial]) for name, law, _ in scalar_laws(p, self._ideal)}
+        weights = np.broadcast_to(np.array(p.network.initial), (1, p.network.nodes**2))
+        energy = weight_energy(p, self._ideal, weights, np.zeros((1, p.compensator.nodes**2)))
+        return float(lyapunov(p, self._ideal, np.array([r]), estimates, energy)[0])

@@ -1,0 +1,83 @@
+"""The margin of the stability certificate while a run goes on, for the diagnostics."""
+
+import threading
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.stability.bounds import CertificateMonitor
+
+
+class CertificateMargin:
+    """
+    The bound on |r| of theorem 4.1 less |r|, from the drive's known constants.
+
+    The theorem's constants are found in a thread of their own, which takes some tenths of a second: the loop waits for
+    nothing. The region of (4.13) is that of the network's lattice.
+
+    Parameters
+    ----------
+    controller, plant
+        The controller and the drive as they stand at tick 0.
+    first_r
+        r at tick 0 [um/s].
+    """
+
+    def __init__(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
+        self.why_not = ''
+        """Why there is no certificate; empty if there is one or will be."""
+        self._monitor: CertificateMonitor | None = None
+        if plant.friction.model != 'lugre':
+            self.why_not = f'the theorem is about LuGre friction, not {plant.friction.model}'
+        else:
+            threading.Thread(target=self._find, args=(controller, plant, first_r), daemon=True).start()
+
+    def _find(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
+        # They bring scipy, which takes longer to import than all else that the node needs before it can begin.
+        from hdd_servo_ros.stability.bounds import CertificateMonitor
+        from hdd_servo_ros.stability.certificate import known_plant
+        from hdd_servo_ros.stability.ideal_values import theorem_values
+
+        network = controller.network
+        region = (
+            (network.position_minimum, network.position_maximum),
+            (network.velocity_minimum, network.velocity_maximum),
+        )
+        try:
+            ideal = theorem_values(known_plant(plant, abs(plant.disturbance.amplitude)), controller, region)
+            monitor = CertificateMonitor(controller, ideal)
+            monitor.margin(0.0, first_r)
+        except ParameterError as error:
+            self.why_not = str(error)
+        else:
+            self._monitor = monitor
+
+    @staticmethod
+    def not_covered(dsp: DspParameters, limited_commands: int) -> str:
+        """
+        Return what the theorem does not cover of a controller's way out, empty if that is nothing.
+
+        Parameters
+        ----------
+        dsp
+            What lies between the controller's law and `/control`.
+        limited_commands
+            How many commands were limited so far, by the controller or behind it.
+        """
+        effects = {
+            'saturation': limited_commands > 0,
+            'dsp.dac_bits': dsp.dac_bits > 0,
+            'dsp.computation_delay': dsp.computation_delay > 0,
+        }
+        return ', '.join(name for name, is_on in effects.items() if is_on)
+
+    def at(self, time: float, r: float) -> Mapping[str, float] | None:
+        """Return bound and margin [um/s] at a time [s], None as long as they are not known."""
+        if self._monitor is None:
+            return None
+        return {'margin': self._monitor.margin(time, r), 'bound on |r|': self._monitor.limit(time)}

@@ -1,0 +1,289 @@
+"""Controllers from outside: where they are found, what is refused, and that they run as the built-in ones do."""
+
+import itertools
+import sys
+import textwrap
+
+import pytest
+
+from hdd_servo_ros import Run
+from hdd_servo_ros.control.outside import ControllerError
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, node_declarations, refuse_unknown
+from hdd_servo_ros.graph.controller_loader import load_controller, snake_case
+from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.simulation.simulate import Simulation, simulate
+
+T = 1e-4
+MODULE = (f'module_of_test_controllers_{number}' for number in itertools.count())
+GOOD = """
+    import dataclasses
+    from hdd_servo_ros.parameters import ParameterSet, group, parameter
+
+    @dataclasses.dataclass(frozen=True)
+    class Gains(ParameterSet):
+        stiffness: float = parameter(0.5, 'k_p', unit='V/um', minimum=0.0)
+
+    class Spring:
+        'Pulls back. And more.'
+        def __init__(self, parameters: Gains, sample_time: float) -> None:
+            self.update(parameters)
+        def update(self, parameters):
+            self.parameters = parameters
+        def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+            return -self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts
+"""
+
+
+@pytest.fixture(autouse=True)
+def nothing_stays(monkeypatch, tmp_path):
+    """Run in an empty folder; take modules, nodes and path entries away again."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, 'path', [entry for entry in sys.path if entry])
+    modules, nodes, purposes = set(sys.modules), dict(NODE_PARAMETERS), dict(PURPOSE)
+    yield
+    for name in set(sys.modules) - modules:
+        if name.startswith('module_of_test'):
+            del sys.modules[name]
+    for registry, before in ((NODE_PARAMETERS, nodes), (PURPOSE, purposes)):
+        registry.clear()
+        registry.update(before)
+
+
+def write(tmp_path, source=GOOD, *changes):
+    """Write a module into the working folder, with some texts replaced, and return its name."""
+    source = textwrap.dedent(source)
+    for old, new in changes:
+        assert old in source
+        source = source.replace(old, new)
+    name = next(MODULE)
+    (tmp_path / f'{name}.py').write_text(source)
+    return name
+
+
+@pytest.mark.parametrize(
+    ('name', 'expected'),
+    [
+        ('MyController', 'my_controller'),
+        ('PIController', 'pi_controller'),
+        ('H2', 'h2'),
+        ('Lqg2Controller', 'lqg2_controller'),
+        ('already_snake', 'already_snake'),
+    ],
+)
+def test_node_names(name, expected):
+    assert snake_case(name) == expected
+
+
+def test_an_import_path_from_the_working_folder(tmp_path):
+    found = load_controller(f'{write(tmp_path)}:Spring')
+    assert found.node == 'spring'
+    assert 'stiffness' in {declaration.name for declaration in node_declarations('spring')}
+    assert {'sample_time', 'start_timeout'} <= {declaration.name for declaration in node_declarations('spring')}
+    assert PURPOSE['spring'] == 'Pulls back. And more.'
+    refuse_unknown({'stiffness': 1.0})
+    with pytest.raises(ParameterError, match='did you mean stiffness'):
+        refuse_unknown({'stifness': 1.0})
+
+
+def test_a_node_name_of_its_own(tmp_path):
+    module = write(tmp_path, GOOD, ("'Pulls back. And more.'", "node_name = 'puller'"))
+    assert load_controller(f'{module}:Spring').node == 'puller'
+    assert PURPOSE['puller'] == 'The controller Spring.'
+
+
+def entry_point(tmp_path, distribution, name, value):
+    """Install a package that offers a controller."""
+    folder = tmp_path / f'{distribution}-1.0.dist-info'
+    folder.mkdir()
+    (folder / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n')
+    (folder / 'entry_points.txt').write_text(f'[hdd_servo_ros.controllers]\n{name} = {value}\n')
+
+
+def test_an_entry_point(tmp_path, monkeypatch):
+    module = write(tmp_path)
+    entry_point(tmp_path, 'somebodys', 'spring_of_somebody', f'{module}:Spring')
+    monkeypatch.syspath_prepend(tmp_path)
+    assert load_controller('spring_of_somebody').node == 'spring'
+    with pytest.raises(ParameterError, match=r'one of adaptive_nn, .*, spring_of_somebody, or the import'):
+        load_controller('spring_of_nobody')
+    entry_point(tmp_path, 'other', 'spring_of_somebody', 'other:Spring')
+    with pytest.raises(ParameterError, match=f'several installed packages offer it: {module}:Spring, other:Spring'):
+        load_controller('spring_of_somebody')
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ([('def step(self, tick,', 'def stop(self, tick,')], r'class Spring lacks step\(tick, displacement_volts'),
+        ([('def update(', 'def change(')], r'class Spring lacks update\(parameters\)'),
+        ([('dx_d, ddx_d):', 'dx_d):')], r'Spring\.step\(self, tick, .* cannot be called with \(self, tick'),
+        ([(', sample_time: float)', ')')], r'Spring\(parameters: .*\) .* cannot be called with \(parameters, sample_t'),
+        ([('parameters: Gains', 'parameters')], r'Spring\.__init__ does not annotate parameters'),
+        ([('parameters: Gains', "parameters: 'Gainz'")], r'annotations of Spring\.__init__ raised NameError'),
+        ([('parameters: Gains', 'parameters: dict')], r'dict is no frozen dataclass derived from .*ParameterSet'),
+        ([('@dataclasses.dataclass(frozen=True)', '')], r'Gains is no frozen dataclass'),
+        ([('(frozen=True)', ''), ('(ParameterSet)', '')], r'Gains is no frozen dataclass'),
+        ([("parameter(0.5, 'k_p', unit='V/um', minimum=0.0)", '0.5')], r'Gains\.stiffness is not declared by'),
+        ([('(0.5,', '(-0.5,')], r'the defaults of Gains: parameter stiffness = -0\.5 is refused'),
+        ([('stiffness: float', 'peer_timeout: float')], r'Gains\.peer_timeout: every node has a para'),
+        ([('class Spring', 'class VcmPlant'), ], r'there is no Spring in'),
+        ([("'Pulls back. And more.'", "node_name = 'vcm_plant'")], r'there is another node vcm_plant; give class Spr'),
+        ([("'Pulls back. And more.'", "node_name = 'a node'")], r"node name 'a node' is not made of letters"),
+        ([('class Spring', 'Spring = 3\nclass Other')], r'3 is no class'),
+        ([('import dataclasses', 'import dataclasses, no_such_module')], r'importing .* raised ModuleNotFoundError: '),
+        ([('import dataclasses', 'import dataclasses\nraise SystemExit(3)')], r'importing .* raised SystemExit: 3 \('),
+    ],
+)  # fmt: skip
+def test_what_is_refused(tmp_path, changes, said):
+    module = write(tmp_path, GOOD, *changes)
+    with pytest.raises(ParameterError, match=said) as refused:
+        load_controller(f'{module}:Spring')
+    assert str(refused.value).startswith(f"parameter controller = '{module}:Spring' is refused: ")
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize('name', ['no_such_module:Spring', 'no_such_package.module:Spring'])
+def test_a_module_that_is_not_there(name, tmp_path):
+    with pytest.raises(ParameterError, match=f'there is no module no_such_[a-z]+ on sys.path or in {tmp_path}'):
+        load_controller(name)
+
+
+def test_a_file_named_instead_of_its_module(tmp_path):
+    module = write(tmp_path, GOOD)
+    with pytest.raises(ParameterError, match=r'a module is named without \.py'):
+        load_controller(f'{module}.py:Spring')
+
+
+@pytest.mark.parametrize('name', ['a:', ':B', 'a b:C', '../a:B'])
+def test_what_is_no_import_path(name):
+    with pytest.raises(ParameterError, match='is not an import path module:Class'):
+        load_controller(name)
+
+
+def test_two_classes_of_one_name(tmp_path):
+    load_controller(f'{write(tmp_path)}:Spring')
+    with pytest.raises(ParameterError, match='there is another node spring; give class Spring an attribute node_name'):
+        load_controller(f'{write(tmp_path)}:Spring')
+
+
+SAME_AS_PID = """
+    from hdd_servo_ros.control.pid import Pid, PidParameters
+
+    class Copy(Pid):
+        def __init__(self, parameters: PidParameters, sample_time: float) -> None:
+            super().__init__(parameters, sample_time)
+"""
+
+
+def test_the_bits_are_those_of_the_compiled_loop(tmp_path):
+    """A built-in law brought in from outside: the same numbers in every signal, to the bit, wherever the run is cut."""
+    module = write(tmp_path, SAME_AS_PID)
+    gains = {'proportional_gain': 0.3, 'control_limit': 0.05}
+    gains |= {'dsp.computation_delay': 1, 'dsp.dac_bits': 12, 'dsp.dac_range': 0.04}
+    drive = {'vcm_plant': {'disturbance.amplitude': 0.01, 'disturbance.angular_frequency': 300.0}}
+    outside = Experiment(T, f'{module}:Copy', {**drive, 'copy': gains})
+    compiled = Experiment(T, 'pid', {**drive, 'pid_controller': gains})
+    outside.compile()
+    assert compiled.is_compiled
+    assert not outside.is_compiled
+    for first, count in ((0, 1), (1, 700), (701, 1300)):
+        ours, theirs = outside.run(first, count), compiled.run(first, count)
+        assert ours.estimate_names == theirs.estimate_names
+        for name in ('reference', 'head', 'ldv', 'control', 'estimates'):
+            assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+
+
+def simulation(tmp_path, module, *arguments):
+    path = f'{module}:Spring'
+    ros = ['--ros-args', '-p', f'controller:={path}', '-p', f'run_dir:={tmp_path}/run', '-p', 'duration:=0.05']
+    return Simulation(parse_ros_arguments([*ros, *arguments]))
+
+
+def test_its_parameters_are_taken_and_refused_like_any(tmp_path):
+    module = write(tmp_path)
+    file = tmp_path / 'gains.yaml'
+    file.write_text('/**/spring:\n  ros__parameters:\n    stiffness: 0.25\n')
+    made = simulation(tmp_path, module, '--params-file', str(file))
+    assert made.nodes['/spring']['parameters']['stiffness'] == 0.25
+    assert made.nodes['/spring']['outputs'] == ['/control', '/estimates']
+    assert simulation(tmp_path, module, '-p', 'stiffness:=0.75').nodes['/spring']['parameters']['stiffness'] == 0.75
+    with pytest.raises(
+        ParameterError, match=r'spring:stiffness = -1\.0 is refused: a finite number at least 0 \[V/um\]'
+    ):
+        simulation(tmp_path, module, '-p', 'spring:stiffness:=-1.0')
+    with pytest.raises(ParameterError, match='did you mean stiffness'):
+        simulation(tmp_path, module, '-p', 'spring:stifness:=1.0')
+
+
+def test_run_yaml_says_which_class_it_was(tmp_path):
+    module = write(tmp_path)
+    said = simulation(tmp_path, module).description()
+    assert said['controller_class'] == f'{module}:Spring'
+    assert len(said['controller_sha256']) == 64
+    (tmp_path / f'{module}.py').write_text((tmp_path / f'{module}.py').read_text() + '\n# changed')
+    assert simulation(tmp_path, module).description()['controller_sha256'] != said['controller_sha256']
+
+
+@pytest.mark.parametrize(
+    ('body', 'said'),
+    [
+        ('1.0 / (tick - 0x11) if tick > 0x11 else 0.0 * tick', ''),
+        ('1.0 / (tick - 0x12d) if tick else 0.0', 'step raised ZeroDivisionError: float division by zero'),
+        ("float('nan') if tick == 0x12d else 0.0", 'control: not finite'),
+        ('None if tick == 0x12d else 0.0', 'step returned None, not the voltage u'),
+    ],
+)
+def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
+    """Tick 301 lies in the second piece of a simulation."""
+    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
+    made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
+    exit_code, directory = simulate(made, progress=False)
+    ticks = len(read_signals(directory).time)
+    errors = capsys.readouterr().err
+    if not said:
+        assert (exit_code, ticks) == (0, 501)
+    else:
+        assert (exit_code, ticks) == (1, 301)
+        assert said in errors
+        assert 'at tick 301' in errors
+        assert errors.count('\n') == 1
+
+
+def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, capsys):
+    refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
+    module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
+    made = simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
+    exit_code, directory = simulate(made, progress=False)
+    assert exit_code == 1
+    assert 'spring: update raised AssertionError' in capsys.readouterr().err
+    assert len(read_signals(directory).time) == 300
+    assert [change.tick for change in Run.open(directory).parameter_changes] == [100]
+
+
+def test_after_what_is_not_finite_it_is_not_asked_again(tmp_path):
+    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
+    module = write(tmp_path, GOOD, (law, "float('inf') if tick == 40 else float(round(displacement_volts))"))
+    rows = Experiment(T, f'{module}:Spring').run(0, 100)
+    assert abs(rows.head[:41]).max() < float('inf')
+    assert all((signal[41:] != signal[41:]).all() for signal in (rows.head, rows.ldv, rows.control, rows.estimates))
+
+
+def test_a_failure_leaves_the_rows_before_it(tmp_path):
+    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
+    module = write(tmp_path, GOOD, (law, '1.0 / (60 - tick) if tick else 0.0'))
+    experiment = Experiment(T, f'{module}:Spring')
+    rows = experiment.empty_rows(0, 100)
+    with pytest.raises(ControllerError, match=r'spring: step raised ZeroDivisionError.* at tick 60'):
+        experiment.run(0, 100, rows)
+    assert rows.control[:60, 0].tolist() == [0.0, *(1.0 / (60 - tick) for tick in range(1, 60))]
+
+
+def test_what_fails_at_once_is_refused_before_a_run(tmp_path):
+    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
+    module = write(tmp_path, GOOD, (law, '1.0 / displacement_volts'))
+    with pytest.raises(ParameterError, match='tried with zeros: spring: step raised ZeroDivisionError'):
+        simulation(tmp_path, module)

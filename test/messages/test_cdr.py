@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from hdd_servo_ros.messages.cdr import (
+    ArrayCodec,
+    ClockCodec,
+    VectorCodec,
+    array_names_and_offset,
+    array_rows,
+    clock_rows,
+    stamp_rows,
+    unpack_vector,
+    vector_rows,
+)
+from hdd_servo_ros.messages.ticks import Ticks
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+TICKS = Ticks(1e-4)
+finite = st.floats(allow_nan=False)
+names = st.text(st.characters(codec='utf-8', exclude_characters='\x00,', exclude_categories=['Cs']), min_size=1)
+
+
+@given(
+    frame=st.text(st.characters(codec='utf-8', exclude_characters='\x00', exclude_categories=['Cs'])),
+    x=finite,
+    y=finite,
+    z=finite,
+)
+def test_vector_is_what_an_independent_deserializer_reads(frame, x, y, z):
+    packed = VectorCodec(frame).pack(TICKS.stamp(123_456), x, y, z)
+    message = TYPES.deserialize_cdr(packed, 'geometry_msgs/msg/Vector3Stamped')
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (12, 345_600_000)
+    assert message.header.frame_id == frame
+    assert (message.vector.x, message.vector.y, message.vector.z) == (x, y, z)
+    assert unpack_vector(packed) == (x, y, z)
+
+
+@given(names=st.lists(names, min_size=1, max_size=9))
+def test_array_is_what_an_independent_deserializer_reads(names):
+    values = [float(place) for place in range(len(names))]
+    codec = ArrayCodec(names)
+    packed = codec.pack(values)
+    message = TYPES.deserialize_cdr(packed, 'std_msgs/msg/Float64MultiArray')
+    assert message.layout.dim[0].label.split(',') == names
+    assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names)
+    assert message.data.tolist() == values
+    assert array_names_and_offset(packed) == (tuple(names), codec.stamp.start)
+
+
+def test_clock():
+    message = TYPES.deserialize_cdr(ClockCodec.pack(TICKS.stamp(10_001)), 'rosgraph_msgs/msg/Clock')
+    assert (message.clock.sec, message.clock.nanosec) == (1, 100_000)
+
+
+@pytest.mark.parametrize('frame', ['', 'a', 'ab', 'abc', 'abcd', 'seagate_7200_10'])
+def test_as_long_as_rclpy_makes_it_and_equal_but_for_its_padding(frame):
+    """The serializer of rclpy leaves what was in memory between the frame_id and the vector: here are zeros."""
+    serialization = pytest.importorskip('rclpy.serialization')
+    from geometry_msgs.msg import Vector3Stamped
+
+    message = Vector3Stamped()
+    message.header.frame_id = frame
+    message.header.stamp.nanosec = 100_000
+    message.vector.x, message.vector.y, message.vector.z = 1.5, -2.0, 3e-9
+    theirs = serialization.serialize_message(message)
+    ours = VectorCodec(frame).pack(TICKS.stamp(1), 1.5, -2.0, 3e-9)
+    text_end = 16 + len(frame) + 1
+    assert ours[:text_end] == theirs[:text_end]
+    assert ours[-24:] == theirs[-24:]
+    assert len(ours) == len(theirs)
+    assert not any(ours[text_end:-24])
+    assert serialization.deserialize_message(ours, Vector3Stamped) == message
+
+
+@pytest.mark.parametrize(('labels', 'match'), [(2, 'expected one labelled dimension'), (1, 'elements and')])
+def test_an_array_of_another_layout_is_refused(labels, match):
+    array = TYPES.types['std_msgs/msg/Float64MultiArray']
+    layout = TYPES.types['std_msgs/msg/MultiArrayLayout']
+    dimension = TYPES.types['std_msgs/msg/MultiArrayDimension']
+    message = array(layout([dimension('a,b', 2, 2)] * labels, 0), np.zeros(3))
+    with pytest.raises(ValueError, match=match):
+        array_names_and_offset(bytes(TYPES.serialize_cdr(message, 'std_msgs/msg/Float64MultiArray')))
+
+
+def test_rows_are_the_single_messages():
+    ticks = np.array([0, 1, 9_999, 10_000, 123_456])
+    values = np.random.default_rng(1).normal(size=(5, 3))
+    stamps = stamp_rows(ticks * TICKS.sample_time_ns)
+    vector, array = VectorCodec('drive'), ArrayCodec(['t', 'r', 'sigma_hat'])
+    for row, tick in enumerate(ticks.tolist()):
+        stamp = TICKS.stamp(tick)
+        assert vector_rows(vector, stamps, values)[row].tobytes() == vector.pack(stamp, *values[row])
+        assert array_rows(array, values)[row].tobytes() == array.pack(values[row])
+        assert clock_rows(stamps)[row].tobytes() == ClockCodec.pack(stamp)

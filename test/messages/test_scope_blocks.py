@@ -1,0 +1,49 @@
+"""Decimation for who looks on keeps every peak."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
+from hdd_servo_ros.messages.scope_blocks import NAMES, decimated, make_block
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.simulation.experiment import Experiment
+
+
+@given(st.integers(1, 500), st.integers(1, 20), st.integers(0, 2**32 - 1))
+def test_no_peak_is_lost(count, bins, seed):
+    values = np.column_stack((np.arange(count), np.random.default_rng(seed).normal(size=(count, 3))))
+    rows = decimated(values, bins)
+    assert len(rows) <= max(2 * bins, count if count < 2 * bins else 0)
+    assert np.array_equal(rows.min(axis=0), values.min(axis=0))
+    assert np.array_equal(rows.max(axis=0), values.max(axis=0))
+    assert np.all(np.diff(rows[:, 0]) >= 0.0)
+
+
+def test_few_rows_stay_as_they_are():
+    values = np.arange(12.0).reshape(6, 2)
+    assert decimated(values, 4) is values
+
+
+@pytest.mark.parametrize('controller', ['adaptive_nn', 'pid'])
+def test_a_block_holds_the_signals_of_its_ticks(controller):
+    experiment = Experiment(1e-4, controller)
+    rows = experiment.run(0, 50)
+    vectors, estimates, ticks = VectorCodec('drive'), ArrayCodec(rows.estimate_names), Ticks(1e-4)
+    messages = []
+    for tick in range(50):
+        stamp = ticks.stamp(tick)
+        reference, head, control = (
+            vectors.pack(stamp, *values[tick]) for values in (rows.reference, rows.head, rows.control)
+        )
+        ldv = vectors.pack(stamp, *rows.ldv[tick], 0.0)
+        messages.append((ClockCodec.pack(stamp), reference, head, ldv, control, estimates.pack(rows.estimates[tick])))
+    block = make_block(20, 1e-4, messages[20:])
+    assert block.names[: len(NAMES)] == NAMES
+    column = dict(zip(block.names, block.rows.T, strict=True))
+    assert np.allclose(column['t'], rows.time[20:], rtol=0.0, atol=1e-12)
+    assert np.array_equal(column['error'], rows.head[20:, 0] - rows.reference[20:, 0])
+    assert np.array_equal(column['u'], rows.control[20:, 0])
+    for place, name in enumerate(rows.estimate_names[1:], start=1):
+        assert np.array_equal(column[f'estimates.{name}'], rows.estimates[20:, place])

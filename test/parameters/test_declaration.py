@@ -1,0 +1,113 @@
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, node_declarations, refuse_unknown
+from hdd_servo_ros.parameters import (
+    ParameterError,
+    ParameterSet,
+    declarations,
+    from_mapping,
+    group,
+    parameter,
+    to_mapping,
+)
+
+PURE_NUMBERS = {
+    'rate',
+    'duty_cycle',
+    'shaping.share',
+    'component_amplitudes',
+    'component_frequencies',
+    'actuator.amplifier_gain',
+    'friction.stribeck_exponent',
+    'friction.dahl_exponent',
+    'friction.position_ripple',
+    'resonance.numerators',
+    'resonance.denominators',
+    'resonance.damping_ratios',
+    'resonance.residues',
+    'network.width',
+    'width.factor',
+    'compensator.width',
+}
+"""Ratios, exponents and what has several units in one list; their descriptions say so."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Inner(ParameterSet):
+    stiffness: float = parameter(1.0, 'stiffness', unit='V/um', above=0.0)
+    level: float = parameter(2.0, 'level', unit='V', minimum=0.0, maximum=10.0)
+
+    def check_together(self):
+        if self.level < self.stiffness:
+            raise ParameterError('level', self.level, 'at least stiffness')
+
+
+@dataclasses.dataclass(frozen=True)
+class Outer(ParameterSet):
+    inner: Inner = group(Inner)
+    count: int = parameter(3, 'count', minimum=1)
+    gains: tuple[float, ...] = parameter((1.0, 2.0), 'gains')
+    model: str = parameter('a', 'model', choices=('a', 'b'))
+    on: bool = parameter(True, 'switch')
+
+
+def test_names_are_dotted_and_go_round():
+    names = [declaration.name for declaration in declarations(Outer)]
+    assert names == ['inner.stiffness', 'inner.level', 'count', 'gains', 'model', 'on']
+    values = from_mapping(Outer, {'inner.level': 5.0, 'gains': [3, 4.0], 'count': 7})
+    assert values == Outer(inner=Inner(level=5.0), gains=(3.0, 4.0), count=7)
+    assert from_mapping(Outer, to_mapping(values)) == values
+    assert (
+        from_mapping(Outer, {'gains': np.array([3.0, 4.0]), 'count': np.int64(7), 'inner.level': np.float64(5)})
+        == values
+    )
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'allowed'),
+    [
+        ('inner.stiffness', 0.0, 'a finite number above 0 .V/um.'),
+        ('inner.stiffness', math.nan, 'finite'),
+        ('inner.level', math.inf, 'at least 0 and at most 10'),
+        ('inner.level', 0.5, 'at least stiffness'),
+        ('inner.level', '1', 'a finite number'),
+        ('inner.level', True, 'a finite number'),
+        ('count', 1.0, 'an integer at least 1'),
+        ('count', 0, 'an integer at least 1'),
+        ('gains', 1.0, 'a list, each element a finite number'),
+        ('gains', [1.0, math.nan], 'a list, each element a finite number'),
+        ('gains', 'text', 'a list'),
+        ('model', 'c', 'one of a, b'),
+        ('on', 1, 'true or false'),
+        ('inner.absent', 1, 'no such parameter; there are inner.stiffness, inner.level'),
+        ('absent', 1, 'no such parameter'),
+    ],
+)
+def test_a_bad_value_is_refused_by_name_value_and_what_is_allowed(name, value, allowed):
+    with pytest.raises(ParameterError, match=allowed) as refused:
+        from_mapping(Outer, {name: value})
+    assert refused.value.name == name
+    assert f'parameter {name} = {value!r} is refused' in str(refused.value)
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
+
+
+@pytest.mark.parametrize('node', NODE_PARAMETERS)
+def test_every_parameter_of_every_node_is_described(node):
+    found = list(node_declarations(node))
+    assert len({declaration.name for declaration in found}) == len(found)
+    for declaration in found:
+        assert declaration.description, declaration.name
+        assert declaration.check(declaration.default) == declaration.default
+        if declaration.element_type is float and declaration.name not in PURE_NUMBERS:
+            assert declaration.unit, f'{node}: {declaration.name} has no unit'
+
+
+def test_what_another_node_has_is_passed_over_and_a_typo_is_not():
+    refuse_unknown({'duration': 1.0, 'controller': 'pid'})
+    with pytest.raises(ParameterError, match='did you mean duration'):
+        refuse_unknown({'durration': 1.0})

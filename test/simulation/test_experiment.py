@@ -1,0 +1,168 @@
+"""An experiment: its sections, its errors, a controller from outside, and that the default tracks."""
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.simulation.experiment import Experiment, Rows
+
+T = 1e-4
+
+
+def metrics(rows, transient):
+    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient)
+
+
+class Outside:
+    """A controller that satisfies the protocol and nothing more."""
+
+    estimate_names = ('t', 'e')
+
+    def __init__(self):
+        self.estimates = np.zeros(2)
+
+    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        e = 8.0 * displacement_volts - x_d
+        self.estimates[:] = tick * T, e
+        u = -0.1 * e - 5e-5 * (5000.0 * velocity_volts - dx_d)
+        return u, u, u
+
+
+def test_a_controller_from_outside():
+    rows = Experiment(T, Outside()).run(0, 1500)
+    assert rows.estimate_names == ('t', 'e')
+    assert metrics(rows, 0.1).rms_error < 300.0
+    np.testing.assert_array_equal(rows.estimate('t'), np.arange(1500) * T)
+
+
+class Absurd:
+    """Asks for more than any drive takes."""
+
+    estimate_names = ('t',)
+
+    def __init__(self):
+        self.estimates = np.zeros(1)
+
+    def update(self, parameters):
+        pass
+
+    def step(self, tick, *inputs):
+        return 8700.0, 8700.0, 8700.0
+
+
+def test_what_the_drive_does_not_take_is_not_held():
+    rows = Experiment(1e-4, Absurd(), {'vcm_plant': {'control_limit': 3.0}}).run(0, 3)
+    assert rows.control.tolist() == [[3.0, 8700.0, 8700.0]] * 3
+
+
+def test_the_loop_in_python_equals_the_compiled_one():
+    parameters = PidParameters()
+    outside = Experiment(T, Pid(parameters, T))
+    pieces = [outside.run(0, 700), outside.run(700, 800)]
+    compiled = Experiment(T, 'pid').run(0, 1500)
+    for name in ('reference', 'head', 'ldv', 'control', 'estimates'):
+        together = np.concatenate([getattr(piece, name) for piece in pieces])
+        assert together.tobytes() == getattr(compiled, name).tobytes()
+
+
+def test_the_default_run_tracks():
+    """10 s of the default: 2 um at 100 Hz, and at 200 Hz; limits in nm."""
+    for frequency, rms, largest in ((100.0, 8.0, 35.0), (200.0, 6.5, 25.0)):
+        sections = {'reference_generator': {'frequency': frequency}}
+        found = metrics(Experiment(T, 'adaptive_nn', sections).run(0, 100001), 2.0)
+        assert found.rms_error < rms
+        assert found.max_error < largest
+        fair = metrics(Experiment(T, 'pid', sections).run(0, 100001), 2.0)
+        assert found.rms_error < {100.0: 0.25, 200.0: 0.15}[frequency] * fair.rms_error
+
+
+def test_a_minute_has_no_burst():
+    """The error of no second after the second one exceeds 1.3 times that of the third."""
+    experiment = Experiment(T)
+    rows = experiment.run(0, 20000)
+    errors = []
+    for second in range(2, 60):
+        rows = experiment.run(10000 * second, 10000, rows if second > 2 else None)
+        errors.append(np.sqrt(np.mean((rows.head[:, 0] - rows.reference[:, 0]) ** 2)))
+    assert max(errors) < 1.3 * errors[0]
+    assert max(errors) < 0.010
+
+
+def test_the_compensator_breaks_the_floor_and_lasts():
+    sections = {'adaptive_nn_controller': {'compensator.enabled': True}}
+    found = metrics(Experiment(T, 'adaptive_nn', sections).run(0, 600001), 2.0)
+    assert found.rms_error < 4.0
+
+
+@pytest.mark.parametrize(('height', 'settling'), [(0.5, 5e-3), (5.0, 3e-3)])
+def test_steps_with_integral_action(height, settling):
+    """Square wave of 10 Hz: overshoot, 2 % settling time, steady error of each rise, with lambda = 1500 1/s."""
+    sections = {
+        'reference_generator': {
+            'waveform': 'square',
+            'frequency': 10.0,
+            'amplitude': 0.5 * height,
+            'offset': 0.5 * height,
+        },
+        'adaptive_nn_controller': {'error_filter_lambda': 1500.0, 'integral_gain': 292500.0},
+    }
+    x = Experiment(T, 'adaptive_nn', sections).run(0, 20000).head[5000:, 0]
+    for rise in x.reshape(15, 1000)[:, :500]:
+        assert rise.max() <= 1.03 * height
+        assert np.all(np.abs(rise[round(settling / T) :] - height) < 0.02 * height)
+        assert abs(rise[250:].mean() - height) < 3e-3
+
+
+def test_sections_reach_their_blocks():
+    experiment = Experiment(
+        T,
+        'pid',
+        {
+            'reference_generator': {'amplitude': 1.0},
+            'ldv_sensor': {'noise': False},
+            'vcm_plant': {'friction.model': 'none', 'frame_id': 'a_drive'},
+            'pid_controller': {'control_limit': 3.0},
+            'deterministic_timer': {'rate': 1.0},
+        },
+    )
+    assert experiment.reference.parameters.amplitude == 1.0
+    assert not experiment.ldv.parameters.noise
+    assert experiment.plant.parameters.friction.model == 'none'
+    assert experiment.controller.parameters.control_limit == 3.0
+
+
+def test_errors_name_node_and_parameter():
+    with pytest.raises(ParameterError, match=r'ldv_sensor\.displacement_scale'):
+        Experiment(T, 'pid', {'ldv_sensor': {'displacement_scale': 0.0}})
+    with pytest.raises(ParameterError, match=r'adaptive_nn_controller\.network\.knots'):
+        Experiment(T, 'adaptive_nn', {'adaptive_nn_controller': {'network.knots': 3}})
+    with pytest.raises(ParameterError, match='controller'):
+        Experiment(T, 'fuzzy')
+
+
+def test_rows_by_name():
+    rows = Rows.empty(5, 3, T, ('t', 'r'))
+    rows.estimates[:] = [[0, 1], [2, 3], [4, 5]]
+    np.testing.assert_array_equal(rows.estimate('r'), [1, 3, 5])
+    np.testing.assert_allclose(rows.time, [5e-4, 6e-4, 7e-4])
+    with pytest.raises(KeyError, match='there are t, r'):
+        rows.estimate('phi_hat')
+
+
+def test_rows_are_written_again():
+    experiment = Experiment(T, 'pid')
+    first = experiment.run(0, 100)
+    second = experiment.run(100, 100, first)
+    assert second.head is first.head
+    assert second.first_tick == 100
+    assert experiment.run(200, 50, second).head is not second.head
+
+
+def test_ticks_follow_each_other():
+    experiment = Experiment(T, 'pid')
+    experiment.run(0, 10)
+    with pytest.raises(ValueError, match='expected tick 10, got 11'):
+        experiment.run(11, 5)
+    assert experiment.run(10, 5).first_tick == 10
