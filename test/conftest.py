@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros.numerics.compiled import kernel_cache_directory
-from hdd_servo_ros.simulation.closed_loop import CONTROLLERS
+from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.testing.domain import take_domain
 
@@ -134,7 +134,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     # One of the test processes compiles, the others wait for what it then finds.
     with (kernel_cache_directory() / 'tests.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        for name in CONTROLLERS:
+        for name in Controllers._fields:
             whole = Experiment(1e-4, name)
             whole.run(0, 2)
             Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do

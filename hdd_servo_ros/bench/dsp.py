@@ -10,6 +10,8 @@ from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_cod
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
+DspArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 # Where the constants of dsp_step stand.
 DELAY, LIMIT, STEP, LOWEST, HIGHEST = range(5)
 CONSTANTS = 5
@@ -46,9 +48,29 @@ class DspParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class ControllerOutputParameters(ParameterSet):
-    """What every controller's node has beside the parameters of its law."""
+    """Parameters of every controller node after its law."""
 
     dsp: DspParameters = group(DspParameters)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerInputParameters(ParameterSet):
+    """Parameters of every controller node before its law: how it scales the sensor's outputs."""
+
+    displacement_scale: float = parameter(
+        0.0,
+        "head displacement per volt of the sensor's displacement output; 0 takes that of ldv_sensor",
+        unit='um/V',
+        minimum=0.0,
+        read_only=True,
+    )
+    velocity_scale: float = parameter(
+        0.0,
+        "head velocity per volt of the sensor's velocity output; 0 takes that of ldv_sensor",
+        unit='um/s/V',
+        minimum=0.0,
+        read_only=True,
+    )
 
 
 @compiled
@@ -120,6 +142,11 @@ class Dsp:
             parameters.dac_bits, parameters.dac_range
         )
         self.constants: NDArray[np.float64] = constants
+
+    @property
+    def arrays(self) -> DspArrays:
+        """The arrays that the kernels take first: constants and state."""
+        return self.constants, self.state
 
     @property
     def limit(self) -> float:

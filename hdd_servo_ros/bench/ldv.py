@@ -12,6 +12,8 @@ from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
 from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
+LdvArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 OUTPUTS = ('displacement', 'velocity')
 NOISE_MEASURES = ('rms', 'density')
 DROPOUT_EFFECTS = ('hold', 'zero')
@@ -41,9 +43,11 @@ class LdvParameters(ParameterSet):
     """Parameters of :class:`Ldv`; defaults as in chapter 5 (8 um/V), where the thesis gives a number."""
 
     displacement_scale: float = parameter(
-        8.0, 'head displacement per volt of the displacement output', unit='um/V', above=0.0
+        8.0, 'head displacement per volt of the displacement output', unit='um/V', above=0.0, read_only=True
     )
-    velocity_scale: float = parameter(5000.0, 'head velocity per volt of the velocity output', unit='um/s/V', above=0.0)
+    velocity_scale: float = parameter(
+        5000.0, 'head velocity per volt of the velocity output', unit='um/s/V', above=0.0, read_only=True
+    )
     noise: bool = parameter(True, 'whether the outputs carry noise')
     noise_measure: str = parameter(
         'rms',
@@ -314,6 +318,11 @@ class Ldv:
             constants[DROPOUT_CHANCE] = 1.0 - exp(-parameters.dropout_rate * time_step)
             constants[DROPOUT_SAMPLES] = parameters.dropout_duration / time_step
             constants[DROPOUT_ZERO] = float(parameters.dropout_effect == 'zero')
+
+    @property
+    def arrays(self) -> LdvArrays:
+        """The arrays that the kernels take first: constants and state."""
+        return self.constants, self.state
 
     @property
     def saturated_samples(self) -> dict[str, int]:

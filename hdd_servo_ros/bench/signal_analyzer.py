@@ -4,19 +4,23 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.response import FrequencyResponse
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log, sine_cosine_of_turns
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
+SignalAnalyzerArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
 # Where the constants of signal_analyzer_step stand; the points follow, POINT_CONSTANTS each.
 TIME_STEP, COUNT, LIMIT, REDUCTIONS, POINTS = range(5)
-CYCLES, LENGTH, SETTLE, AVERAGES, AMPLITUDE, BAND, SCALE, BY_VELOCITY = range(8)
-POINT_CONSTANTS = 8
+CYCLES, LENGTH, SETTLE, AVERAGES, AMPLITUDE, BAND, BY_VELOCITY = range(7)
+POINT_CONSTANTS = 7
 
 # Its state; behind it the records of the point, three numbers each, then the results, four numbers a point.
 POINT, SEGMENT, PLACE, MEAN, REAL, IMAG, LEVEL, REDUCED, SPOILT, FAULT, FAULT_X, FAULT_V = range(12)
@@ -110,12 +114,6 @@ class SignalAnalyzerParameters(ParameterSet):
         unit='Hz',
         minimum=0.0,
         read_only=True,
-    )
-    displacement_scale: float = parameter(
-        8.0, 'as that of ldv_sensor: head displacement per volt of its output', unit='um/V', above=0.0, read_only=True
-    )
-    velocity_scale: float = parameter(
-        5000.0, 'as that of ldv_sensor: head velocity per volt of its output', unit='um/s/V', above=0.0, read_only=True
     )
     overload_level: float = parameter(
         9.5,
@@ -237,15 +235,12 @@ def signal_analyzer_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     estimates: NDArray[np.float64],
-    tick: int,
-    displacement_volts: float,
-    velocity_volts: float,
-    x_d: float,
-    dx_d: float,
-    ddx_d: float,
+    *values: Any,
 ) -> tuple[float, float, float]:
     """Return (u, u, 0), the excitation of ``tick``; see :class:`SignalAnalyzer`."""
-    estimates[T] = float(tick) * constants[TIME_STEP]
+    inputs = ControllerInputs(*values)
+    displacement_volts, velocity_volts = inputs.displacement_volts, inputs.velocity_volts
+    estimates[T] = float(inputs.tick) * constants[TIME_STEP]
     # What has diverged must be seen to; the reference plays no part here.
     if not abs(displacement_volts) + abs(velocity_volts) < math.inf or state[FAULT] != 0.0:
         return math.nan, math.nan, math.nan
@@ -283,7 +278,7 @@ def signal_analyzer_step(
     estimates[AT_FREQUENCY] = float(cycles) / (float(length) * constants[TIME_STEP])
     estimates[AT_AMPLITUDE] = amplitude
     if segment >= settle:
-        y = velocity_volts if constants[at + BY_VELOCITY] != 0.0 else displacement_volts
+        y = inputs.velocity if constants[at + BY_VELOCITY] != 0.0 else inputs.position
         state[MEAN] += y
         state[REAL] += y * cosine
         state[IMAG] -= y * sine
@@ -340,7 +335,7 @@ def _conclude(
     coherence = 0.0
     if power > 0.0:
         coherence = min((real * real + imag * imag) * float(averages) / power, 1.0)
-    scale = constants[at + SCALE] / amplitude
+    scale = 1.0 / amplitude
     if constants[at + BY_VELOCITY] != 0.0:
         w = TWO_PI * constants[at + CYCLES] / (length * constants[TIME_STEP])
         real, imag = imag / w, -real / w
@@ -362,13 +357,15 @@ def _replay(
     state: NDArray[np.float64],
     estimates: NDArray[np.float64],
     ldv: NDArray[np.float64],
+    displacement_scale: float,
+    velocity_scale: float,
     control: NDArray[np.float64],
 ) -> None:
     """Step through recorded outputs of the vibrometer, shape (n, 2 or more), and write the excitation, shape (n,)."""
     for tick in range(len(ldv)):
-        control[tick] = signal_analyzer_step(
-            constants, state, estimates, tick, ldv[tick, 0], ldv[tick, 1], 0.0, 0.0, 0.0
-        )[0]
+        x, v = ldv[tick, 0], ldv[tick, 1]
+        inputs = ControllerInputs(tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
+        control[tick] = signal_analyzer_step(constants, state, estimates, *inputs)[0]
 
 
 class SignalAnalyzer:
@@ -427,7 +424,6 @@ class SignalAnalyzer:
                 point.averages,
                 point.amplitude,
                 point.band,
-                parameters.velocity_scale if by_velocity else parameters.displacement_scale,
                 by_velocity,
             )
         self.constants: NDArray[np.float64] = constants
@@ -440,15 +436,16 @@ class SignalAnalyzer:
     def _by_velocity(self, point: Point) -> bool:
         return 0.0 < self.parameters.velocity_from <= self._frequency(point)
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
-        """Return u, u again, and 0 for its feedback part [V]; the reference plays no part."""
-        return signal_analyzer_step(
-            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
-        )
+    @property
+    def arrays(self) -> SignalAnalyzerArrays:
+        """The arrays that the kernel takes first: constants, state, estimates."""
+        return self.constants, self.state, self.estimates
 
-    def replay(self, ldv: NDArray[np.float64]) -> NDArray[np.float64]:
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
+        """Return u, u again, and 0 for its feedback part [V]; the reference plays no part."""
+        return signal_analyzer_step(*self.arrays, *inputs)
+
+    def replay(self, ldv: NDArray[np.float64], displacement_scale: float, velocity_scale: float) -> NDArray[np.float64]:
         """
         Measure from recorded outputs of the vibrometer.
 
@@ -456,6 +453,8 @@ class SignalAnalyzer:
         ----------
         ldv
             Displacement and velocity output at every tick from 0 on [V], shape (n, 2 or more).
+        displacement_scale, velocity_scale
+            The vibrometer's scales [um/V], [um/s/V].
 
         Returns
         -------
@@ -463,7 +462,7 @@ class SignalAnalyzer:
             The excitation at these ticks [V], shape (n,).
         """
         control: NDArray[np.float64] = np.empty(len(ldv))
-        _replay(self.constants, self.state, self.estimates, ldv, control)
+        _replay(*self.arrays, ldv, displacement_scale, velocity_scale, control)
         return control
 
     def fault(self) -> str:

@@ -10,8 +10,11 @@ from hdd_servo_ros.control.adaptation import decay_and_step
 from hdd_servo_ros.control.adaptive_nn_kernel import adaptive_nn_step
 from hdd_servo_ros.control.adaptive_nn_parameters import NETWORK_INPUTS, VELOCITY_SOURCES, AdaptiveNnParameters
 from hdd_servo_ros.control.rbf import largest_square_sum, lattice
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
 from hdd_servo_ros.parameters import ParameterError
+
+AdaptiveNnArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 __all__ = ['AdaptiveNn', 'AdaptiveNnParameters', 'adaptive_nn_step']
 
@@ -181,8 +184,6 @@ class AdaptiveNn:
     def _fill_signals(self, constants: NDArray[np.float64]) -> None:
         parameters = self.parameters
         constants[kernel.TIME_STEP] = self.sample_time
-        constants[kernel.DISPLACEMENT_SCALE] = parameters.displacement_scale
-        constants[kernel.VELOCITY_SCALE] = parameters.velocity_scale
         constants[kernel.VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
         constants[kernel.FILTER_REFERENCE] = float(parameters.filter_reference)
         constants[kernel.SMOOTHING] = 1.0
@@ -246,10 +247,11 @@ class AdaptiveNn:
         constants[centres : centres + m] = lattice(compensator.position_minimum, compensator.position_maximum, m)
         constants[centres + m :] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
+    @property
+    def arrays(self) -> AdaptiveNnArrays:
+        """The arrays that the kernel takes first: constants, state, estimates."""
+        return self.constants, self.state, self.estimates
+
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part -k r [V]; see :class:`Controller`."""
-        return adaptive_nn_step(
-            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
-        )
+        return adaptive_nn_step(*self.arrays, *inputs)

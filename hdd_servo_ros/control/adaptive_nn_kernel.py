@@ -1,6 +1,7 @@
 """The compiled step of the adaptive neural network controller, (4.10)-(4.21)."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from hdd_servo_ros.control.adaptive_nn_parameters import NETWORK_INPUTS, VELOCIT
 from hdd_servo_ros.control.controller import all_finite, saturated
 from hdd_servo_ros.control.input_shaping import STATE_SIZE, shaped
 from hdd_servo_ros.control.rbf import fill_axis, lattice_sum
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
 
@@ -16,7 +18,7 @@ SENSOR = VELOCITY_SOURCES.index('sensor')
 REFERENCE = NETWORK_INPUTS.index('reference')
 
 # Where the constants of adaptive_nn_step stand. A law has five: switch, a, b, smallest and largest estimate.
-TIME_STEP, DISPLACEMENT_SCALE, VELOCITY_SCALE, VELOCITY_SOURCE, SMOOTHING = range(5)
+TIME_STEP, VELOCITY_SOURCE, SMOOTHING, _UNUSED_1, _UNUSED_2 = range(5)
 LAMBDA, INTEGRAL_GAIN, FEEDBACK_GAIN, BOUNDARY_LAYER, CONTROL_LIMIT, FREEZE, R_LIMIT = range(5, 12)
 LAW_SIZE = 5
 SIGMA_LAW, MASS_LAW, PHI_LAW, WIDTH_LAW = range(12, 12 + 4 * LAW_SIZE, LAW_SIZE)
@@ -50,13 +52,13 @@ def _tracking(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     position: float,
-    velocity_volts: float,
+    measured_velocity: float,
     x_d: float,
     dx_d: float,
 ) -> tuple[float, float]:
     """Return the velocity [um/s] by the chosen source, and the reference velocity on the same path."""
     if constants[VELOCITY_SOURCE] == SENSOR:
-        return velocity_volts * constants[VELOCITY_SCALE], dx_d
+        return measured_velocity, dx_d
     velocity, reference = dx_d, dx_d
     if state[STARTED] != 0.0:
         smoothing = constants[SMOOTHING]
@@ -192,19 +194,16 @@ def adaptive_nn_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     estimates: NDArray[np.float64],
-    tick: int,
-    displacement_volts: float,
-    velocity_volts: float,
-    x_d: float,
-    dx_d: float,
-    ddx_d: float,
+    *values: Any,
 ) -> tuple[float, float, float]:
     """Return u, u before the limit and -k r [V]; see :class:`AdaptiveNn`."""
-    if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+    inputs = ControllerInputs(*values)
+    if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    x = displacement_volts * constants[DISPLACEMENT_SCALE]
-    x_d = shaped(state, SHAPING, x_d, dx_d, constants[SHAPING_SHARE], constants[SHAPING_TICKS])
-    v, reference_velocity = _tracking(constants, state, x, velocity_volts, x_d, dx_d)
+    x = inputs.position
+    dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
+    x_d = shaped(state, SHAPING, inputs.desired_position, dx_d, constants[SHAPING_SHARE], constants[SHAPING_TICKS])
+    v, reference_velocity = _tracking(constants, state, x, inputs.velocity, x_d, dx_d)
     # (4.10), (4.11), with the integral of the option.
     e = x - x_d
     e_rate = v - reference_velocity
@@ -237,7 +236,7 @@ def adaptive_nn_step(
         u += compensator
     limited = saturated(u, constants[CONTROL_LIMIT])
 
-    estimates[0] = float(tick) * constants[TIME_STEP]
+    estimates[0] = float(inputs.tick) * constants[TIME_STEP]
     estimates[1] = r
     estimates[2] = state[SIGMA]
     estimates[3] = state[MASS]

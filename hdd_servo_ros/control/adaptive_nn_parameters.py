@@ -195,12 +195,6 @@ class AdaptiveNnParameters(ParameterSet):
     velocity_bandwidth: float = parameter(
         2000.0, 'corner frequency of the first-order low pass on the difference, 0 for none', unit='Hz', minimum=0.0
     )
-    displacement_scale: float = parameter(
-        8.0, 'displacement per volt of the sensor, as in the sensor', unit='um/V', above=0.0
-    )
-    velocity_scale: float = parameter(
-        5000.0, 'velocity per volt of the sensor, as in the sensor', unit='um/s/V', above=0.0
-    )
     integral_gain: float = parameter(
         0.0, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
     )

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 
 
@@ -29,20 +30,14 @@ class Controller(Protocol):
     def estimates(self) -> NDArray[np.float64]:
         """The controller's inner state at the tick of the last step, as used in that step."""
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """
         Compute the drive voltage of one tick.
 
         Parameters
         ----------
-        tick
-            Number k of the tick; its time is k T.
-        displacement_volts, velocity_volts
-            The vibrometer's outputs at this tick [V].
-        x_d, dx_d, ddx_d
-            Reference [um] and its first [um/s] and second derivative [um/s^2] at this tick.
+        inputs
+            What is measured and desired at this tick, by name.
 
         Returns
         -------
@@ -72,6 +67,8 @@ def saturated(u: float, limit: float) -> float:
 
 
 @compiled
-def all_finite(displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float) -> bool:
+def all_finite(inputs: ControllerInputs) -> bool:
     """Return whether no input of a controller is infinite or not a number."""
-    return abs(displacement_volts) + abs(velocity_volts) + abs(x_d) + abs(dx_d) + abs(ddx_d) < math.inf
+    measured = abs(inputs.displacement_volts) + abs(inputs.velocity_volts)
+    desired = abs(inputs.desired_position) + abs(inputs.desired_velocity) + abs(inputs.desired_acceleration)
+    return measured + desired < math.inf

@@ -2,13 +2,17 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.parameters import ParameterSet, parameter
+
+OpenLoopArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 TIME_STEP, CONTROL_LIMIT = range(2)
 
@@ -27,18 +31,15 @@ def open_loop_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     estimates: NDArray[np.float64],
-    tick: int,
-    displacement_volts: float,
-    velocity_volts: float,
-    x_d: float,
-    dx_d: float,
-    ddx_d: float,
+    *values: Any,
 ) -> tuple[float, float, float]:
     """Return (u, u before the limit, 0) with u = x_d, read as volts."""
-    if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+    inputs = ControllerInputs(*values)
+    if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    estimates[0] = float(tick) * constants[TIME_STEP]
-    return saturated(x_d, constants[CONTROL_LIMIT]), x_d, 0.0
+    estimates[0] = float(inputs.tick) * constants[TIME_STEP]
+    u = inputs.desired_position
+    return saturated(u, constants[CONTROL_LIMIT]), u, 0.0
 
 
 class OpenLoop:
@@ -78,10 +79,11 @@ class OpenLoop:
         limit = min(parameters.control_limit, self._output_limit)
         self.constants: NDArray[np.float64] = np.array([self.sample_time, limit])
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
+    @property
+    def arrays(self) -> OpenLoopArrays:
+        """The arrays that the kernel takes first: constants, state, estimates."""
+        return self.constants, self.state, self.estimates
+
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part (0) [V]; see :class:`Controller`."""
-        return open_loop_step(
-            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
-        )
+        return open_loop_step(*self.arrays, *inputs)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.parameters import ParameterError
 
 TIME = 't'
@@ -84,9 +85,7 @@ class OutsideController:
         except Exception as error:
             raise ControllerError(self._name, self._tick, f'update raised {described(error)}') from error
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """
         Return u, u before the limit, and its feedback part [V]; one number returned by the class stands for all three.
 
@@ -95,9 +94,9 @@ class OutsideController:
         ControllerError
             If the class raises something, or answers or estimates in anything but numbers.
         """
-        self._tick = tick
+        tick = self._tick = inputs.tick
         try:
-            answer = self._block.step(tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
+            answer = self._block.step(inputs)
         except Exception as error:
             raise ControllerError(self._name, tick, f'step raised {described(error)}') from error
         if self._has_estimates:

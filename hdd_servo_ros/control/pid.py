@@ -2,14 +2,18 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
 from hdd_servo_ros.parameters import ParameterSet, parameter
+
+PidArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 VELOCITY_SOURCES = ('sensor', 'difference')
 SENSOR, DIFFERENCE = range(len(VELOCITY_SOURCES))
@@ -18,11 +22,10 @@ ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
 CLAMPING, BACK_CALCULATION, NONE = range(len(ANTI_WINDUP))
 
 # Where the constants of pid_step stand.
-TIME_STEP, DISPLACEMENT_SCALE, VELOCITY_SCALE, VELOCITY_SOURCE = range(4)
-PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(4, 8)
-WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD, FILTER_REFERENCE = range(8, 14)
-FADING = 14
-CONSTANTS = 15
+TIME_STEP, VELOCITY_SOURCE, PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(6)
+WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD, FILTER_REFERENCE = range(6, 12)
+FADING = 12
+CONSTANTS = 13
 
 # Where its state stands.
 INTEGRAL, FILTERED, LAST_ERROR, STARTED, LAST_POSITION, MEASURED_VELOCITY = range(6)
@@ -69,12 +72,6 @@ class PidParameters(ParameterSet):
     velocity_feedforward: float = parameter(0.0, 'voltage per reference velocity', unit='V s/um')
     acceleration_feedforward: float = parameter(0.0, 'voltage per reference acceleration', unit='V s^2/um')
     control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
-    displacement_scale: float = parameter(
-        8.0, 'displacement per volt of the sensor, as in the sensor', unit='um/V', above=0.0
-    )
-    velocity_scale: float = parameter(
-        5000.0, 'velocity per volt of the sensor, as in the sensor', unit='um/s/V', above=0.0
-    )
 
 
 @compiled
@@ -82,22 +79,19 @@ def pid_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     estimates: NDArray[np.float64],
-    tick: int,
-    displacement_volts: float,
-    velocity_volts: float,
-    x_d: float,
-    dx_d: float,
-    ddx_d: float,
+    *values: Any,
 ) -> tuple[float, float, float]:
     """Return u, u before the limit and u without feedforward [V]; see :class:`Pid`."""
-    if not all_finite(displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+    inputs = ControllerInputs(*values)
+    if not all_finite(inputs):
         return math.nan, math.nan, math.nan
     time_step = constants[TIME_STEP]
-    position = displacement_volts * constants[DISPLACEMENT_SCALE]
-    error = position - x_d
+    position = inputs.position
+    dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
+    error = position - inputs.desired_position
     if constants[FILTER_REFERENCE] != 0.0:
         if constants[VELOCITY_SOURCE] == SENSOR:
-            slope = velocity_volts * constants[VELOCITY_SCALE] - dx_d
+            slope = inputs.velocity - dx_d
         elif state[STARTED] != 0.0:
             slope = (error - state[LAST_ERROR]) / time_step
         else:
@@ -107,7 +101,7 @@ def pid_step(
     else:
         velocity = dx_d
         if constants[VELOCITY_SOURCE] == SENSOR:
-            velocity = velocity_volts * constants[VELOCITY_SCALE]
+            velocity = inputs.velocity
         elif state[STARTED] != 0.0:
             velocity = (position - state[LAST_POSITION]) / time_step
         if state[STARTED] != 0.0:
@@ -130,7 +124,7 @@ def pid_step(
         feedback = derivative + integral + state[BUMP] - constants[PROPORTIONAL] * error
         unsaturated = feedback + compensation
     u = saturated(unsaturated, limit)
-    estimates[0] = float(tick) * time_step
+    estimates[0] = float(inputs.tick) * time_step
     estimates[1] = error
     estimates[2] = integral
     estimates[3] = derivative
@@ -208,8 +202,6 @@ class Pid:
         self.parameters = parameters
         constants = np.zeros(CONSTANTS)
         constants[TIME_STEP] = self.sample_time
-        constants[DISPLACEMENT_SCALE] = parameters.displacement_scale
-        constants[VELOCITY_SCALE] = parameters.velocity_scale
         constants[VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
         constants[FILTER_REFERENCE] = float(parameters.filter_reference)
         constants[PROPORTIONAL] = parameters.proportional_gain
@@ -226,10 +218,11 @@ class Pid:
         constants[ACCELERATION_FEEDFORWARD] = parameters.acceleration_feedforward
         self.constants: NDArray[np.float64] = constants
 
-    def step(
-        self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
-    ) -> tuple[float, float, float]:
+    @property
+    def arrays(self) -> PidArrays:
+        """The arrays that the kernel takes first: constants, state, estimates."""
+        return self.constants, self.state, self.estimates
+
+    def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and u without feedforward [V]; see :class:`Controller`."""
-        return pid_step(
-            self.constants, self.state, self.estimates, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d
-        )
+        return pid_step(*self.arrays, *inputs)

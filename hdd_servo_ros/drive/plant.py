@@ -35,6 +35,8 @@ from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
+PlantArrays = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+
 # Places in the plant's constants
 GAIN = 0
 CONTROL_LIMIT = 1
@@ -138,6 +140,11 @@ class Plant:
         self.parameters = parameters
         self.constants = plant_constants(parameters, sample_time)
         self.state = plant_state(parameters)
+
+    @property
+    def arrays(self) -> PlantArrays:
+        """The arrays that the kernels take first: constants and state."""
+        return self.constants, self.state
 
     def output(self) -> tuple[float, float, float]:
         """Return head position [um], head velocity [um/s] and pivot friction [V] at the present tick."""

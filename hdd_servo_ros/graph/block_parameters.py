@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, DspParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
 
@@ -35,6 +37,22 @@ def dsp_parameters(node: str, values: Mapping[str, object]) -> DspParameters:
     given = {name: value for name, value in values.items() if name in own}
     output: ControllerOutputParameters = _constructed(ControllerOutputParameters, node, given)
     return output.dsp
+
+
+def input_parameters(node: str, values: Mapping[str, object]) -> ControllerInputParameters:
+    """Return how a controller scales the sensor's outputs, from all that a file says of its node."""
+    own = {declaration.name for declaration in declarations(ControllerInputParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    parameters: ControllerInputParameters = _constructed(ControllerInputParameters, node, given)
+    return parameters
+
+
+def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:
+    """Return the scales by which a controller reads a sensor: its own where they are given, else the sensor's."""
+    return SensorScales(
+        own.displacement_scale or sensor.displacement_scale,
+        own.velocity_scale or sensor.velocity_scale,
+    )
 
 
 def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> Any:

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
@@ -31,7 +31,7 @@ CONTROLLERS = {
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
 
 _EVERY_NODE = (PeerParameters, SampleTimeParameters)
-_EVERY_CONTROLLER = (*_EVERY_NODE, ControllerOutputParameters)
+_EVERY_CONTROLLER = (*_EVERY_NODE, ControllerInputParameters, ControllerOutputParameters)
 
 NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
     'deterministic_timer': (PeerParameters, TimerParameters),

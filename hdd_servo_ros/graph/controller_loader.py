@@ -19,12 +19,13 @@ from typing import Any
 from hdd_servo_ros.control.outside import ControllerError, OutsideController, described
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, register_controller
 from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.messages.controller_inputs import NO_INPUTS
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations
 
 ENTRY_POINTS = 'hdd_servo_ros.controllers'
 """Group of the entry points by which an installed package offers controllers."""
 
-_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
+_STEP_ARGUMENTS = ('inputs',)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +58,7 @@ class ControllerKind:
         """Make a controller and let it step once with zeros: what cannot run at all is refused before a run."""
         made = self.make(parameters, sample_time)
         try:
-            made.step(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            made.step(NO_INPUTS)
         except ControllerError as error:
             raise _refused(self.name, f'tried with zeros: {error}') from error
         return made

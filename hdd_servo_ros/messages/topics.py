@@ -1,4 +1,9 @@
-"""The topics of the loop: names, types and what their fields mean. The public contract; no ROS import."""
+"""
+The topics of the graph, declared once: name, type, fields with units, who writes and who reads them, and when.
+
+The kernel's rows, the nodes' inputs, the recorder, `simulate`, :class:`~hdd_servo_ros.Run`, the comparison of bags, the
+live view and ``docs/topics.md`` follow from these declarations. No ROS import.
+"""
 
 import dataclasses
 
@@ -7,43 +12,188 @@ VECTOR_TYPE = 'geometry_msgs/msg/Vector3Stamped'
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 COUNT_TYPE = 'std_msgs/msg/UInt64'
 
+AXES = ('x', 'y', 'z')
+"""The components of a vector message."""
+CONTROLLER = 'controller'
+"""Role of the node that closes the loop, whichever controller that is."""
+DISTURBANCE_SOURCE = 'disturbance source'
+"""Role of a node that disturbs the drive."""
+RECORDER = 'bag_recorder'
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """
+    One number of a message.
+
+    Attributes
+    ----------
+    name
+        The attribute by which :class:`~hdd_servo_ros.messages.signals.SignalArray` gives it.
+    unit
+        For a drive in um and V; see :class:`~hdd_servo_ros.messages.units.Units` for others.
+    meaning
+        In a few words.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Reader:
+    """
+    A node that waits for a topic.
+
+    Attributes
+    ----------
+    node
+        Its name, or its role.
+    delay
+        At tick k it needs the message of tick k - ``delay``.
+    """
+
+    node: str
+    delay: int = 0
+
 
 @dataclasses.dataclass(frozen=True)
 class LoopTopic:
-    """A topic that carries exactly one message a tick; its name is relative, so that it follows namespaces."""
+    """
+    A topic that carries exactly one message per tick.
+
+    Attributes
+    ----------
+    name
+        Relative, so that it follows namespaces and remapping.
+    type_name
+        ROS message type.
+    fields
+        What the message carries; of a vector x, y and z in this order (what is not declared is 0), of an array nothing,
+        since its elements are named in ``layout.dim[0].label``.
+    writer
+        Name or role of the node that publishes it.
+    readers
+        Who waits for it; the recorder reads every topic of the loop.
+    meaning
+        In a few words.
+    is_optional
+        Whether a run may be without it.
+    """
 
     name: str
     type_name: str
-    fields: tuple[str, ...]
-    """What x, y, z carry; lengths and voltages are in the units that the drive's parameter file names."""
-    published_by: str
-    """Who publishes it, for messages to a person who waits for it."""
+    fields: tuple[Field, ...]
+    writer: str
+    readers: tuple[Reader, ...]
+    meaning: str
+    is_optional: bool = False
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether the message is a vector."""
+        return self.type_name == VECTOR_TYPE
+
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """Names of the fields."""
+        return tuple(field.name for field in self.fields)
+
+    def delay_of(self, node: str) -> int:
+        """Return by how many ticks a reader needs an earlier message; raises KeyError for a node that reads it not."""
+        delays = {reader.node: reader.delay for reader in self.readers}
+        return delays[node]
 
 
-CLOCK = LoopTopic('clock', CLOCK_TYPE, ('time of the tick, k T [ns]',), 'deterministic_timer')
-REFERENCE = LoopTopic(
-    'reference', VECTOR_TYPE, ('x_d [um]', 'dx_d/dt [um/s]', 'd2x_d/dt2 [um/s^2]'), 'reference_generator'
+CLOCK = LoopTopic(
+    'clock',
+    CLOCK_TYPE,
+    (Field('time', 'ns', 'time of the tick, k T exactly'),),
+    'deterministic_timer',
+    (Reader('reference_generator'), Reader('vcm_plant'), Reader(DISTURBANCE_SOURCE)),
+    'the tick',
 )
-HEAD = LoopTopic('head', VECTOR_TYPE, ('head position [um]', 'head velocity [um/s]', 'pivot friction [V]'), 'vcm_plant')
-LDV = LoopTopic('ldv', VECTOR_TYPE, ('displacement output [V]', 'velocity output [V]', '0'), 'ldv_sensor')
+REFERENCE = LoopTopic(
+    'reference',
+    VECTOR_TYPE,
+    (
+        Field('position', 'um', 'desired position x_d'),
+        Field('velocity', 'um/s', 'its first derivative'),
+        Field('acceleration', 'um/s^2', 'its second derivative'),
+    ),
+    'reference_generator',
+    (Reader(CONTROLLER),),
+    'the trajectory that the head is to follow',
+)
+HEAD = LoopTopic(
+    'head',
+    VECTOR_TYPE,
+    (
+        Field('position', 'um', 'head position'),
+        Field('velocity', 'um/s', 'head velocity'),
+        Field('friction', 'V', 'pivot friction'),
+    ),
+    'vcm_plant',
+    (Reader('ldv_sensor'),),
+    'ground truth of the drive',
+)
+LDV = LoopTopic(
+    'ldv',
+    VECTOR_TYPE,
+    (
+        Field('displacement', 'V', 'displacement output'),
+        Field('velocity', 'V', 'velocity output'),
+    ),
+    'ldv_sensor',
+    (Reader(CONTROLLER),),
+    'outputs of the laser Doppler vibrometer',
+)
 CONTROL = LoopTopic(
     'control',
     VECTOR_TYPE,
-    ('drive voltage held over [kT, (k+1)T) [V]', 'voltage before saturation [V]', 'feedback part [V]'),
-    'a controller',
+    (
+        Field('voltage', 'V', 'drive voltage u, held over [kT, (k+1)T)'),
+        Field('before_saturation', 'V', 'u before saturation'),
+        Field('feedback', 'V', 'feedback part of u, before any compensation'),
+    ),
+    CONTROLLER,
+    (Reader('vcm_plant', delay=1), Reader('deterministic_timer', delay=1)),
+    'the command to the drive',
 )
-ESTIMATES = LoopTopic('estimates', ARRAY_TYPE, ('named in layout.dim[0].label, comma-separated',), 'a controller')
-
-DISTURBANCE = LoopTopic('disturbance', VECTOR_TYPE, ('disturbance at the actuator [V]', '0', '0'), 'a disturbance node')
-"""Takes part when its node runs; the plant then waits for it as for any input."""
-
-RECORDED = LoopTopic('recorded', COUNT_TYPE, ('ticks that the recorder has taken in',), 'bag_recorder')
-"""How far the recorder is; it holds the timer back. Not part of the loop's data and not recorded."""
+ESTIMATES = LoopTopic(
+    'estimates', ARRAY_TYPE, (), CONTROLLER, (), "the controller's inner state, named in layout.dim[0].label"
+)
+DISTURBANCE = LoopTopic(
+    'disturbance',
+    VECTOR_TYPE,
+    (Field('force', 'V', 'force against u, held over [kT, (k+1)T)'),),
+    DISTURBANCE_SOURCE,
+    (Reader('vcm_plant', delay=1),),
+    'what disturbs the drive from outside',
+    is_optional=True,
+)
 
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
+"""The topics of every run, in the order in which data flows through a tick."""
+OPTIONAL_TOPICS = (DISTURBANCE,)
+"""The topics of the runs in which a node publishes them: loop topics then like the others."""
+ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
+SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
+"""The topics that carry signals, in the order of the compiled kernel's rows."""
+
+RECORDED = LoopTopic(
+    'recorded',
+    COUNT_TYPE,
+    (Field('ticks', '', 'number of ticks that the recorder has received'),),
+    RECORDER,
+    (Reader('deterministic_timer'),),
+    'how far the recorder is, which holds the timer back; not recorded',
+    is_optional=True,
+)
 
 SCOPE = 'scope'
-"""Decimated signals for who looks on (``std_msgs/Float64MultiArray``); sent only while somebody does."""
+"""Decimated signals for live viewers (``std_msgs/Float64MultiArray``); published only while there is a subscriber."""
 
 PARAMETER_EVENTS = '/parameter_events'
 PARAMETER_EVENT_TYPE = 'rcl_interfaces/msg/ParameterEvent'
@@ -61,4 +211,4 @@ PARAMETER_VALUE_FIELDS = {
 """The field of ``rcl_interfaces/ParameterValue`` that each of its types fills."""
 
 QUEUE_DEPTH = 1024
-"""Depth of every loop topic's queue, offered and requested: what the slowest recorder may lag behind, and more."""
+"""Depth of every loop topic's queue, offered and requested: more than the slowest recorder may lag behind."""

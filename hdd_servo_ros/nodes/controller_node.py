@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters, sensor_scales
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
+from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
+from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, LDV, REFERENCE
 from hdd_servo_ros.parameters import ParameterSet, with_tuples
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
@@ -19,13 +21,10 @@ _OFTEN = 0.5
 """Part of the ticks above which a limited control is an error."""
 
 
-def _drive_of(run: RunPlan) -> PlantParameters | None:
-    """Return the parameters of a run's drive as they stand before tick 0, None if no `vcm_plant` takes part."""
-    found = next((node for name, node in run.nodes.items() if name.endswith('/vcm_plant')), None)
-    if found is None:
-        return None
-    drive: PlantParameters = block_parameters('vcm_plant', with_tuples(found['parameters']))
-    return drive
+def _block_parameters_of(run: RunPlan, name: str) -> Any:
+    """Return the parameters of a node's block before tick 0, None if there is no such node in the run."""
+    found = next((node for full_name, node in run.nodes.items() if full_name.endswith(f'/{name}')), None)
+    return None if found is None else block_parameters(name, with_tuples(found['parameters']))
 
 
 class ControllerNode(LoopNode):
@@ -46,12 +45,18 @@ class ControllerNode(LoopNode):
     """
 
     def __init__(self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]) -> None:
-        super().__init__(name, [ControllerOutputParameters, kind], [Input(REFERENCE), Input(LDV)], [CONTROL, ESTIMATES])
+        super().__init__(
+            name,
+            [ControllerInputParameters, ControllerOutputParameters, kind],
+            [Input(REFERENCE), Input(LDV)],
+            [CONTROL, ESTIMATES],
+        )
         self._kind = kind
         self._make = make
         self._controller = self.trial(make, kind)
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, 1.0)
-        self._dsp.step(*self._controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._dsp.step(*self._controller.step(NO_INPUTS))
+        self._scales = SensorScales(0.0, 0.0)
         self._codec = VectorCodec('')
         self._estimates = ArrayCodec(self._controller.estimate_names)
         self._diagnosed = (0, 0)
@@ -60,12 +65,27 @@ class ControllerNode(LoopNode):
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
-        self._drive = _drive_of(run)
+        self._drive = _block_parameters_of(run, 'vcm_plant')
+        self._scales = self._sensor_scales(run)
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
         for warning in self._warnings():
             self.get_logger().warning(warning)
+
+    def _sensor_scales(self, run: RunPlan) -> SensorScales:
+        """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
+        own: ControllerInputParameters = self.parameters[ControllerInputParameters]
+        sensor = _block_parameters_of(run, 'ldv_sensor')
+        if sensor is not None:
+            return sensor_scales(own, sensor)
+        for name in ('displacement_scale', 'velocity_scale'):
+            if not getattr(own, name):
+                raise RunError(
+                    f'{self.get_name()}: parameter {name} = 0.0 is refused: above 0, since there is no ldv_sensor in '
+                    'this run to take it from'
+                )
+        return SensorScales(own.displacement_scale, own.velocity_scale)
 
     def _warnings(self) -> Iterable[str]:
         """Return what a user should be told before the run."""
@@ -76,7 +96,7 @@ class ControllerNode(LoopNode):
         displacement, velocity, _ = unpack_vector(messages[1])
         controller = self._controller
         u, unsaturated, feedback = self._dsp.step(
-            *controller.step(tick, displacement, velocity, *unpack_vector(messages[0]))
+            *controller.step(self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[0])))
         )
         self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
         self.publish_bytes(1, self._estimates.pack(controller.estimates.tolist()))

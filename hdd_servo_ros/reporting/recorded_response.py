@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
-from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -24,7 +24,9 @@ def response_of_run(run: RecordedRun) -> FrequencyResponse:
     ticks = run.ticks
     if len(ticks) == 0 or ticks[0] != 0:
         raise ValueError('the bag does not begin with tick 0')
-    analyzer.replay(run.ldv)
+    own = input_parameters('signal_analyzer', node_parameters(run, 'signal_analyzer'))
+    sensor = block_parameters('ldv_sensor', node_parameters(run, 'ldv_sensor'))
+    analyzer.replay(run.ldv, *sensor_scales(own, sensor))
     for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
         if run.estimates[name][-1] != value:
             raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')

@@ -297,7 +297,7 @@ class Peers:
                 if node.count_publishers(wire.name) > 1:
                     yield self._second_publisher(node, wire.name)
                 if wire.subscription.get_publisher_count() == 0:
-                    yield f'{wire.topic.published_by} (nobody publishes {wire.name})'
+                    yield f'{wire.topic.writer} (nobody publishes {wire.name})'
                 elif announced:
                     # From now on it is one of ours, also while it is too busy to speak.
                     self._unannounced_since[wire.name] = math.inf

@@ -10,6 +10,8 @@ from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log, sine_cosine_of_turns
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
+ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 WAVEFORMS = ('sine', 'square', 'step', 'ramp', 'chirp', 'multisine', 'constant')
 SINE, SQUARE, STEP, RAMP, CHIRP, MULTISINE, CONSTANT = range(len(WAVEFORMS))
 SWEEPS = ('linear', 'logarithmic')
@@ -203,6 +205,11 @@ class Reference:
             constants[at + 1] = parameters.frequency * parameters.component_frequencies[i]
             constants[at + 2] = parameters.phase + parameters.component_phases[i]
         self.constants: NDArray[np.float64] = constants
+
+    @property
+    def arrays(self) -> ReferenceArrays:
+        """The arrays that the kernels take first: constants and state."""
+        return self.constants, self.state
 
     def step(self, tick: int) -> tuple[float, float, float]:
         """Return x_d [um], dx_d/dt [um/s] and d2x_d/dt2 [um/s^2] at ``tick``."""

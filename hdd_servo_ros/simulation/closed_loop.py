@@ -1,135 +1,121 @@
 """The closed loop as one compiled kernel: the blocks of one experiment, tick by tick, without a call from Python."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.bench.dsp import dsp_step
-from hdd_servo_ros.bench.ldv import ldv_step
-from hdd_servo_ros.bench.signal_analyzer import signal_analyzer_step
-from hdd_servo_ros.control.adaptive_nn import adaptive_nn_step
-from hdd_servo_ros.control.open_loop import open_loop_step
-from hdd_servo_ros.control.pid import pid_step
-from hdd_servo_ros.drive.plant import plant_output, plant_step
+from hdd_servo_ros.bench.dsp import DspArrays, dsp_step
+from hdd_servo_ros.bench.ldv import LdvArrays, ldv_step
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerArrays, signal_analyzer_step
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNnArrays, adaptive_nn_step
+from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
+from hdd_servo_ros.control.pid import PidArrays, pid_step
+from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
 from hdd_servo_ros.numerics.compiled import compiled
-from hdd_servo_ros.signals.reference import reference_step
+from hdd_servo_ros.signals.reference import ReferenceArrays, reference_step
 
-CONTROLLERS = ('adaptive_nn', 'pid', 'open_loop', 'signal_analyzer')
-ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(CONTROLLERS))
+
+class Controllers(NamedTuple):
+    """
+    The arrays of each built-in controller, by its short name; those of one that does not run are not touched.
+
+    Numba compiles all branches of the kernel, so that each needs arrays of its own kind.
+    """
+
+    adaptive_nn: AdaptiveNnArrays
+    pid: PidArrays
+    open_loop: OpenLoopArrays
+    signal_analyzer: SignalAnalyzerArrays
+
+
+ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(Controllers._fields))
 
 
 @compiled
 def closed_loop(
     first_tick: int,
-    count: int,
     controller_kind: int,
-    reference_constants: NDArray[np.float64],
-    reference_state: NDArray[np.float64],
-    plant_constants: NDArray[np.float64],
-    plant_state: NDArray[np.float64],
-    ldv_constants: NDArray[np.float64],
-    ldv_state: NDArray[np.float64],
-    controller_constants: NDArray[np.float64],
-    controller_state: NDArray[np.float64],
-    dsp_constants: NDArray[np.float64],
-    dsp_state: NDArray[np.float64],
-    estimates: NDArray[np.float64],
+    reference: ReferenceArrays,
+    plant: PlantArrays,
+    ldv: LdvArrays,
+    displacement_scale: float,
+    velocity_scale: float,
+    controllers: Controllers,
+    dsp: DspArrays,
     held: NDArray[np.float64],
-    reference_out: NDArray[np.float64],
-    head_out: NDArray[np.float64],
-    ldv_out: NDArray[np.float64],
-    control_out: NDArray[np.float64],
-    estimates_out: NDArray[np.float64],
+    signals: Any,
 ) -> None:
     """
-    Run ticks ``first_tick`` to ``first_tick + count - 1`` and write one row a tick.
+    Run consecutive ticks from ``first_tick`` on and write one row per tick.
 
-    At tick k the head is where u_{k-1}, held over the last sample, has brought it; the vibrometer reads it, the
-    controller answers, and the DSP makes u_k of it. The kernel calls the very kernels that the blocks' ``step`` calls,
-    in the same order, so its rows equal theirs to the bit.
+    At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
+    vibrometer reads it, the controller responds, and the DSP makes u_k of it. The kernel calls the very kernels that
+    the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit.
 
     Parameters
     ----------
-    first_tick, count
-        Which ticks; a run may be cut anywhere.
+    first_tick
+        The first tick; a run may be cut anywhere.
     controller_kind
-        Index into ``CONTROLLERS``.
-    reference_constants ... dsp_state
-        Constants and states of the blocks; the states are advanced.
-    estimates
-        The controller's array of estimates.
+        Index into the fields of :class:`Controllers`.
+    reference, plant, ldv, dsp
+        The ``arrays`` of the blocks: constants, and states, which are advanced.
+    displacement_scale, velocity_scale
+        What scales the vibrometer's outputs for the controller [um/V], [um/s/V].
+    controllers
+        The ``arrays`` of the controllers; the last one of each is its estimates.
     held
-        Array of one element: u_{k-1} [V] before, u of the last tick after.
-    reference_out, head_out, ldv_out, control_out, estimates_out
-        Rows of the ticks, of shape (count, 3), (count, 3), (count, 2), (count, 3), (count, len(estimates)).
+        Array of two elements, what acts on the drive until the next tick: u and the disturbance [V].
+    signals
+        :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: an array per topic, one row per tick.
     """
-    for row in range(count):
+    reference_rows, head_rows, ldv_rows, control_rows, estimate_rows, disturbance_rows = signals
+    for row in range(len(head_rows)):
         tick = first_tick + row
-        x_d, dx_d, ddx_d = reference_step(reference_constants, reference_state, tick)
+        x_d, dx_d, ddx_d = reference_step(*reference, tick)
         if tick == 0:
-            position, velocity, friction = plant_output(plant_constants, plant_state)
+            position, velocity, friction = plant_output(*plant)
         else:
-            position, velocity, friction = plant_step(plant_constants, plant_state, tick, held[0], 0.0)
-        displacement_volts, velocity_volts = ldv_step(ldv_constants, ldv_state, tick, position, velocity)
+            position, velocity, friction = plant_step(*plant, tick, held[0], held[1])
+        displacement_volts, velocity_volts = ldv_step(*ldv, tick, position, velocity)
+        # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
+        inputs = (
+            tick,
+            displacement_volts * displacement_scale,
+            velocity_volts * velocity_scale,
+            displacement_volts,
+            velocity_volts,
+            x_d,
+            dx_d,
+            ddx_d,
+        )
         if controller_kind == ADAPTIVE_NN:
-            u, unsaturated, feedback = adaptive_nn_step(
-                controller_constants,
-                controller_state,
-                estimates,
-                tick,
-                displacement_volts,
-                velocity_volts,
-                x_d,
-                dx_d,
-                ddx_d,
-            )
+            u, unsaturated, feedback = adaptive_nn_step(*controllers.adaptive_nn, *inputs)
+            estimates = controllers.adaptive_nn[-1]
         elif controller_kind == PID:
-            u, unsaturated, feedback = pid_step(
-                controller_constants,
-                controller_state,
-                estimates,
-                tick,
-                displacement_volts,
-                velocity_volts,
-                x_d,
-                dx_d,
-                ddx_d,
-            )
+            u, unsaturated, feedback = pid_step(*controllers.pid, *inputs)
+            estimates = controllers.pid[-1]
         elif controller_kind == SIGNAL_ANALYZER:
-            u, unsaturated, feedback = signal_analyzer_step(
-                controller_constants,
-                controller_state,
-                estimates,
-                tick,
-                displacement_volts,
-                velocity_volts,
-                x_d,
-                dx_d,
-                ddx_d,
-            )
+            u, unsaturated, feedback = signal_analyzer_step(*controllers.signal_analyzer, *inputs)
+            estimates = controllers.signal_analyzer[-1]
         else:
-            u, unsaturated, feedback = open_loop_step(
-                controller_constants,
-                controller_state,
-                estimates,
-                tick,
-                displacement_volts,
-                velocity_volts,
-                x_d,
-                dx_d,
-                ddx_d,
-            )
-        u, unsaturated, feedback = dsp_step(dsp_constants, dsp_state, u, unsaturated, feedback)
+            u, unsaturated, feedback = open_loop_step(*controllers.open_loop, *inputs)
+            estimates = controllers.open_loop[-1]
+        u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)
         held[0] = u
-        reference_out[row, 0] = x_d
-        reference_out[row, 1] = dx_d
-        reference_out[row, 2] = ddx_d
-        head_out[row, 0] = position
-        head_out[row, 1] = velocity
-        head_out[row, 2] = friction
-        ldv_out[row, 0] = displacement_volts
-        ldv_out[row, 1] = velocity_volts
-        control_out[row, 0] = u
-        control_out[row, 1] = unsaturated
-        control_out[row, 2] = feedback
+        held[1] = disturbance_rows[row, 0] if len(disturbance_rows) else 0.0
+        reference_rows[row, 0] = x_d
+        reference_rows[row, 1] = dx_d
+        reference_rows[row, 2] = ddx_d
+        head_rows[row, 0] = position
+        head_rows[row, 1] = velocity
+        head_rows[row, 2] = friction
+        ldv_rows[row, 0] = displacement_volts
+        ldv_rows[row, 1] = velocity_volts
+        ldv_rows[row, 2] = 0.0
+        control_rows[row, 0] = u
+        control_rows[row, 1] = unsaturated
+        control_rows[row, 2] = feedback
         for i in range(len(estimates)):
-            estimates_out[row, i] = estimates[i]
+            estimate_rows[row, i] = estimates[i]

@@ -1,6 +1,6 @@
 """One experiment: reference, drive, vibrometer and controller, run tick by tick without middleware."""
 
-import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
@@ -17,13 +17,16 @@ from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
-from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
 from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
 from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.messages.signals import SignalRows
+from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
-from hdd_servo_ros.simulation.closed_loop import CONTROLLERS, closed_loop
+from hdd_servo_ros.simulation.closed_loop import Controllers, closed_loop
+from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 
 BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
     'reference_generator': (Reference, ReferenceParameters),
@@ -37,49 +40,12 @@ BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
 """The block and the parameters behind each node's name."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Rows:
-    """
-    The signals of consecutive ticks, one row a tick.
-
-    Columns as in the topics: reference x_d [um], dx_d [um/s], ddx_d [um/s^2]; head position [um], velocity [um/s],
-    friction [V]; ldv displacement and velocity output [V]; control u, u before the limit, feedback part [V]; estimates
-    as named by the controller.
-    """
-
-    first_tick: int
-    sample_time: float
-    reference: NDArray[np.float64]
-    head: NDArray[np.float64]
-    ldv: NDArray[np.float64]
-    control: NDArray[np.float64]
-    estimates: NDArray[np.float64]
-    estimate_names: tuple[str, ...]
-
-    @classmethod
-    def empty(cls, first_tick: int, count: int, sample_time: float, estimate_names: tuple[str, ...]) -> 'Rows':
-        """Return rows for ``count`` ticks, to be filled."""
-        return cls(
-            first_tick,
-            sample_time,
-            np.empty((count, 3)),
-            np.empty((count, 3)),
-            np.empty((count, 2)),
-            np.empty((count, 3)),
-            np.empty((count, len(estimate_names))),
-            estimate_names,
-        )
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """The ticks' times [s]."""
-        return np.arange(self.first_tick, self.first_tick + len(self.head), dtype=np.float64) * self.sample_time
-
-    def estimate(self, name: str) -> NDArray[np.float64]:
-        """Return one estimate over the ticks; raises :class:`KeyError` with the names there are."""
-        if name not in self.estimate_names:
-            raise KeyError(f'no estimate {name!r}; there are {", ".join(self.estimate_names)}')
-        return self.estimates[:, self.estimate_names.index(name)]
+@functools.cache
+def _arrays_of_default(node: str) -> tuple[NDArray[np.float64], ...]:
+    """Return the arrays of a controller that does not run: the kernel wants them of the right kind, and leaves them."""
+    kind, parameters = BLOCKS[node]
+    arrays: tuple[NDArray[np.float64], ...] = kind(parameters(), 1e-4).arrays
+    return arrays
 
 
 class Experiment:
@@ -100,6 +66,8 @@ class Experiment:
         Sections of other nodes are passed over.
     dsp
         What lies between a controller that is given as an object and the drive; a named one has it in its section.
+    disturbance
+        What disturbs the drive from outside; None for nothing, and no rows of ``/disturbance``.
 
     Raises
     ------
@@ -113,6 +81,7 @@ class Experiment:
         controller: str | Controller = 'adaptive_nn',
         parameters: Mapping[str, Mapping[str, object]] | None = None,
         dsp: DspParameters | None = None,
+        disturbance: DisturbanceSource | None = None,
     ) -> None:
         self.sample_time = sample_time
         self._blocks: dict[str, Any] = {}
@@ -122,11 +91,13 @@ class Experiment:
         self.ldv: Ldv = self._block('ldv_sensor', sections)
         self._kind: int | None = None
         self.controller: Controller
-        if isinstance(controller, str) and controller in CONTROLLERS:
-            self._kind = CONTROLLERS.index(controller)
+        scales = ControllerInputParameters()
+        if isinstance(controller, str) and controller in Controllers._fields:
+            self._kind = Controllers._fields.index(controller)
             node = CONTROLLER_NODES[controller]
             self.controller = self._block(node, sections)
             dsp = dsp_parameters(node, sections.get(node, {}))
+            scales = input_parameters(node, sections.get(node, {}))
         elif isinstance(controller, str):
             outside = load_controller(controller)
             own = sections.get(outside.node, {})
@@ -134,12 +105,15 @@ class Experiment:
             outside.trial(parameters_of_law, sample_time)
             self.controller = self._blocks[outside.node] = outside.make(parameters_of_law, sample_time)
             dsp = dsp_parameters(outside.node, own)
+            scales = input_parameters(outside.node, own)
         else:
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
-        self._held: NDArray[np.float64] = np.zeros(1)
+        self.scales = sensor_scales(scales, self.ldv.parameters)
+        self._disturbance = disturbance
+        self._held: NDArray[np.float64] = np.zeros(2)
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
@@ -179,11 +153,12 @@ class Experiment:
         Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
         Dsp(self.dsp.parameters, self.sample_time).step(0.0, 0.0, 0.0)
 
-    def empty_rows(self, first_tick: int, count: int) -> Rows:
+    def empty_rows(self, first_tick: int, count: int) -> SignalRows:
         """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
-        return Rows.empty(first_tick, count, self.sample_time, self.controller.estimate_names)
+        optional = () if self._disturbance is None else (DISTURBANCE,)
+        return SignalRows.empty(first_tick, count, self.sample_time, self.controller.estimate_names, optional)
 
-    def run(self, first_tick: int, count: int, rows: Rows | None = None) -> Rows:
+    def run(self, first_tick: int, count: int, rows: SignalRows | None = None) -> SignalRows:
         """
         Run ticks ``first_tick`` to ``first_tick + count - 1``.
 
@@ -206,53 +181,54 @@ class Experiment:
         if first_tick != self._next_tick:
             raise ValueError(f'expected tick {self._next_tick}, got {first_tick}: the ticks of a run follow each other')
         self._next_tick += count
-        if rows is None or len(rows.head) != count:
-            rows = self.empty_rows(first_tick, count)
-        else:
-            rows = dataclasses.replace(rows, first_tick=first_tick)
+        rows = (
+            self.empty_rows(first_tick, count) if rows is None or len(rows) != count else rows.starting_at(first_tick)
+        )
+        if self._disturbance is not None and count:
+            rows.disturbance[:] = self._disturbance.rows(first_tick, count)
         if self._kind is None:
             self._run_from_python(rows)
         else:
-            controller: Any = self.controller
             closed_loop(
                 first_tick,
-                count,
                 self._kind,
-                self.reference.constants,
-                self.reference.state,
-                self.plant.constants,
-                self.plant.state,
-                self.ldv.constants,
-                self.ldv.state,
-                controller.constants,
-                controller.state,
-                self.dsp.constants,
-                self.dsp.state,
-                controller.estimates,
+                self.reference.arrays,
+                self.plant.arrays,
+                self.ldv.arrays,
+                *self.scales,
+                self._controllers(),
+                self.dsp.arrays,
                 self._held,
-                rows.reference,
-                rows.head,
-                rows.ldv,
-                rows.control,
-                rows.estimates,
+                rows.kernel_arrays,
             )
         return rows
 
-    def _run_from_python(self, rows: Rows) -> None:
-        for row in range(len(rows.head)):
+    def _controllers(self) -> Controllers:
+        """Return the arrays of all built-in controllers, of which one runs."""
+        controller: Any = self.controller
+        arrays = (
+            controller.arrays if kind == self._kind else _arrays_of_default(CONTROLLER_NODES[name])
+            for kind, name in enumerate(Controllers._fields)
+        )
+        return Controllers._make(arrays)
+
+    def _run_from_python(self, rows: SignalRows) -> None:
+        signals = [rows[topic.name] for topic in SIGNAL_TOPICS if topic.name in rows]
+        forces = rows.disturbance.force if DISTURBANCE.name in rows else np.zeros(len(rows))
+        for row in range(len(rows)):
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
-            head = self.plant.output() if tick == 0 else self.plant.step(tick, float(self._held[0]))
+            head = self.plant.output() if tick == 0 else self.plant.step(tick, *self._held.tolist())
             ldv = self.ldv.step(tick, head[0], head[1])
-            control = self.dsp.step(*self.controller.step(tick, *ldv, *reference))
-            self._held[0] = control[0]
+            control = self.dsp.step(*self.controller.step(self.scales.inputs(tick, *ldv, *reference)))
+            self._held[:] = control[0], forces[row]
             rows.reference[row] = reference
             rows.head[row] = head
-            rows.ldv[row] = ldv
+            rows.ldv[row] = (*ldv, 0.0)
             rows.control[row] = control
-            rows.estimates[row] = self.controller.estimates
+            rows['estimates'][row] = self.controller.estimates
             if not math.isfinite(sum(head) + sum(control)):
                 # Nothing after it means anything, and the controller must not be asked what to make of it.
-                for signal in (rows.reference, rows.head, rows.ldv, rows.control, rows.estimates):
+                for signal in signals:
                     signal[row + 1 :] = math.nan
                 return

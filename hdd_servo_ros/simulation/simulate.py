@@ -4,7 +4,6 @@
 No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
 """
 
-import dataclasses
 import heapq
 import itertools
 import signal
@@ -26,6 +25,7 @@ from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import Ticks, sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import CLOCK, CONTROL, ESTIMATES, HEAD, LDV, LOOP_TOPICS, REFERENCE, LoopTopic
 from hdd_servo_ros.numerics.compiled import first_compilation
@@ -43,7 +43,7 @@ from hdd_servo_ros.parameters.schedule import Step, plan, refuse_strangers
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import write_response
-from hdd_servo_ros.simulation.experiment import Experiment, Rows
+from hdd_servo_ros.simulation.experiment import Experiment
 
 CHUNK = 4096
 """Ticks that are computed, packed and written in one piece."""
@@ -220,19 +220,18 @@ class Packer:
         self._vector = VectorCodec(frame_id)
         self._array = ArrayCodec(controller.estimate_names)
 
-    def pack(self, rows: Rows) -> tuple[list[int], list[int], list[memoryview]]:
+    def pack(self, rows: SignalRows) -> tuple[list[int], list[int], list[memoryview]]:
         """Return topic, time [ns] and payload of every message of the rows."""
-        count = len(rows.head)
+        count = len(rows)
         times = np.arange(rows.first_tick, rows.first_tick + count, dtype=np.int64) * self._ticks.sample_time_ns
         stamps = stamp_rows(times)
-        ldv = np.column_stack((rows.ldv, np.zeros(count)))
         by_topic = (
             clock_rows(stamps),
             vector_rows(self._vector, stamps, rows.reference),
             vector_rows(self._vector, stamps, rows.head),
-            vector_rows(self._vector, stamps, ldv),
+            vector_rows(self._vector, stamps, rows.ldv),
             vector_rows(self._vector, stamps, rows.control),
-            array_rows(self._array, rows.estimates),
+            array_rows(self._array, rows[ESTIMATES.name]),
         )
         kinds = len(by_topic)
         payloads: list[Any] = [None] * (count * kinds)
@@ -243,7 +242,7 @@ class Packer:
         return list(range(kinds)) * count, np.repeat(times, kinds).tolist(), payloads
 
 
-def first_not_finite(rows: Rows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:
+def first_not_finite(rows: SignalRows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:
     """Return topic, tick and values of the first message that is not finite, None if all are."""
     found = []
     signals = {REFERENCE: rows.reference, HEAD: rows.head, LDV: rows.ldv, CONTROL: rows.control}
@@ -254,7 +253,7 @@ def first_not_finite(rows: Rows) -> tuple[LoopTopic, int, tuple[float, ...]] | N
     if not found:
         return None
     row, _, topic = min(found)
-    x, y, z = (*signals[topic][row].tolist(), 0.0)[:3]  # of the vibrometer there are two
+    x, y, z = signals[topic][row].tolist()
     return topic, rows.first_tick + row, (x, y, z)
 
 
@@ -294,12 +293,12 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     warned: frozenset[str] = frozenset()
     try:
         packer = Packer(Ticks(simulation.timer.sample_time), simulation.frame_id, simulation.experiment.controller)
-        rows: Rows | None = None
+        rows: SignalRows | None = None
         shown = Progress('simulate', last_tick, simulation.timer.sample_time) if progress else None
         if shown is not None:
             shown.show(0)
         for first_tick, count in simulation.pieces(last_tick):
-            if rows is None or len(rows.head) != count:
+            if rows is None or len(rows) != count:
                 rows = simulation.experiment.empty_rows(first_tick, count)
             try:
                 for change in simulation.apply_schedule(first_tick):
@@ -309,17 +308,17 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             except ControllerError as error:
                 status, reason, exit_code = FAILED, str(error), 1
                 # A change that fails does so after the tick before.
-                rows = _cut(dataclasses.replace(rows, first_tick=first_tick), max(error.tick, first_tick))
+                rows = rows.starting_at(first_tick).before(max(error.tick, first_tick))
             warned = _warn_of_saturation(simulation.experiment, warned)
             bad = first_not_finite(rows)
             if bad is not None:
                 told = getattr(simulation.experiment.controller, 'fault', str)()
                 status, reason, exit_code = FAILED, told or simulation.say_not_finite(*bad), 1
-                rows = _cut(rows, bad[1])
-            if recorder is not None and len(rows.head):
-                recorder.write_ticks(rows.first_tick + len(rows.head) - 1, *packer.pack(rows))
+                rows = rows.before(bad[1])
+            if recorder is not None and len(rows):
+                recorder.write_ticks(rows.first_tick + len(rows) - 1, *packer.pack(rows))
             if shown is not None:
-                shown.show(first_tick + len(rows.head) - 1)
+                shown.show(first_tick + len(rows) - 1)
             if interrupted:
                 name = signal.Signals(interrupted[0]).name
                 status, reason = INTERRUPTED, f'{name} at tick {first_tick + count - 1}'
@@ -352,21 +351,6 @@ def _warn_of_saturation(experiment: Experiment, warned: frozenset[str]) -> froze
     for output in sorted(warnings.keys() - warned):
         print(f'simulate: warning: ldv_sensor: {warnings[output]}', file=sys.stderr)
     return frozenset(warnings)
-
-
-def _cut(rows: Rows, tick: int) -> Rows:
-    """Return the rows before ``tick``."""
-    count = tick - rows.first_tick
-    return Rows(
-        rows.first_tick,
-        rows.sample_time,
-        rows.reference[:count],
-        rows.head[:count],
-        rows.ldv[:count],
-        rows.control[:count],
-        rows.estimates[:count],
-        rows.estimate_names,
-    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

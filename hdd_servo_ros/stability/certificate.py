@@ -16,6 +16,7 @@ from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.control.input_shaping import STATE_SIZE, fill_shaped
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.stability.bounds import (
     Bounds,
     Check,
@@ -126,6 +127,7 @@ def certify(
     plant: PlantParameters,
     controller: AdaptiveNnParameters,
     dsp: DspParameters,
+    scales: SensorScales,
     extra_disturbance: float = 0.0,
 ) -> tuple[Certificate, ...]:
     """
@@ -139,6 +141,8 @@ def certify(
         T [s].
     plant, controller, dsp
         What was run.
+    scales
+        Scales by which the controller read the vibrometer.
     extra_disturbance
         Bound of a disturbance beside the drive's own [V].
 
@@ -155,7 +159,7 @@ def certify(
     e = x - _shaped_reference(signals, controller, sample_time)
     r = v - signals.reference[:, 1] + controller.error_filter_lambda * e
     r = r + controller.integral_gain * columns['integral']
-    seen = _network_inputs(signals, controller)
+    seen = _network_inputs(signals, controller, scales)
     d = abs(plant.disturbance.amplitude) + extra_disturbance
     ideals = {'run': run_values(mass, controller, friction, v, seen, d)}
     if plant.friction.model == 'lugre' and controller.sigma.enabled:
@@ -167,6 +171,7 @@ def certify(
         dsp,
         plant.control_limit,
         sample_time,
+        scales,
         signals.reference,
         signals.ldv,
         signals.control,
@@ -216,13 +221,15 @@ def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample
     return x_d
 
 
-def _network_inputs(signals: Signals, controller: AdaptiveNnParameters) -> tuple[Array, Array] | None:
+def _network_inputs(
+    signals: Signals, controller: AdaptiveNnParameters, scales: SensorScales
+) -> tuple[Array, Array] | None:
     """Return the position [um] and velocity [um/s] that the network saw; None where its velocity is not recorded."""
     if controller.network.input == 'reference':
         return signals.reference[:, 0], signals.reference[:, 1]
     if controller.velocity_source != 'sensor':
         return None
-    return signals.ldv[:, 0] * controller.displacement_scale, signals.ldv[:, 1] * controller.velocity_scale
+    return signals.ldv[:, 0] * scales.displacement, signals.ldv[:, 1] * scales.velocity
 
 
 def _checks(time: Array, value: Array, r: Array, e: Array, bounds: Bounds, sample_time: float) -> tuple[Check, ...]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import ESTIMATE_NAMES, AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,7 @@ def replay_weights(
     dsp: DspParameters,
     drive_limit: float,
     sample_time: float,
+    scales: SensorScales,
     reference: Array,
     ldv: Array,
     control: Array,
@@ -42,6 +44,8 @@ def replay_weights(
         Largest magnitude of voltage that the drive takes [V].
     sample_time
         T [s].
+    scales
+        Scales by which the controller reads the vibrometer.
     reference, ldv
         Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are passed over).
     control, estimates
@@ -67,7 +71,7 @@ def replay_weights(
         for row, values in enumerate(inputs[piece].tolist()):
             weights[row] = controller.weights
             compensator[row] = controller.compensator_weights
-            replayed[row, -3:] = output.step(*controller.step(start + row, *values))
+            replayed[row, -3:] = output.step(*controller.step(scales.inputs(start + row, *values)))
             replayed[row, :-3] = controller.estimates
         wrong = np.argwhere(replayed[: piece.stop - start] != recorded[piece])
         if len(wrong):

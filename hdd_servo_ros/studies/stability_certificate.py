@@ -21,7 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rosbags.typesys import Stores, get_typestore
 
-from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.messages.topics import DISTURBANCE, PARAMETER_EVENTS
 from hdd_servo_ros.parameters import ParameterError, with_tuples
 from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
@@ -67,7 +67,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     """
     run = read_run_yaml(directory)
     nodes = {name.rsplit('/', 1)[-1]: node for name, node in run['nodes'].items()}
-    for name in (CONTROLLER, DRIVE):
+    for name in (CONTROLLER, DRIVE, SENSOR):
         if name not in nodes:
             raise CertificateError(f'{directory}: no {name} took part, but {", ".join(nodes)}')
     changed = _changed_nodes(directory) & {CONTROLLER, DRIVE, SENSOR}
@@ -83,9 +83,11 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     controller = block_parameters(CONTROLLER, of_controller)
     dsp = dsp_parameters(CONTROLLER, of_controller)
     plant = block_parameters(DRIVE, with_tuples(nodes[DRIVE]['parameters']))
+    sensor = block_parameters(SENSOR, with_tuples(nodes[SENSOR]['parameters']))
+    scales = sensor_scales(input_parameters(CONTROLLER, of_controller), sensor)
     signals = read_signals(directory)
     sample_time = float(run['sample_time'])
-    certificates = certify(signals, sample_time, plant, controller, dsp, extra_disturbance or 0.0)
+    certificates = certify(signals, sample_time, plant, controller, dsp, scales, extra_disturbance or 0.0)
     kept = conditions(signals, sample_time, plant, controller, dsp, certificates)
     return Report(certificates, kept, str(run.get('length_unit', 'um')), str(run.get('control_unit', 'V')))
 

@@ -1,0 +1,270 @@
+"""The signals of a run: an array per topic of the loop, one row per tick, whoever made them and wherever they are."""
+
+import abc
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.topics import (
+    AXES,
+    CONTROL,
+    DISTURBANCE,
+    ESTIMATES,
+    HEAD,
+    LDV,
+    REFERENCE,
+    SIGNAL_TOPICS,
+    LoopTopic,
+)
+from hdd_servo_ros.messages.units import Units
+
+Array = NDArray[np.float64]
+
+
+class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
+    """
+    The rows of a topic, shape (n, 3) for a vector, whose fields are attributes too: ``control.before_saturation``.
+
+    Each attribute is a column, shape (n,); the topic's declaration names them, see ``docs/topics.md``.
+    """
+
+    fields: tuple[str, ...]
+
+    @classmethod
+    def of(cls, topic: LoopTopic, rows: Array) -> 'SignalArray':
+        """Return rows as those of a topic, without a copy."""
+        view = rows.view(cls)
+        view.fields = topic.field_names
+        return view
+
+    def __array_finalize__(self, source: Any) -> None:
+        self.fields = getattr(source, 'fields', ())
+
+    def __getattr__(self, name: str) -> Array:
+        if name in self.fields and self.ndim == 2:
+            column: Array = self.view(np.ndarray)[:, self.fields.index(name)]
+            return column
+        raise AttributeError(f'no field {name!r}; there are {", ".join(self.fields) or "none"}')
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.fields]
+
+
+class Signals(abc.ABC):
+    """
+    The signals of consecutive or chosen ticks, aligned: row i of every array is that of ``ticks[i]``.
+
+    Lengths and controls are in the drive's :attr:`units`; the fields of each topic are declared in
+    :mod:`hdd_servo_ros.messages.topics`.
+    """
+
+    @property
+    @abc.abstractmethod
+    def ticks(self) -> NDArray[np.int64]:
+        """The ticks, ascending, shape (n,)."""
+
+    @property
+    @abc.abstractmethod
+    def sample_time(self) -> float:
+        """T [s]."""
+
+    @property
+    @abc.abstractmethod
+    def units(self) -> Units:
+        """Units of the drive."""
+
+    @property
+    @abc.abstractmethod
+    def estimate_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``signals['estimates']``."""
+
+    @abc.abstractmethod
+    def __getitem__(self, topic: str) -> NDArray[Any]:
+        """Return the rows of a topic by its name; raises KeyError if there are none."""
+
+    @abc.abstractmethod
+    def __contains__(self, topic: str) -> bool:
+        """Return whether there are rows of a topic."""
+
+    @functools.cached_property
+    def time(self) -> Array:
+        """Time of each tick [s], shape (n,)."""
+        return np.multiply(self.ticks, self.sample_time, dtype=np.float64)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last tick [s]."""
+        return float(self.time[-1])
+
+    def since(self, time: float) -> slice:
+        """Return the rows from ``time`` [s] on."""
+        # Half a microsecond lets a tick at that very time count, whatever its last bit.
+        return slice(int(np.searchsorted(self.time, time - 0.5e-6)), len(self.ticks))
+
+    # The topics.
+
+    @property
+    def reference(self) -> SignalArray:
+        """Desired position, velocity and acceleration [um, um/s, um/s^2], shape (n, 3)."""
+        return self._rows(REFERENCE)
+
+    @property
+    def head(self) -> SignalArray:
+        """Ground truth: head position [um], velocity [um/s] and pivot friction [V], shape (n, 3)."""
+        return self._rows(HEAD)
+
+    @property
+    def ldv(self) -> SignalArray:
+        """Displacement and velocity output of the vibrometer [V], 0; shape (n, 3)."""
+        return self._rows(LDV)
+
+    @property
+    def control(self) -> SignalArray:
+        """Command, command before saturation, and its feedback part [V], shape (n, 3)."""
+        return self._rows(CONTROL)
+
+    @property
+    def disturbance(self) -> SignalArray:
+        """Force against u [V], 0, 0; shape (n, 3); in a run with a disturbance only."""
+        return self._rows(DISTURBANCE)
+
+    @functools.cached_property
+    def estimates(self) -> Mapping[str, Array]:
+        """The controller's inner state by name, each of shape (n,); another name's KeyError lists those there are."""
+        return Estimates(dict(zip(self.estimate_names, self[ESTIMATES.name].T, strict=True)))
+
+    def _rows(self, topic: LoopTopic) -> SignalArray:
+        return SignalArray.of(topic, self[topic.name])
+
+    # What is asked for most.
+
+    @property
+    def desired_position(self) -> Array:
+        """x_d [um]."""
+        return self.reference.position
+
+    @property
+    def position(self) -> Array:
+        """True head position [um]."""
+        return self.head.position
+
+    @functools.cached_property
+    def error(self) -> Array:
+        """Tracking error, x - x_d of the head's true position [um]."""
+        return self.position - self.desired_position
+
+    @property
+    def command(self) -> Array:
+        """Drive voltage u, held over the sample after its tick [V]."""
+        return self.control.voltage
+
+    @property
+    def feedback(self) -> Array:
+        """Feedback part of the command, before any compensation [V]."""
+        return self.control.feedback
+
+
+class Estimates(dict[str, Array]):
+    """Estimates by name."""
+
+    def __missing__(self, name: str) -> Array:
+        raise KeyError(f'no estimate {name!r}; there are {", ".join(self) or "none"}')
+
+
+class SignalRows(Signals):
+    """
+    Signals of consecutive ticks in memory, as the compiled loop fills them.
+
+    Parameters
+    ----------
+    first_tick
+        The first tick.
+    sample_time
+        T [s].
+    arrays
+        An array per topic by its name, one row per tick: (n, 3) for a vector, (n, m) for the estimates.
+    estimate_names
+        Names of the m estimates.
+    units
+        Units of the drive.
+    """
+
+    def __init__(
+        self,
+        first_tick: int,
+        sample_time: float,
+        arrays: Mapping[str, Array],
+        estimate_names: tuple[str, ...],
+        units: Units = Units(),  # noqa: B008 - a frozen value
+    ) -> None:
+        self.first_tick = first_tick
+        self._sample_time = sample_time
+        self._arrays = dict(arrays)
+        self._estimate_names = estimate_names
+        self._units = units
+
+    @classmethod
+    def empty(
+        cls,
+        first_tick: int,
+        count: int,
+        sample_time: float,
+        estimate_names: tuple[str, ...],
+        optional: tuple[LoopTopic, ...] = (),
+    ) -> 'SignalRows':
+        """Return rows for ``count`` ticks, to be filled; of the optional topics those that take part."""
+        arrays = {}
+        for topic in SIGNAL_TOPICS:
+            if not topic.is_optional or topic in optional:
+                arrays[topic.name] = np.empty((count, len(AXES) if topic.is_vector else len(estimate_names)))
+        return cls(first_tick, sample_time, arrays, estimate_names)
+
+    def __len__(self) -> int:
+        return len(self._arrays[HEAD.name])
+
+    def starting_at(self, tick: int) -> 'SignalRows':
+        """Return these rows, the same memory, as those of the ticks from ``tick`` on."""
+        return SignalRows(tick, self._sample_time, self._arrays, self._estimate_names, self._units)
+
+    def before(self, tick: int) -> 'SignalRows':
+        """Return the rows before ``tick``, the same memory."""
+        count = tick - self.first_tick
+        arrays = {name: rows[:count] for name, rows in self._arrays.items()}
+        return SignalRows(self.first_tick, self._sample_time, arrays, self._estimate_names, self._units)
+
+    @property
+    def kernel_arrays(self) -> tuple[Array, ...]:
+        """The arrays in the order of ``SIGNAL_TOPICS``, as the compiled loop takes them; none has no row."""
+        nothing = np.empty((0, len(AXES)))
+        return tuple(self._arrays.get(topic.name, nothing) for topic in SIGNAL_TOPICS)
+
+    @functools.cached_property
+    def ticks(self) -> NDArray[np.int64]:
+        """The ticks, shape (n,)."""
+        return np.arange(self.first_tick, self.first_tick + len(self), dtype=np.int64)
+
+    @property
+    def sample_time(self) -> float:
+        """T [s]."""
+        return self._sample_time
+
+    @property
+    def units(self) -> Units:
+        """Units of the drive."""
+        return self._units
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``signals['estimates']``."""
+        return self._estimate_names
+
+    def __getitem__(self, topic: str) -> Array:
+        """Return the rows of a topic by its name."""
+        return self._arrays[topic]
+
+    def __contains__(self, topic: str) -> bool:
+        """Return whether there are rows of a topic."""
+        return topic in self._arrays
