@@ -2,7 +2,7 @@
 
 import abc
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -106,27 +106,27 @@ class Signals(abc.ABC):
 
     # The topics.
 
-    @property
+    @functools.cached_property
     def reference(self) -> SignalArray:
         """Desired position, velocity and acceleration [um, um/s, um/s^2], shape (n, 3)."""
         return self._rows(REFERENCE)
 
-    @property
+    @functools.cached_property
     def head(self) -> SignalArray:
         """Ground truth: head position [um], velocity [um/s] and pivot friction [V], shape (n, 3)."""
         return self._rows(HEAD)
 
-    @property
+    @functools.cached_property
     def ldv(self) -> SignalArray:
         """Displacement and velocity output of the vibrometer [V], 0; shape (n, 3)."""
         return self._rows(LDV)
 
-    @property
+    @functools.cached_property
     def control(self) -> SignalArray:
         """Command, command before saturation, and its feedback part [V], shape (n, 3)."""
         return self._rows(CONTROL)
 
-    @property
+    @functools.cached_property
     def disturbance(self) -> SignalArray:
         """Force against u [V], 0, 0; shape (n, 3); in a run with a disturbance only."""
         return self._rows(DISTURBANCE)
@@ -134,7 +134,11 @@ class Signals(abc.ABC):
     @functools.cached_property
     def estimates(self) -> Mapping[str, Array]:
         """The controller's inner state by name, each of shape (n,); another name's KeyError lists those there are."""
-        return Estimates(dict(zip(self.estimate_names, self[ESTIMATES.name].T, strict=True)))
+        columns = zip(self.estimate_names, self[ESTIMATES.name].T, strict=True)
+        return _Estimates(columns, self._missing_estimate)
+
+    def _missing_estimate(self, text: str) -> KeyError:
+        return KeyError(text)
 
     def _rows(self, topic: LoopTopic) -> SignalArray:
         return SignalArray.of(topic, self[topic.name])
@@ -167,11 +171,15 @@ class Signals(abc.ABC):
         return self.control.feedback
 
 
-class Estimates(dict[str, Array]):
+class _Estimates(dict[str, Array]):
     """Estimates by name."""
 
+    def __init__(self, columns: Iterable[tuple[str, Array]], error: Callable[[str], KeyError]) -> None:
+        super().__init__(columns)
+        self._error = error
+
     def __missing__(self, name: str) -> Array:
-        raise KeyError(f'no estimate {name!r}; there are {", ".join(self) or "none"}')
+        raise self._error(f'no estimate {name!r}; there are {", ".join(self) or "none"}')
 
 
 class SignalRows(Signals):

@@ -65,9 +65,14 @@ def _fields(value: Value) -> dict[str, Any]:
     return {'type': number, **fields}
 
 
+def deserialized_event(message: bytes) -> Any:
+    """Return a serialized ``ParameterEvent`` as an object with the message's fields."""
+    return _typestore().deserialize_cdr(message, PARAMETER_EVENT_TYPE)
+
+
 def unpack_parameter_event(message: bytes) -> NodeChange:
-    """Return what a message says."""
-    return change_of_event(_typestore().deserialize_cdr(message, PARAMETER_EVENT_TYPE))
+    """Return the changes in a serialized ``ParameterEvent``."""
+    return change_of_event(deserialized_event(message))
 
 
 def change_of_event(event: Any) -> NodeChange:

@@ -36,6 +36,21 @@ class BagError(ValueError):
     """A bag that cannot be read; says which and why."""
 
 
+def bag_directory(path: Path) -> Path:
+    """
+    Return the bag of a run folder, or the path itself if it is a bag.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is neither.
+    """
+    for candidate in (path / 'bag', path):
+        if (candidate / 'metadata.yaml').is_file():
+            return candidate
+    raise FileNotFoundError(f'{path} is neither a run folder nor a closed bag: no metadata.yaml in it or in its bag/')
+
+
 @dataclasses.dataclass(frozen=True)
 class Column:
     """

@@ -1,64 +1,27 @@
-"""A recorded run: its signals as arrays aligned by tick, its description, and the parameters in force."""
+"""A recorded run: its signals as arrays aligned by tick, its metadata, and the parameters in force."""
 
-import dataclasses
-import difflib
 import functools
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
 from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import (
-    ARRAY_TYPE,
-    CLOCK,
-    CLOCK_TYPE,
-    CONTROL,
-    DISTURBANCE,
-    ESTIMATES,
-    HEAD,
-    LDV,
-    LOOP_TOPICS,
-    PARAMETER_EVENTS,
-    PARAMETER_VALUE_FIELDS,
-    REFERENCE,
-)
-from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, ESTIMATES
+from hdd_servo_ros.messages.units import Units
+from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column, bag_directory
+from hdd_servo_ros.recording.decoding import array_names, stamps_of, values_of
+from hdd_servo_ros.recording.parameter_history import ParameterChange, ParameterHistory
 from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
 
 OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 
 
-def bag_directory(path: Path) -> Path:
-    """
-    Return the bag of a run folder, or the path itself if it is a bag.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is neither.
-    """
-    for candidate in (path / 'bag', path):
-        if (candidate / 'metadata.yaml').is_file():
-            return candidate
-    raise FileNotFoundError(f'{path} is neither a run folder nor a closed bag: no metadata.yaml in it or in its bag/')
-
-
-@dataclasses.dataclass(frozen=True)
-class ParameterChange:
-    """A parameter that was changed during a run; ``tick`` is the first one with the new value."""
-
-    tick: int
-    node: str
-    name: str
-    value: Any
-
-
-class RecordedRun:
+class RecordedRun(Signals):
     """
     A recorded run, opened with :meth:`RecordedRun.open`.
 
@@ -117,9 +80,9 @@ class RecordedRun:
     def __repr__(self) -> str:
         return f'{type(self).__name__}({str(self.path)!r})'
 
-    # What the run says of itself.
+    # Metadata.
 
-    def _said(self, key: str, default: Any) -> Any:
+    def _metadata(self, key: str, default: Any) -> Any:
         return self.description.get(key, self._bag.custom_data.get(key, default))
 
     @property
@@ -140,34 +103,39 @@ class RecordedRun:
     @property
     def frame_id(self) -> str:
         """Name of the drive."""
-        return str(self._said('frame_id', 'unknown'))
+        return str(self._metadata('frame_id', 'unknown'))
+
+    @functools.cached_property
+    def units(self) -> Units:
+        """Units of the drive."""
+        return Units(str(self._metadata('length_unit', 'um')), str(self._metadata('control_unit', 'V')))
 
     @property
     def length_unit(self) -> str:
         """Unit of positions."""
-        return str(self._said('length_unit', 'um'))
+        return self.units.length
 
     @property
     def control_unit(self) -> str:
         """Unit of the control."""
-        return str(self._said('control_unit', 'V'))
+        return self.units.control
 
     @property
     def error_unit(self) -> str:
-        """Unit in which errors are told to people: nm where lengths are in um, else the unit of lengths."""
-        return 'nm' if self.length_unit == 'um' else self.length_unit
+        """Unit in which errors are shown: nm where lengths are in um, else the unit of lengths."""
+        return self.units.error
 
     @property
     def error_factor(self) -> float:
         """Factor from the unit of lengths to :attr:`error_unit`."""
-        return 1e3 if self.length_unit == 'um' else 1.0
+        return self.units.error_factor
 
     @functools.cached_property
     def sample_time(self) -> float:
-        """T [s]; of a bag that does not tell, the smallest step between two stamps of `/clock`."""
-        said = self._said('sample_time', None)
-        if said is not None:
-            return float(said)
+        """T [s]; of a bag without metadata, the smallest step between two stamps of `/clock`."""
+        recorded = self._metadata('sample_time', None)
+        if recorded is not None:
+            return float(recorded)
         topic = next((name for name in (CLOCK.name, *self._topics) if self.counts.get(name, 0) > 1), None)
         if topic is None:
             raise BagError(f'{self.path}: the sample time is not known: no topic of the loop has two messages')
@@ -207,7 +175,7 @@ class RecordedRun:
         Raises
         ------
         BagError
-            If there is none, or a stamp is no tick's.
+            If there is none, or a stamp is not that of a tick.
         """
         present = [name for name, count in self.counts.items() if count]
         if not present:
@@ -233,16 +201,6 @@ class RecordedRun:
     def time(self) -> NDArray[np.float64]:
         """Time of each tick [s], shape (n,)."""
         return self.ticks * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
-
-    @property
-    def duration(self) -> float:
-        """Time of the last tick [s]."""
-        return float(self.time[-1])
-
-    def since(self, time: float) -> slice:
-        """Return the rows from ``time`` [s] on."""
-        # Half a microsecond lets a tick at that very time count, whatever its last bit.
-        return slice(int(np.searchsorted(self.time, time - 0.5e-6)), len(self.ticks))
 
     # Signals.
 
@@ -272,64 +230,17 @@ class RecordedRun:
         """Return whether the bag holds messages of a topic of the loop."""
         return any(topic in (name, self._topics[name]) and count > 0 for name, count in self.counts.items())
 
-    @property
-    def reference(self) -> NDArray[np.float64]:
-        """Desired position, velocity and acceleration [um, um/s, um/s^2], shape (n, 3)."""
-        return self[REFERENCE.name]
-
-    @property
-    def head(self) -> NDArray[np.float64]:
-        """True head position [um], velocity [um/s] and pivot friction [V], shape (n, 3)."""
-        return self[HEAD.name]
-
-    @property
-    def ldv(self) -> NDArray[np.float64]:
-        """Displacement and velocity output of the vibrometer [V], 0; shape (n, 3)."""
-        return self[LDV.name]
-
-    @property
-    def control(self) -> NDArray[np.float64]:
-        """Command, command before saturation, and its feedback part [V], shape (n, 3)."""
-        return self[CONTROL.name]
-
-    @functools.cached_property
-    def estimates(self) -> Mapping[str, NDArray[np.float64]]:
-        """The controller's inner state by name, each of shape (n,); another name's KeyError says what there is."""
-        columns = dict(zip(self.estimate_names, self[ESTIMATES.name].T, strict=True))
-        return _Estimates(columns, self.path)
-
     @functools.cached_property
     def estimate_names(self) -> tuple[str, ...]:
         """Names of the columns of ``run['estimates']``."""
-        payloads = self.column(ESTIMATES.name).payloads
-        return array_names_and_offset(bytes(payloads[0]))[0] if len(payloads) else ()
-
-    @property
-    def desired_position(self) -> NDArray[np.float64]:
-        """x_d [um]."""
-        return self.reference[:, 0]
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """True head position [um]."""
-        return self.head[:, 0]
-
-    @functools.cached_property
-    def error(self) -> NDArray[np.float64]:
-        """Tracking error, x - x_d of the head's true position [um]."""
-        return self.position - self.desired_position
-
-    @property
-    def command(self) -> NDArray[np.float64]:
-        """U, held over the sample after its tick [V]."""
-        return self.control[:, 0]
-
-    @property
-    def feedback(self) -> NDArray[np.float64]:
-        """Feedback part of the command, before any compensation [V]."""
-        return self.control[:, 2]
+        return array_names(self.column(ESTIMATES.name))
 
     # Messages of any topic, and parameters.
+
+    def messages_by_topic(self) -> dict[str, tuple[NDArray[np.int64], list[bytes]]]:
+        """Return for every topic of the bag, by full name, the receive times [ns], shape (n,), and the n payloads."""
+        columns = {topic: self._bag.column(topic) for topic in self._bag.types}
+        return {topic: (column.times, column.as_bytes()) for topic, column in columns.items()}
 
     def messages(self, topic: str) -> list[tuple[int, Any]]:
         """
@@ -355,18 +266,14 @@ class RecordedRun:
         return list(zip(column.times.tolist(), messages, strict=True))
 
     @functools.cached_property
-    def parameter_changes(self) -> list[ParameterChange]:
-        """The parameters that were changed during the run, in order."""
-        if PARAMETER_EVENTS not in self._bag.types:
-            return []
-        period = sample_time_to_nanoseconds(self.sample_time)
-        changes = []
-        for _, event in self.messages(PARAMETER_EVENTS):
-            time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
-            for parameter in event.changed_parameters:
-                value = _plain(parameter.value)
-                changes.append(ParameterChange(-(-time // period), event.node, parameter.name, value))
-        return sorted(changes, key=lambda change: change.tick)
+    def _parameter_history(self) -> ParameterHistory:
+        nodes = self.description.get('nodes', {})
+        return ParameterHistory(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time))
+
+    @property
+    def parameter_changes(self) -> Sequence[ParameterChange]:
+        """The parameters that were changed during the run, in the order of their ticks."""
+        return self._parameter_history.changes
 
     def parameter(self, node: str, name: str, tick: int | None = None) -> Any:
         """
@@ -386,24 +293,9 @@ class RecordedRun:
         LookupError
             If the run knows no such node or parameter, or the tick lies outside the run.
         """
-        nodes: dict[str, Any] = self.description.get('nodes', {})
-        full_name = next(
-            (full for full in nodes if node.strip('/') in (full.strip('/'), full.rsplit('/', 1)[-1])), None
-        )
-        if full_name is None:
-            raise LookupError(f'{self.path}: no node {node!r} in run.yaml; it has {", ".join(nodes) or "none"}')
-        parameters: dict[str, Any] = nodes[full_name]['parameters']
-        if name not in parameters:
-            similar = difflib.get_close_matches(name, parameters, n=1)
-            hint = f'; did you mean {similar[0]}?' if similar else ''
-            raise LookupError(f'{self.path}: {full_name} has no parameter {name!r}{hint}')
         if tick is not None and not 0 <= tick <= self.last_tick:
             raise LookupError(f'{self.path}: tick {tick} lies outside the run, which has ticks 0 to {self.last_tick}')
-        value = parameters[name]
-        for change in self.parameter_changes:
-            if (change.node, change.name) == (full_name, name) and (tick is None or change.tick <= tick):
-                value = change.value
-        return value
+        return self._parameter_history.value(node, name, tick)
 
     # Decoding.
 
@@ -446,15 +338,12 @@ class RecordedRun:
     def _missing(self, topic: str) -> '_MissingTopic':
         return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
 
+    def _missing_estimate(self, text: str) -> KeyError:
+        return _MissingTopic(f'{self.path}: {text}')
+
     def _stamps(self, name: str, column: Column) -> NDArray[np.int64]:
         """Return the time that the messages themselves carry [ns]."""
-        kind = self._bag.types[self._topics[name]]
-        if kind == ARRAY_TYPE:
-            return np.rint(_array_values(column)[:, 0] * NANOSECONDS).astype(np.int64)
-        heads = _rows(column, slice(STAMP.start, STAMP.stop))
-        stamps = np.ascontiguousarray(heads).view([('s', '<i4'), ('ns', '<u4')])[:, 0]
-        times: NDArray[np.int64] = stamps['s'].astype(np.int64) * NANOSECONDS + stamps['ns']
-        return times
+        return stamps_of(column, self._bag.types[self._topics[name]])
 
     def _to_ticks(self, name: str, times: NDArray[np.int64]) -> NDArray[np.int64]:
         ticks, rest = np.divmod(times, sample_time_to_nanoseconds(self.sample_time))
@@ -485,14 +374,7 @@ class RecordedRun:
                 raise BagError(f'{self.path}: no message on {self._topics[name]}')
             all_ticks, first = np.unique(self._to_ticks(name, stamps), return_index=True)
             rows = first[np.searchsorted(all_ticks, ticks)]
-        kind = self._bag.types[self._topics[name]]
-        values: NDArray[Any]
-        if kind == CLOCK_TYPE:
-            values = stamps
-        elif kind == ARRAY_TYPE:
-            values = _array_values(column)
-        else:
-            values = np.ascontiguousarray(_rows(column, slice(-24, None))).view('<f8')
+        values = values_of(column, self._bag.types[self._topics[name]])
         values = values if rows is None else values[rows]
         values.flags.writeable = False
         return values
@@ -505,21 +387,10 @@ class _MissingTopic(KeyError, BagError):
         return str(self.args[0])
 
 
-class _Estimates(dict[str, NDArray[np.float64]]):
-    """The estimates of a run by name."""
-
-    def __init__(self, columns: Mapping[str, NDArray[np.float64]], path: Path) -> None:
-        super().__init__(columns)
-        self._path = path
-
-    def __missing__(self, name: str) -> NDArray[np.float64]:
-        raise _MissingTopic(f'{self._path}: no estimate {name!r}; there are {", ".join(self) or "none"}')
-
-
 def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:
     """Return the loop's topics of a bag that has no ``run.yaml``: those with the right last name and type."""
     found: dict[str, list[str]] = {}
-    for topic in (*LOOP_TOPICS, DISTURBANCE):
+    for topic in ALL_LOOP_TOPICS:
         for name, kind in bag.types.items():
             parent, _, own = name.rpartition('/')
             if own == topic.name and kind == topic.type_name and namespace in (None, parent, parent or '/'):
@@ -528,31 +399,3 @@ def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:
         if len(names) > 1:
             raise BagError(f'{bag.path}: {" and ".join(names)}: say which by namespace')
     return {name: names[0] for name, names in found.items()}
-
-
-def _rows(column: Column, part: slice) -> NDArray[np.uint8]:
-    """Return a part of every payload, shape (n, size)."""
-    if isinstance(column.payloads, list):
-        parts = [payload[part] for payload in column.payloads]
-        return np.frombuffer(b''.join(parts), dtype=np.uint8).reshape(len(parts), -1)
-    return column.payloads[:, part]
-
-
-def _array_values(column: Column) -> NDArray[np.float64]:
-    """Return the elements of labelled arrays, shape (n, m)."""
-    payloads = column.payloads
-    if isinstance(payloads, list):
-        raise BagError('the arrays on a topic are of different length')
-    if not len(payloads):
-        return np.zeros((0, 1))
-    _, offset = array_names_and_offset(payloads[0].tobytes())
-    return np.ascontiguousarray(payloads[:, offset:]).view('<f8')
-
-
-def _plain(value: Any) -> Any:
-    """Return what a ``rcl_interfaces/ParameterValue`` holds as plain Python."""
-    field = PARAMETER_VALUE_FIELDS.get(int(value.type))
-    content = None if field is None else getattr(value, field)
-    if isinstance(content, np.ndarray):
-        return content.tolist()
-    return list(content) if isinstance(content, list) else content

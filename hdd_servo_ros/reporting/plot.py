@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from hdd_servo_ros.recording.bag_reader import Signals
+from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.reporting.summary import NOT_ADAPTED, OPEN_LOOP
 
 _CLOSE_UP = 0.03
@@ -78,7 +78,7 @@ def plot_run(signals: Signals, run: dict[str, Any], path: Path) -> None:
 
 def _draw_estimates(axis: Axes, signals: Signals, window: slice) -> None:
     drawn = 0
-    for name, column in zip(signals.estimate_names, signals.estimates.T, strict=True):
+    for name, column in signals.estimates.items():
         largest = np.abs(column).max()
         if name in NOT_ADAPTED or not np.any(column != column[0]) or drawn == _ESTIMATES:
             continue

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
+from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.parameters import declarations, from_mapping
-from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hdd_servo_ros.bench.response import read_csv
-from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.reporting.response import CSV, describe
 from hdd_servo_ros.reporting.summary import summary
@@ -15,7 +15,7 @@ def show_run(directory: Path, *, plot: bool) -> None:
         # A sweep follows no reference: what there is to show has been written when it ended.
         print(f'{"response":>16}  {describe(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
         return
-    signals, run = read_signals(directory), read_run_yaml(directory)
+    signals, run = RecordedRun.open(directory), read_run_yaml(directory)
     print(summary(signals, run, directory))
     if plot:
         from hdd_servo_ros.reporting.plot import plot_run

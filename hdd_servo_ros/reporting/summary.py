@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.reporting.saturation import saturation_line
 
 NOT_ADAPTED = ('t', 'r', 'e')
@@ -75,10 +75,9 @@ def summary(signals: Signals, run: dict[str, Any], directory: Path) -> str:
 
 
 def _estimates(signals: Signals) -> str:
-    last = signals.estimates[-1]
     shown = [
-        f'{name} {value:.4g}'
-        for name, value, column in zip(signals.estimate_names, last, signals.estimates.T, strict=True)
-        if name not in NOT_ADAPTED and np.any(column != column[0])
+        f'{name} {values[-1]:.4g}'
+        for name, values in signals.estimates.items()
+        if name not in NOT_ADAPTED and np.any(values != values[0])
     ]
     return ', '.join(shown) or 'none'

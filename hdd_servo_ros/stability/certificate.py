@@ -7,7 +7,6 @@ V needs all weights at every tick: the controller is replayed for them
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.control.input_shaping import STATE_SIZE, fill_shaped
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
+from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.stability.bounds import (
     Bounds,
     Check,
@@ -39,38 +39,6 @@ FRICTION_CHECK = '|h - sigma v| + d*  (4.14)'
 SAMPLE_CHECK = 'V after a sample  (4.29)'
 ASSUMED = (FRICTION_CHECK, SAMPLE_CHECK)
 """What the theorem assumes or derives for continuous time; the other checks are its bounds."""
-
-
-class Signals(Protocol):
-    """The signals of a run from tick 0 on, one row a tick, as a bag or an experiment gives them."""
-
-    @property
-    def time(self) -> Array:
-        """Time of each tick [s]."""
-
-    @property
-    def reference(self) -> Array:
-        """x_d, dx_d and ddx_d."""
-
-    @property
-    def head(self) -> Array:
-        """True position [um], velocity [um/s] and friction [V]."""
-
-    @property
-    def ldv(self) -> Array:
-        """Displacement and velocity output [V]."""
-
-    @property
-    def control(self) -> Array:
-        """Voltage, the same before the limit, its feedback part [V]."""
-
-    @property
-    def estimates(self) -> Array:
-        """The controller's estimates, named by ``estimate_names``."""
-
-    @property
-    def estimate_names(self) -> tuple[str, ...]:
-        """Names of the estimates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,7 +123,7 @@ def certify(
     """
     mass = 1.0 / plant.rigid_gain
     x, v, friction = signals.head[:, :3].T
-    columns = dict(zip(signals.estimate_names, signals.estimates.T, strict=True))
+    columns = signals.estimates
     e = x - _shaped_reference(signals, controller, sample_time)
     r = v - signals.reference[:, 1] + controller.error_filter_lambda * e
     r = r + controller.integral_gain * columns['integral']
@@ -175,7 +143,7 @@ def certify(
         signals.reference,
         signals.ldv,
         signals.control,
-        signals.estimates,
+        signals['estimates'],
     )
     for piece, weights, compensator in pieces:
         for kind, ideal in ideals.items():
@@ -274,7 +242,7 @@ def conditions(
     certificates: Sequence[Certificate],
 ) -> tuple[Condition, ...]:
     """Return what theorem 4.1 takes for granted, and whether the run keeps it."""
-    columns = dict(zip(signals.estimate_names, signals.estimates.T, strict=True))
+    columns = signals.estimates
     r = certificates[0].r
     off = float(np.abs(columns['r'] - r).max())
     clipped = np.abs(columns['r']) > controller.r_limit if controller.r_limit > 0.0 else np.zeros(len(r), dtype=bool)

@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.messages.topics import DISTURBANCE, PARAMETER_EVENTS
 from hdd_servo_ros.parameters import ParameterError, with_tuples
-from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.stability.certificate import Certificate, Condition, certify, conditions
 from hdd_servo_ros.stability.weight_replay import ReplayError
@@ -85,7 +85,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     plant = block_parameters(DRIVE, with_tuples(nodes[DRIVE]['parameters']))
     sensor = block_parameters(SENSOR, with_tuples(nodes[SENSOR]['parameters']))
     scales = sensor_scales(input_parameters(CONTROLLER, of_controller), sensor)
-    signals = read_signals(directory)
+    signals = RecordedRun.open(directory)
     sample_time = float(run['sample_time'])
     certificates = certify(signals, sample_time, plant, controller, dsp, scales, extra_disturbance or 0.0)
     kept = conditions(signals, sample_time, plant, controller, dsp, certificates)
@@ -96,7 +96,7 @@ def _changed_nodes(directory: Path) -> set[str]:
     """Return the nodes whose parameters changed during the run."""
     payloads = [
         payload
-        for topic, (_, messages) in read_messages(directory).items()
+        for topic, (_, messages) in RecordedRun.open(directory).messages_by_topic().items()
         if topic == PARAMETER_EVENTS
         for payload in messages
     ]

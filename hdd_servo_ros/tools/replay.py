@@ -16,8 +16,8 @@ from hdd_servo_ros.parameters import ParameterError, Value
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule
 from hdd_servo_ros.recording.bag_columns import BagError
-from hdd_servo_ros.recording.bag_reader import recorded_changes
 from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.parameter_history import recorded_changes
 from hdd_servo_ros.recording.run_folder import git_revision, read_run_yaml, versions
 
 TIMER = 'deterministic_timer'

@@ -13,7 +13,6 @@ from hdd_servo_ros.graph.controller_loader import load_controller, snake_case
 from hdd_servo_ros.graph.help import PURPOSE
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
-from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.simulation.simulate import Simulation, simulate
 
@@ -242,7 +241,7 @@ def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
     law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
     made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
     exit_code, directory = simulate(made, progress=False)
-    ticks = len(read_signals(directory).time)
+    ticks = len(Run.open(directory).time)
     errors = capsys.readouterr().err
     if not said:
         assert (exit_code, ticks) == (0, 501)
@@ -260,7 +259,7 @@ def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, 
     exit_code, directory = simulate(made, progress=False)
     assert exit_code == 1
     assert 'spring: update raised AssertionError' in capsys.readouterr().err
-    assert len(read_signals(directory).time) == 300
+    assert len(Run.open(directory).time) == 300
     assert [change.tick for change in Run.open(directory).parameter_changes] == [100]
 
 

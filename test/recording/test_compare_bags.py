@@ -1,9 +1,9 @@
 import pytest
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.compare_bags import first_difference, main
 
@@ -88,11 +88,11 @@ def test_of_two_the_earlier_tick_then_the_earlier_topic(tmp_path):
 
 
 def test_signals(tmp_path):
-    signals = read_signals(bag(tmp_path / 'a'))
+    signals = Run.open(bag(tmp_path / 'a'))
     assert signals.time.tolist() == [0.0, 1e-4, 2e-4, 3e-4, 4e-4]
     assert signals.head[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert signals.estimate_names == ('t', 'r')
-    assert signals.estimates[:, 1].tolist() == [0.5] * 5
+    assert signals.estimates['r'].tolist() == [0.5] * 5
 
 
 @pytest.mark.parametrize(
@@ -104,10 +104,11 @@ def test_signals(tmp_path):
     ],
 )
 def test_a_bag_that_is_no_run_is_refused(tmp_path, arguments, match):
+    run = Run.open(bag(tmp_path / 'a', **arguments))
     with pytest.raises(ValueError, match=match):
-        read_signals(bag(tmp_path / 'a', **arguments))
+        [run[topic.name] for topic in LOOP_TOPICS]
 
 
 def test_no_bag(tmp_path):
     with pytest.raises(FileNotFoundError, match='neither a run folder nor a closed bag'):
-        read_signals(tmp_path)
+        Run.open(tmp_path)

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from hdd_servo_ros.recording.bag_reader import read_messages
+from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recovery import Recovery, RecoveryError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
@@ -57,7 +57,7 @@ def assert_mended(run, original, last_tick):
     said = read_run_yaml(run)
     assert (said['status'], said['last_tick']) == ('recovered', last_tick)
     assert f'recovered up to tick {last_tick}' in said['reason']
-    messages = read_messages(run)
+    messages = Run.open(run).messages_by_topic()
     assert all(len(messages[f'/{topic}'][0]) == last_tick + 1 for topic in TOPICS)
     assert first_difference(original, run, last_tick) is None
     assert len(messages['/parameter_events'][0]) == (last_tick >= 999)

@@ -16,7 +16,6 @@ from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.messages.cdr import VectorCodec
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
-from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.reporting import plot
 from hdd_servo_ros.reporting.panels import Panel, Trace, comparison_panels, run_panels
@@ -317,7 +316,7 @@ def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
     assert len(run_panels(open_loop)[0].traces) == 1
     assert [panel.name for panel in run_panels(sweep)] == ['tracking', 'control', 'estimates']
     assert main([*map(str, (runs['open_loop'], runs['sweep'], runs['nn'])), '--output', str(tmp_path)]) == 0
-    assert 'tracking error' not in summary(read_signals(runs['open_loop']), open_loop.description, tmp_path)
+    assert 'tracking error' not in summary(Run.open(runs['open_loop']), open_loop.description, tmp_path)
 
 
 def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_path, monkeypatch):
@@ -330,7 +329,7 @@ def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_
 
     monkeypatch.setattr(plot, 'Figure', Kept)
     for name in ('nn', 'open_loop'):
-        plot.plot_run(read_signals(runs[name]), Run.open(runs[name]).description, tmp_path / f'{name}.png')
+        plot.plot_run(Run.open(runs[name]), Run.open(runs[name]).description, tmp_path / f'{name}.png')
     rows, rows_of_open_loop = ([axis.get_ylabel() for axis in figure.axes[::2]] for figure in drawn)
     assert rows[1] == 'error [nm]'
     assert rows_of_open_loop == [rows[0], *rows[2:]]

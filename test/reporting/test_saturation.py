@@ -1,9 +1,6 @@
 """Saturation as a bag tells of it, against the blocks' own counts."""
 
-import numpy as np
-
 from hdd_servo_ros.parameters import to_mapping
-from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.reporting.saturation import saturated_ticks, saturation_line
 from hdd_servo_ros.simulation.experiment import Experiment
 
@@ -14,16 +11,7 @@ def run_of(ldv, output):
     """Return signals and run.yaml of half a second under the PID controller, and the experiment."""
     sections = {'ldv_sensor': ldv, 'pid_controller': output}
     experiment = Experiment(T, 'pid', sections)
-    rows = experiment.run(0, 5000)
-    signals = Signals(
-        rows.time,
-        rows.reference,
-        rows.head,
-        np.column_stack((rows.ldv, np.zeros(5000))),
-        rows.control,
-        rows.estimates,
-        rows.estimate_names,
-    )
+    signals = experiment.run(0, 5000)
     nodes = {
         '/bench/ldv_sensor': {'parameters': {**to_mapping(experiment.ldv.parameters), 'sample_time': 0.0}},
         '/bench/pid_controller': {'parameters': to_mapping(experiment.dsp.parameters, 'dsp.')},

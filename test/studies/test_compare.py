@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import yaml
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
 from hdd_servo_ros.graph.controller_loader import load_controller
-from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.studies.compare import Comparison, main
 
@@ -70,7 +70,7 @@ def test_the_table_is_that_of_the_bags(capsys):
     pairs = [(experiment, name) for experiment in ('sine_100_hz', 'step_5_um') for name in ('pid', 'my_controller')]
     assert [(row['experiment'], row['controller']) for row in rows] == pairs
     for row in rows:
-        signals = read_signals(Path('out') / f'{row["experiment"]}-{row["controller"]}')
+        signals = Run.open(Path('out') / f'{row["experiment"]}-{row["controller"]}')
         x_d, x = signals.reference[:, 0], signals.head[:, 0]
         error = 1e3 * (x - x_d)
         assert float(row['peak control, whole run [V]']) == np.abs(signals.control[:, 0]).max()

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.friction.parameters import MODELS
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
-from hdd_servo_ros.recording.bag_reader import read_signals
 from hdd_servo_ros.simulation.simulate import Simulation
 
 PARAMS = Path(__file__).parents[2] / 'params'
@@ -31,7 +31,7 @@ def test_sixteen_modes_respond_as_their_analytic_response(bench, sample_time):
     arguments = ['--params-file', str(file), '-p', 'controller:=open_loop', '-p', f'sample_time:={sample_time}']
     arguments += ['-p', 'amplitude:=0.01', '-p', f'frequency:={frequency}', '-p', 'duration:=0.4', '-p', 'run_dir:=run']
     bench.run('simulate', *arguments)
-    signals = read_signals(bench.directory / 'run')
+    signals = Run.open(bench.directory / 'run')
     late = signals.time > 0.3  # the mode's transient has gone down by exp(-54)
     time = signals.time[late]
     measured = amplitude(time, signals.head[late, 0], frequency) / amplitude(time, signals.control[late, 0], frequency)

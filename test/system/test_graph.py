@@ -10,8 +10,8 @@ from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 HERE = Path(__file__).parent
@@ -62,7 +62,7 @@ def test_two_rigs_side_by_side(bench):
         assert process.wait() == 0, process.output
     assert first_difference(bench.directory / 'run1', bench.directory / 'run2') is None
     for k in (1, 2):
-        topics = set(read_messages(bench.directory / f'run{k}')) - {'/parameter_events'}
+        topics = set(Run.open(bench.directory / f'run{k}').messages_by_topic()) - {'/parameter_events'}
         assert topics == {f'/bench{k}/{topic.name}' for topic in LOOP_TOPICS}
 
 
@@ -70,8 +70,8 @@ def test_nodes_in_a_namespace_with_a_remapped_topic(bench):
     arguments = ('-p', 'duration:=0.05', '-r', '__ns:=/bench1', '-r', 'ldv:=vibrometer')
     for process in bench.start_nodes('run', '-p', 'run_dir:=run', *arguments).values():
         assert process.wait() == 0, process.output
-    assert '/bench1/vibrometer' in read_messages(bench.directory / 'run')
-    assert len(read_signals(bench.directory / 'run').time) == 501
+    assert '/bench1/vibrometer' in Run.open(bench.directory / 'run').messages_by_topic()
+    assert len(Run.open(bench.directory / 'run').time) == 501
 
 
 @pytest.mark.parametrize('composed', [True, False])
@@ -120,9 +120,9 @@ def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed
     for process in processes:
         assert process.wait() == 0, process.output
 
-    signals = read_signals(bench.directory / 'run')
+    signals = Run.open(bench.directory / 'run')
     assert len(signals.time) == 15_001
-    stamps, events = read_messages(bench.directory / 'run')['/parameter_events']
+    stamps, events = Run.open(bench.directory / 'run').messages_by_topic()['/parameter_events']
     changes = [deserialize_message(event, ParameterEvent) for event in events]
     assert [[p.name for p in change.changed_parameters] for change in changes] == [['amplitude', 'frequency']]
     tick = int(stamps[0]) // 100_000
@@ -141,7 +141,7 @@ def test_an_ordinary_ros_node_as_controller(bench):
     processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.05', nodes=nodes)
     for process in processes.values():
         assert process.wait() == 0, process.output
-    signals = read_signals(bench.directory / 'run')
+    signals = Run.open(bench.directory / 'run')
     assert len(signals.time) == 501
     np.testing.assert_array_equal(signals.control[:, 0], -0.01 * signals.ldv[:, 0])
     controller.signal(signal.SIGKILL)
@@ -153,7 +153,7 @@ def test_disturbance_joins_when_its_node_runs(bench):
     processes = bench.start_nodes('run', *arguments)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output
-    messages = read_messages(bench.directory / 'run')
+    messages = Run.open(bench.directory / 'run').messages_by_topic()
     assert len(messages['/disturbance'][0]) == 501
     bench.run('simulate', *arguments, '-p', 'bag_recorder:run_dir:=undisturbed')
     assert 'differs first at tick 1' in first_difference(bench.directory / 'run', bench.directory / 'undisturbed')

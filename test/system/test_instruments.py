@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 PARAMS = Path(__file__).parents[2] / 'params'
@@ -48,7 +48,7 @@ def test_every_effect_in_the_graph_and_in_simulate(bench, controller):
     assert told['rig'] == told['simulate']
     difference = first_difference(bench.directory / 'simulate', bench.directory / 'rig')
     assert difference is None, difference
-    signals = read_signals(bench.directory / 'rig')
+    signals = Run.open(bench.directory / 'rig')
     # The delay: nothing at first; the converter: whole steps.
     assert signals.control[0].tolist() == [0.0, 0.0, 0.0]
     steps = signals.control[:, 0] / (10.0 / 2**15)

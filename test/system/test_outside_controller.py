@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
 
-from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
+from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 ROOT = Path(__file__).parents[2]
@@ -45,7 +45,7 @@ def test_the_same_bits_everywhere(example):
         assert content['controller'] == 'my_controller'
         assert content['controller_class'] == PATH
         assert content['nodes']['/my_controller']['parameters']['spring'] == 0.01
-    signals = read_signals(example.directory / 'rig')
+    signals = Run.open(example.directory / 'rig')
     left = signals.control[:, 0] + 4.0 * signals.ldv[:, 0] - 0.5 * signals.reference[:, 0]
     left += 9.7e-5 * (5000.0 * signals.ldv[:, 1] - signals.reference[:, 1])
     spring = np.where(signals.time < 0.05, 0.01, 0.02)
@@ -69,11 +69,11 @@ def test_by_its_own_executable_with_a_live_change(example):
         assert process.wait() == 0, process.output
     from rcl_interfaces.msg import ParameterEvent
 
-    events = read_messages(example.directory / 'run')['/parameter_events']
+    events = Run.open(example.directory / 'run').messages_by_topic()['/parameter_events']
     ((stamp, message),) = zip(*events, strict=True)
     event = deserialize_message(message, ParameterEvent)
     assert event.node == '/my_controller'
-    signals = read_signals(example.directory / 'run')
+    signals = Run.open(example.directory / 'run')
     # u + k_p e + k_d de of the recorded voltages is the feedforward: none before the event's tick, all from it on.
     e = 8.0 * signals.ldv[:, 0] - signals.reference[:, 0]
     de = 5000.0 * signals.ldv[:, 1] - signals.reference[:, 1]

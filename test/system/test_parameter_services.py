@@ -15,8 +15,8 @@ from rcl_interfaces.srv import (
 )
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, node_declarations
-from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())]
@@ -123,7 +123,7 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
     for process in (run, simulated):
         assert process.wait() == 0, process.output
     assert statistics.median(run.seconds) < 1.0
-    assert len(read_signals(bench.directory / 'run').time) == 30_001
+    assert len(Run.open(bench.directory / 'run').time) == 30_001
     assert first_difference(bench.directory / 'simulated', bench.directory / 'run') is None
 
 
@@ -136,7 +136,7 @@ def test_whatever_clock_a_user_chooses_the_bag_shows_the_tick(bench, run):
         changes = [parameter(name, value, kind)]
         assert run.ask('reference_generator', SetParameters, parameters=changes).results[0].successful
     assert run.wait() == 0, run.output
-    stamps, events = read_messages(bench.directory / 'run')['/parameter_events']
+    stamps, events = Run.open(bench.directory / 'run').messages_by_topic()['/parameter_events']
     names = [deserialize_message(event, ParameterEvent).changed_parameters[0].name for event in events]
     assert names == ['use_sim_time', 'use_sim_time', 'frequency']
     assert all(0 < stamp < 3 * 10**9 for stamp in stamps)

@@ -18,9 +18,9 @@ import yaml
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
+from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.recording.bag_reader import read_messages, read_signals
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.testing.domain import take_domain
 
@@ -216,7 +216,7 @@ def test_each_node_by_its_own_command(ros2):
     commands = [ros2.run(name, *arguments, '-p', 'run_dir:=run') for name in LOOP_NODES]
     for command in commands:
         assert command.wait() == 0, command.output
-    assert len(read_signals(ros2.directory / 'run').time) == 201
+    assert len(Run.open(ros2.directory / 'run').time) == 201
 
 
 def test_refused_at_the_start(ros2):
@@ -257,7 +257,7 @@ def test_looking_at_topics_and_interrupting(ros2):
     content = ros2.run_yaml('run')
     assert content['status'] == 'interrupted'
     assert 'SIGINT' in content['reason']
-    assert len(read_signals(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1
+    assert len(Run.open(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1
 
 
 def test_interrupting_a_node_that_waits(ros2):
@@ -300,9 +300,9 @@ def test_parameters_during_a_run(ros2):
     rig.interrupt()
     assert rig.wait() == 130, rig.output
 
-    signals = read_signals(ros2.directory / 'run')
+    signals = Run.open(ros2.directory / 'run')
     last_tick = len(signals.time) - 1
-    stamps, events = read_messages(ros2.directory / 'run')['/parameter_events']
+    stamps, events = Run.open(ros2.directory / 'run').messages_by_topic()['/parameter_events']
     changes = [deserialize_message(event, ParameterEvent).changed_parameters[0].name for event in events]
     assert changes == ['use_sim_time', 'use_sim_time', 'frequency']
     tick = int(stamps[-1]) // 100_000
@@ -403,4 +403,4 @@ def test_interrupting_a_launch(ros2):
     assert launch.wait() == 1, launch.output
     content = ros2.run_yaml('run')
     assert content['status'] == 'interrupted'
-    assert len(read_signals(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1
+    assert len(Run.open(ros2.directory / 'run').time) == content['last_tick'] + 1 > 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hdd_servo_ros.recording.bag_reader import read_messages
+from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 TICKS = 2000
@@ -32,7 +32,9 @@ def assert_same(left, right):
     difference = first_difference(left, right)
     assert difference is None, difference
     assert all(
-        len(stamps) == TICKS + 1 for name, (stamps, _) in read_messages(left).items() if name != '/parameter_events'
+        len(stamps) == TICKS + 1
+        for name, (stamps, _) in Run.open(left).messages_by_topic().items()
+        if name != '/parameter_events'
     )
 
 
@@ -102,7 +104,7 @@ def test_same_on_every_python_and_machine(bench, controller):
     run = simulate(bench, controller)
     digests = {
         name: hashlib.sha256(b''.join(payloads)).hexdigest()
-        for name, (_, payloads) in read_messages(run).items()
+        for name, (_, payloads) in Run.open(run).messages_by_topic().items()
         if name != '/parameter_events'
     }
     golden = yaml.safe_load(GOLDEN.read_text())

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hdd_servo_ros.recording.bag_reader import read_messages, recorded_changes
+from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.parameter_history import recorded_changes
 
 HERE = Path(__file__).parent
 DURATION = ('-p', 'duration:=0.1')
@@ -110,7 +111,7 @@ def test_a_live_tuning_session_is_replayed(bench):
     assert code == 0, text
     last_tick = bench.run_yaml('run')['last_tick']
     assert f'the same bits on every topic, ticks 0 to {last_tick}' in text
-    assert '/bench7/truth' in read_messages(bench.directory / 'again')
+    assert '/bench7/truth' in Run.open(bench.directory / 'again').messages_by_topic()
     code, text = replay(bench, 'run', '--without-ros')
     assert code == 0, text
     # It is the changes that make it the same run: without one of them, the control parts at its tick.

@@ -8,8 +8,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
 
-from hdd_servo_ros.recording.bag_reader import recorded_changes
 from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.parameter_history import recorded_changes
 
 HERE = Path(__file__).parent
 DURATION = ('-p', 'duration:=0.1')

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Vector3Stamped
 
-from hdd_servo_ros.recording.bag_reader import read_signals
+from hdd_servo_ros import Run
 
 HERE = Path(__file__).parent
 SLOW = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=10.0')
@@ -37,7 +37,7 @@ def expect_bag(bench, run='run'):
     content = bench.run_yaml(run)
     assert content['status'] == 'failed'
     assert content['reason']
-    signals = read_signals(bench.directory / run)
+    signals = Run.open(bench.directory / run)
     assert len(signals.time) == content['last_tick'] + 1
     return content
 
@@ -109,7 +109,7 @@ def test_parameters_set_before_the_run_are_in_run_yaml(bench):
     for process in processes.values():
         assert process.wait() == 0, process.output
     assert bench.run_yaml('run')['nodes']['/reference_generator']['parameters']['frequency'] == 250.0
-    slope = read_signals(bench.directory / 'run').reference[0, 1]
+    slope = Run.open(bench.directory / 'run').reference[0, 1]
     assert slope == pytest.approx(2.0 * 2.0 * 3.141592653589793 * 250.0)
 
 
@@ -225,7 +225,7 @@ def test_interrupted_rig(bench, number, code):
     content = bench.run_yaml('run')
     assert content['status'] == 'interrupted'
     assert signal.Signals(number).name in content['reason']
-    assert len(read_signals(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
+    assert len(Run.open(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
 
 
 @pytest.mark.parametrize('who', ['bag_recorder', 'vcm_plant', 'all'])
@@ -239,7 +239,7 @@ def test_interrupted_processes(bench, who):
         assert process.wait(7.0) == 130, process.output
     content = bench.run_yaml('run')
     assert content['status'] == 'interrupted'
-    assert len(read_signals(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
+    assert len(Run.open(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
 
 
 def test_killed_rig_leaves_a_readable_bag(bench):
@@ -253,4 +253,4 @@ def test_killed_rig_leaves_a_readable_bag(bench):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     assert bench.run_yaml('run')['status'] == 'running'  # never looks complete
-    assert len(read_signals(bench.directory / 'run').time) > 1
+    assert len(Run.open(bench.directory / 'run').time) > 1

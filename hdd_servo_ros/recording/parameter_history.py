@@ -1,0 +1,95 @@
+"""The parameters of a recorded run, and how they changed while it went on."""
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hdd_servo_ros.messages.ticks import NANOSECONDS
+from hdd_servo_ros.messages.topics import PARAMETER_EVENTS
+from hdd_servo_ros.parameters.events import NodeChange, deserialized_event, unpack_parameter_event, unpack_value
+from hdd_servo_ros.recording.bag_columns import Bag, bag_directory
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterChange:
+    """A parameter that was changed during a run; ``tick`` is the first one with the new value."""
+
+    tick: int
+    node: str
+    name: str
+    value: Any
+
+
+def recorded_changes(path: Path) -> list[NodeChange]:
+    """
+    Return the parameter changes in the bag of a run, in the order in which they were recorded.
+
+    Parameters
+    ----------
+    path
+        Run folder or bag.
+    """
+    return [unpack_parameter_event(message) for message in _events(Bag(bag_directory(path)))]
+
+
+def _events(bag: Bag) -> list[bytes]:
+    return bag.column(PARAMETER_EVENTS).as_bytes() if PARAMETER_EVENTS in bag.types else []
+
+
+class ParameterHistory:
+    """
+    The value of every parameter at every tick of a run.
+
+    Parameters
+    ----------
+    bag
+        The run's bag, with its parameter events.
+    nodes
+        ``nodes`` of ``run.yaml``: by full name, with the ``parameters`` at tick 0.
+    sample_time_ns
+        T [ns].
+    """
+
+    def __init__(self, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int) -> None:
+        self._path = bag.path
+        self._nodes = nodes
+        changes = []
+        for message in _events(bag):
+            event = deserialized_event(message)
+            tick = -(-(event.stamp.sec * NANOSECONDS + event.stamp.nanosec) // sample_time_ns)
+            for parameter in event.changed_parameters:
+                changes.append(ParameterChange(tick, event.node, parameter.name, _plain(unpack_value(parameter.value))))
+        self.changes: Sequence[ParameterChange] = sorted(changes, key=lambda change: change.tick)
+        """All changes, in the order of their ticks."""
+
+    def value(self, node: str, name: str, tick: int | None = None) -> Any:
+        """
+        Return the value that was in force at a tick, the last one if None.
+
+        Raises
+        ------
+        LookupError
+            If the run knows no such node or parameter.
+        """
+        full_name = next(
+            (full for full in self._nodes if node.strip('/') in (full.strip('/'), full.rsplit('/', 1)[-1])), None
+        )
+        if full_name is None:
+            raise LookupError(f'{self._path}: no node {node!r} in run.yaml; it has {", ".join(self._nodes) or "none"}')
+        parameters: Mapping[str, Any] = self._nodes[full_name]['parameters']
+        if name not in parameters:
+            similar = difflib.get_close_matches(name, parameters, n=1)
+            hint = f'; did you mean {similar[0]}?' if similar else ''
+            raise LookupError(f'{self._path}: {full_name} has no parameter {name!r}{hint}')
+        value = parameters[name]
+        for change in self.changes:
+            if (change.node, change.name) == (full_name, name) and (tick is None or change.tick <= tick):
+                value = change.value
+        return value
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as ``run.yaml`` holds it."""
+    return list(value) if isinstance(value, tuple) else value
