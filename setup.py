@@ -20,6 +20,7 @@ NODES = (
     'reference_generator',
     'deterministic_timer',
     'signal_analyzer',
+    'playback',
     'bag_recorder',
     'rig',
 )

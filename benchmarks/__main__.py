@@ -28,7 +28,8 @@ from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.simulation.simulate import Packer, Simulation
+from hdd_servo_ros.simulation.packing import Packer
+from hdd_servo_ros.simulation.run_setup import Simulation
 
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'

@@ -42,14 +42,14 @@ class Process:
         """What it has printed so far."""
         return self._log.read_text(errors='replace')
 
-    def wait(self, timeout: float = 40.0) -> int:
+    def wait(self, timeout: float = 100.0) -> int:
         """Return its exit code; fails the test, with its output, if it does not end in time."""
         try:
             return self.popen.wait(timeout)
         except subprocess.TimeoutExpired:
             pytest.fail(f'{self.name} did not end within {timeout} s; it said:\n{self.output}')
 
-    def wait_for(self, text: str, timeout: float = 40.0) -> None:
+    def wait_for(self, text: str, timeout: float = 100.0) -> None:
         """Wait until it has printed ``text``."""
         deadline = time.monotonic() + timeout
         while text not in self.output:
@@ -154,7 +154,8 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 def simulated() -> Callable[..., Path]:
     """Record a run without middleware, in this process: ``simulated(directory, '-p', 'duration:=0.2', ...)``."""
     from hdd_servo_ros.parameters.files import parse_ros_arguments
-    from hdd_servo_ros.simulation.simulate import Simulation, simulate
+    from hdd_servo_ros.simulation.run_setup import Simulation
+    from hdd_servo_ros.simulation.simulate import simulate
 
     def run(directory: Path, *ros_arguments: str) -> Path:
         arguments = ['--ros-args', '--params-file', str(DEFAULT), '-p', f'run_dir:={directory}', *ros_arguments]

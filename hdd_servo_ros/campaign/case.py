@@ -10,7 +10,7 @@ from typing import Any
 import hdd_servo_ros
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
-from hdd_servo_ros.simulation.simulate import Simulation
+from hdd_servo_ros.simulation.run_setup import Simulation
 from hdd_servo_ros.version import __version__
 
 _NOT_COMPARED = {

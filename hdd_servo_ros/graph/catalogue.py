@@ -15,6 +15,7 @@ from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
 from hdd_servo_ros.parameters.run_parameters import (
     DriveNameParameters,
     PeerParameters,
+    PlaybackParameters,
     RecorderParameters,
     RigParameters,
     SampleTimeParameters,
@@ -42,6 +43,7 @@ NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
     'pid_controller': (*_EVERY_CONTROLLER, PidParameters),
     'open_loop_controller': (*_EVERY_CONTROLLER, OpenLoopParameters),
     'signal_analyzer': (*_EVERY_CONTROLLER, SignalAnalyzerParameters),
+    'playback': (*_EVERY_NODE, PlaybackParameters),
     'bag_recorder': (*_EVERY_NODE, RecorderParameters),
     'rig': (RigParameters,),
     'simulate': (RigParameters,),

@@ -15,6 +15,7 @@ PURPOSE = {
     'pid_controller': 'The conventional PID controller, the baseline.',
     'open_loop_controller': 'Drives the plant open loop: the voltage is x of /reference.',
     'signal_analyzer': "Sweeps a sine through the drive and writes its frequency response, in a controller's place.",
+    'playback': 'Publishes the optional topics of a recorded run, such as /disturbance, again in another run.',
     'bag_recorder': 'Writes every topic of the run into a rosbag2 bag, and run.yaml beside it.',
     'rig': 'The whole graph in one process: runs the experiment, records it, sums it up and plots it.',
     'simulate': 'The same experiment as rig without middleware: the same parameters, the same bag, much faster.',

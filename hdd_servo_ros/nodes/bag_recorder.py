@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.scope_blocks import Block, make_block
-from hdd_servo_ros.messages.topics import DISTURBANCE, LOOP_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
+from hdd_servo_ros.messages.topics import LOOP_TOPICS, OPTIONAL_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
@@ -45,7 +45,7 @@ class BagRecorder(LoopNode):
             [RecorderParameters],
             [Input(topic) for topic in LOOP_TOPICS],
             [RECORDED],
-            optional_inputs=[Input(DISTURBANCE)],
+            optional_inputs=[Input(topic) for topic in OPTIONAL_TOPICS],
         )
         self._separate_process = separate_process
         self._recorder: RunRecorder | None = None

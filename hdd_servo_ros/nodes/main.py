@@ -39,16 +39,20 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
     int
         Exit code: 0 finished, 1 failed, 2 wrong arguments or parameters, 128 + signal number when interrupted.
     """
-    return run_nodes(name, lambda: [make()], arguments)
+    return run_nodes(name, lambda _: [make()], arguments)
 
 
 def run_nodes(
     name: str,
-    make: Callable[[], Sequence[LoopNode]],
+    make: Callable[[RosArguments], Sequence[LoopNode]],
     arguments: Sequence[str] | None = None,
     others: Sequence[Node] = (),
 ) -> int:
-    """Run several loop nodes in this process, and serve the ``others`` that ``make`` adds; see :func:`run_node`."""
+    """
+    Run several loop nodes in this process, and serve the ``others`` that ``make`` adds; see :func:`run_node`.
+
+    ``make`` gets the command line, by which it may choose the nodes.
+    """
     command_line = list(sys.argv if arguments is None else arguments)
     use_udp_alone(os.environ)
     try:
@@ -63,7 +67,7 @@ def run_nodes(
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
-        nodes = make()
+        nodes = make(given)
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)

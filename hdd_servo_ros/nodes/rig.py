@@ -17,13 +17,18 @@ from hdd_servo_ros.nodes.main import run_nodes
 from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.nodes.pid_controller import PidController
+from hdd_servo_ros.nodes.playback import PlaybackNode
 from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
 from hdd_servo_ros.nodes.signal_analyzer import SignalAnalyzerNode
 from hdd_servo_ros.nodes.vcm_plant import VcmPlant
+from hdd_servo_ros.parameters.files import RosArguments
 from hdd_servo_ros.parameters.run_parameters import RigParameters, TimerParameters, last_tick_of_run
+from hdd_servo_ros.recording.playback import PARAMETER
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode, last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
+
+PLAYBACK = 'playback'
 
 CONTROLLER_NODES: dict[str, Callable[[], ControllerNode]] = {
     'adaptive_nn': AdaptiveNnController,
@@ -44,7 +49,7 @@ def controller_node(name: str) -> Callable[[], ControllerNode]:
 class Rig:
     """The nodes of the graph, in the order in which data flows through a tick."""
 
-    def __init__(self) -> None:
+    def __init__(self, arguments: RosArguments) -> None:
         # It has no part in the loop; its parameters can be asked for like any node's.
         self.node = ParameterNode('rig')
         given = NodeParameters(self.node, [RigParameters])
@@ -60,6 +65,8 @@ class Rig:
             LdvSensor(),
             controller(),
         ]
+        if arguments.parameters_of(PLAYBACK).get(PARAMETER):
+            self.nodes.insert(1, PlaybackNode())
         # At once: the peers would find it out as well, but only when all are there.
         last_tick_of_run(
             timer.parameters[TimerParameters],
@@ -87,8 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rigs: list[Rig] = []
     others: list[Node] = []
 
-    def make() -> Sequence[LoopNode]:
-        rigs.append(Rig())
+    def make(given: RosArguments) -> Sequence[LoopNode]:
+        rigs.append(Rig(given))
         others.append(rigs[0].node)
         return rigs[0].nodes
 

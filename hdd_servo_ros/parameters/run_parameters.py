@@ -157,6 +157,18 @@ class RecorderParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
+class PlaybackParameters(ParameterSet):
+    """Parameters of `playback`."""
+
+    recorded_run: str = parameter(
+        '',
+        'folder of a recorded run whose optional topics, such as /disturbance, are published again in this run; empty '
+        'for none',
+        read_only=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
 class DriveNameParameters(ParameterSet):
     """The drive's name."""
 

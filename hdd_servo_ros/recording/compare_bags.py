@@ -11,11 +11,9 @@ from pathlib import Path
 
 from hdd_servo_ros.messages.cdr import array_names_and_offset, unpack_vector
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ARRAY_TYPE, LOOP_TOPICS, VECTOR_TYPE, LoopTopic
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, ARRAY_TYPE, AXES, VECTOR_TYPE, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-
-_AXES = ('x', 'y', 'z')
 
 
 def first_difference(
@@ -69,7 +67,7 @@ class _Side:
 
 def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple[int, str]]:
     """Yield for every loop topic the tick of its first difference, and that difference in words."""
-    for topic in LOOP_TOPICS:
+    for topic in _topics_of(left, right):
         missing = [side for side in (left, right) if topic.name not in side.run.counts]
         if missing:
             yield -1, f'{topic.name} is missing in {missing[0].label}'
@@ -83,6 +81,13 @@ def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple
             if len(ours) != len(theirs):
                 count = min(len(ours), len(theirs))
                 yield count, f'{topic.name} has {len(ours)} messages in {left.label} and {len(theirs)} in {right.label}'
+
+
+def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
+    """Iterate over the topics to compare: those of every run, and the optional ones that either run holds."""
+    for topic in ALL_LOOP_TOPICS:
+        if not topic.is_optional or topic.name in left.run or topic.name in right.run:
+            yield topic
 
 
 def _difference(
@@ -112,7 +117,7 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
     """Return the first field in which two messages differ, with both values."""
     one, other = messages
     if topic.type_name == VECTOR_TYPE:
-        pairs = list(zip(_AXES, unpack_vector(one), unpack_vector(other), strict=True))
+        pairs = list(zip(AXES, unpack_vector(one), unpack_vector(other), strict=True))
     elif topic.type_name == ARRAY_TYPE and len(one) == len(other):
         names, offset = array_names_and_offset(one)
         pairs = list(zip(names, _array(one, offset), _array(other, offset), strict=False))

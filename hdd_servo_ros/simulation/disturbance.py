@@ -10,4 +10,4 @@ class DisturbanceSource(Protocol):
     """A disturbance that does not depend on the loop, so that the rows of many ticks can be made at once."""
 
     def rows(self, first_tick: int, count: int) -> NDArray[np.float64]:
-        """Return what ``/disturbance`` carries at consecutive ticks: force against u [V], 0, 0; shape (count, 3)."""
+        """Return what `/disturbance` carries at consecutive ticks: force against u [V], 0, 0; shape (count, 3)."""

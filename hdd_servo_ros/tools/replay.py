@@ -11,7 +11,7 @@ from typing import Any
 
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import LOOP_TOPICS
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS
 from hdd_servo_ros.parameters import ParameterError, Value
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule
@@ -22,6 +22,7 @@ from hdd_servo_ros.recording.run_folder import git_revision, read_run_yaml, vers
 
 TIMER = 'deterministic_timer'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_OPTIONAL_NAMES = tuple(topic.name for topic in OPTIONAL_TOPICS)
 _PACE = ('rate', 'progress')
 """Parameters of the timer that say how fast a run goes in wall time."""
 _REFUSED = 2
@@ -52,16 +53,28 @@ class Recording:
     def __init__(self, run: Path) -> None:
         self.run = run
         said = self.said = read_run_yaml(run)
-        self.nodes: dict[str, dict[str, Any]] = said['nodes']
+        optional = {name for topic, name in said['topics'].items() if topic in _OPTIONAL_NAMES}
+        self.nodes: dict[str, dict[str, Any]] = {
+            name: node
+            for name, node in said['nodes'].items()
+            if not node['outputs'] or not optional.issuperset(node['outputs'])
+        }
+        """The nodes that run again; those that publish optional topics alone are played back."""
         if said['status'] == RUNNING:
             raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` mends it')
         if said['last_tick'] is None or said['last_tick'] < 0:
             raise ReplayError(f'{run}: it holds no tick')
-        strangers = [name for name in said['topics'].values() if not self._is_published(name)]
-        if strangers:
+        external = [
+            name
+            for topic, name in said['topics'].items()
+            if topic not in _OPTIONAL_NAMES and not self._is_published(name)
+        ]
+        if external:
             raise ReplayError(
-                f'{run}: {", ".join(strangers)} came from a node that run.yaml knows nothing of, so it cannot be rerun'
+                f'{run}: {", ".join(external)} came from a node that run.yaml does not name, so it cannot be replayed'
             )
+        self.played = [topic for topic in said['topics'] if topic in _OPTIONAL_NAMES]
+        """The optional topics of the run."""
         timers = [name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER]
         if len(timers) != 1:
             raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
@@ -76,7 +89,11 @@ class Recording:
     def schedule(self) -> list[str]:
         """Return every parameter change of the run as a schedule: those of its own schedule and those made live."""
         step = sample_time_to_nanoseconds(self.sample_time)
-        changes = [change for change in recorded_changes(self.run) if change.time_ns <= self.last_tick * step]
+        changes = [
+            change
+            for change in recorded_changes(self.run)
+            if change.time_ns <= self.last_tick * step and change.node in self.nodes
+        ]
         seen = {(change.time_ns, change.node, name) for change in changes for name in change.values}
         # A run that was cut short may have lost the event of a change that its schedule knows of.
         planned = parse_schedule(
@@ -110,6 +127,9 @@ class Recording:
         )
         recorder = content.setdefault(f'{self.namespace}/bag_recorder', {'ros__parameters': {}})
         recorder['ros__parameters'] |= {'run_dir': str(output)}
+        if self.played:
+            played = {'recorded_run': str(self.run.resolve())}
+            content[f'{self.namespace}/playback'] = {'ros__parameters': played}
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
         rig = {'controller': self.said.get('controller_class', self.said['controller']), 'plot': False}
         return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
@@ -117,7 +137,7 @@ class Recording:
     def remaps(self) -> list[str]:
         """Return the ROS arguments that give namespace and topics the names that they had."""
         arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
-        own = {topic.name for topic in LOOP_TOPICS}
+        own = {topic.name for topic in ALL_LOOP_TOPICS}
         for topic, name in self.said['topics'].items():
             if topic in own and name != f'{self.namespace}/{topic}':
                 arguments += ['-r', f'{topic}:={name}']

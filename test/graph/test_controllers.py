@@ -14,7 +14,8 @@ from hdd_servo_ros.graph.help import PURPOSE
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.simulation.simulate import Simulation, simulate
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.simulation.simulate import simulate
 
 T = 1e-4
 MODULE = (f'module_of_test_controllers_{number}' for number in itertools.count())

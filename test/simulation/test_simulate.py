@@ -6,7 +6,7 @@ import pytest
 
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
-from hdd_servo_ros.simulation.simulate import CHUNK, Simulation
+from hdd_servo_ros.simulation.run_setup import CHUNK, Simulation
 
 CHANGE = '{:.4f} ldv_sensor noise false'
 

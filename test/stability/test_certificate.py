@@ -11,7 +11,8 @@ from rosbags.typesys import Stores, get_typestore
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.simulation.simulate import Simulation, simulate
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.simulation.simulate import simulate
 from hdd_servo_ros.stability.certificate import certify, conditions
 from hdd_servo_ros.studies.stability_certificate import main
 

@@ -1,4 +1,4 @@
-"""A loop node from outside the package: 1 mV on /disturbance."""
+"""A loop node from outside the package: a few millivolts on /disturbance, others at every tick."""
 
 import sys
 
@@ -13,10 +13,11 @@ class Disturbance(LoopNode):
         super().__init__('disturbance', [], [Input(CLOCK)], [DISTURBANCE])
 
     def prepare(self, run):
-        self._codec = VectorCodec(run.frame_id)
+        self._codec = VectorCodec('shaker')
 
     def step(self, tick, stamp, messages):
-        self.publish_vector(0, tick, self._codec.pack(stamp, 1e-3, 0.0, 0.0), 1e-3, 0.0, 0.0)
+        force = 1e-3 * (1 + 37 * tick % 11)
+        self.publish_vector(0, tick, self._codec.pack(stamp, force, 0.0, 0.0), force, 0.0, 0.0)
 
 
 if __name__ == '__main__':

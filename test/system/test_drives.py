@@ -11,7 +11,7 @@ from hdd_servo_ros.drive.friction.parameters import MODELS
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
-from hdd_servo_ros.simulation.simulate import Simulation
+from hdd_servo_ros.simulation.run_setup import Simulation
 
 PARAMS = Path(__file__).parents[2] / 'params'
 

@@ -1,0 +1,52 @@
+"""`playback`: publishes the optional topics of a recorded run again in another run."""
+
+import sys
+from collections.abc import Sequence
+
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.topics import CLOCK
+from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.run_parameters import PlaybackParameters
+from hdd_servo_ros.recording.playback import PARAMETER, Playback
+from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.run_plan import RunPlan
+
+
+class PlaybackNode(LoopNode):
+    """
+    Publishes the recorded messages of every tick of `/clock`, byte for byte.
+
+    Raises
+    ------
+    ParameterError
+        If no run is given, or it holds no optional topic.
+    """
+
+    def __init__(self) -> None:
+        # Which topics it publishes is for the recorded run to say.
+        super().__init__('playback', [PlaybackParameters], [Input(CLOCK)], [])
+        recorded_run = self.parameters[PlaybackParameters].recorded_run
+        if not recorded_run:
+            raise ParameterError(PARAMETER, recorded_run, 'the folder of a recorded run')
+        self._playback = Playback(recorded_run)
+        self.outputs = self._playback.topics
+
+    def prepare(self, run: RunPlan) -> None:
+        try:
+            self._playback.check(run.sample_time, run.last_tick)
+        except ParameterError as error:
+            raise RunError(f'{self.get_name()}: {error}') from None
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        for output, topic in enumerate(self.outputs):
+            self.publish_bytes(output, self._playback.messages(topic, tick, 1).tobytes())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('playback', PlaybackNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

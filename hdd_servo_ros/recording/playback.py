@@ -1,0 +1,78 @@
+"""The optional topics of a recorded run, to be put into another run as they are."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.topics import OPTIONAL_TOPICS, LoopTopic
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.recording.bag_columns import BagError
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.recording.run_folder import DescriptionError
+
+PARAMETER = 'recorded_run'
+
+
+class Playback:
+    """
+    The optional topics that a recorded run holds: values and messages of every tick.
+
+    Parameters
+    ----------
+    path
+        Folder of the run.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such run, or it holds no optional topic.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        try:
+            self._run = RecordedRun.open(Path(path))
+            self.topics: tuple[LoopTopic, ...] = tuple(topic for topic in OPTIONAL_TOPICS if topic.name in self._run)
+            self._rows = {topic.name: self._run[topic.name] for topic in self.topics}
+            columns = {topic.name: self._run.column(topic.name).payloads for topic in self.topics}
+        except (OSError, BagError, DescriptionError) as error:
+            raise ParameterError(PARAMETER, path, f'a recorded run: {error}') from None
+        if not self.topics:
+            names = ', '.join(f'/{topic.name}' for topic in OPTIONAL_TOPICS)
+            raise ParameterError(PARAMETER, path, f'a run that holds one of {names}')
+        self._messages: dict[str, NDArray[np.uint8]] = {}
+        for name, payloads in columns.items():
+            if isinstance(payloads, list):
+                raise ParameterError(PARAMETER, path, f'a run whose messages on /{name} have one size')
+            self._messages[name] = payloads
+
+    def check(self, sample_time: float, last_tick: int) -> None:
+        """
+        Check that the recorded run covers another one.
+
+        Parameters
+        ----------
+        sample_time, last_tick
+            T [s] and N of the other run.
+
+        Raises
+        ------
+        ParameterError
+            If it has another sample time, or ends sooner.
+        """
+        if self._run.sample_time != sample_time:
+            allowed = f'a run with sample_time = {sample_time!r} s; that one has {self._run.sample_time!r} s'
+            raise ParameterError(PARAMETER, self._path, allowed)
+        ticks = self._run.ticks
+        if ticks[0] != 0 or len(ticks) != ticks[-1] + 1 or ticks[-1] < last_tick:
+            allowed = f'a run that holds the ticks 0 to {last_tick}; that one holds {ticks[0]} to {ticks[-1]}'
+            raise ParameterError(PARAMETER, self._path, allowed)
+
+    def rows(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.float64]:
+        """Return the values of a topic at consecutive ticks, shape (count, 3)."""
+        return self._rows[topic.name][first_tick : first_tick + count]
+
+    def messages(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.uint8]:
+        """Return the messages of a topic at consecutive ticks as they were recorded, shape (count, size)."""
+        return self._messages[topic.name][first_tick : first_tick + count]

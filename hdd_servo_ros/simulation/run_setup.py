@@ -1,0 +1,231 @@
+"""One run of the loop as a command line describes it: nodes, parameters, topics, schedule, experiment."""
+
+import heapq
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
+from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
+from hdd_servo_ros.messages.errors import NotFiniteError
+from hdd_servo_ros.messages.signals import SignalRows
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import (
+    CLOCK,
+    CONTROL,
+    DISTURBANCE,
+    ESTIMATES,
+    HEAD,
+    LDV,
+    LOOP_TOPICS,
+    REFERENCE,
+    LoopTopic,
+)
+from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
+from hdd_servo_ros.parameters.events import NodeChange
+from hdd_servo_ros.parameters.files import RosArguments, with_node
+from hdd_servo_ros.parameters.run_parameters import (
+    DriveNameParameters,
+    PlaybackParameters,
+    RecorderParameters,
+    RigParameters,
+    TimerParameters,
+    last_tick_of_run,
+)
+from hdd_servo_ros.parameters.schedule import Step, plan, refuse_strangers
+from hdd_servo_ros.recording.playback import Playback
+from hdd_servo_ros.simulation.experiment import Experiment
+
+CHUNK = 4096
+"""Ticks that are computed, packed and written in one piece."""
+PYTHON_CHUNK = 256
+"""The same with a controller that is called from Python: signals are looked at between two pieces."""
+PLAYBACK = 'playback'
+
+_OUTPUTS: dict[str, tuple[LoopTopic, ...]] = {
+    'deterministic_timer': (CLOCK,),
+    'reference_generator': (REFERENCE,),
+    'vcm_plant': (HEAD,),
+    'ldv_sensor': (LDV,),
+    'bag_recorder': (),
+}
+
+
+class Simulation:
+    """
+    One run of the loop, described by ROS arguments.
+
+    Parameters
+    ----------
+    arguments
+        The command line.
+
+    Raises
+    ------
+    ParameterError, ArgumentError
+        If a parameter or argument is not allowed; the message names the node.
+    """
+
+    def __init__(self, arguments: RosArguments) -> None:
+        # First of all, so that the parameters of a controller from outside are known ones.
+        outside = _outside_controller(arguments)
+        arguments.check_nodes(list(NODE_PARAMETERS))
+        self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
+        controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
+        playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
+        self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
+        played = () if self.playback is None else self.playback.topics
+        outputs = {**_OUTPUTS, controller: (CONTROL, ESTIMATES), PLAYBACK: played}
+        names = ['deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor', controller, 'bag_recorder']
+        names += [PLAYBACK] if played else []
+        sets = {name: self._sets(arguments, name) for name in names}
+        self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
+        self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
+        self.frame_id = sets['vcm_plant'][DriveNameParameters].frame_id
+        self._check_sample_times(sets)
+        mappings = {
+            name: {key: value for values in kinds.values() for key, value in to_mapping(values).items()}
+            for name, kinds in sets.items()
+        }
+        self._namespace = arguments.namespace.rstrip('/')
+        self.topics = [(topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *played)]
+        by_topic = dict(self.topics)
+        units = {'frame_id': self.frame_id} | {
+            key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
+        }
+        offers = {'vcm_plant': units, controller: {} if outside is None else outside.offers()}
+        self.nodes: dict[str, dict[str, Any]] = {
+            f'{self._namespace}/{name}': {
+                'outputs': [by_topic[topic] for topic in outputs[name]],
+                'offers': offers.get(name, {}),
+                'parameters': mappings[name],
+            }
+            for name in names
+        }
+        self.offers = {key: text for texts in offers.values() for key, text in texts.items()}
+        blocks = {
+            name: {
+                key: value
+                for kind, values in sets[name].items()
+                if kind in (NODE_PARAMETERS[name][-1], ControllerOutputParameters)
+                for key, value in to_mapping(values).items()
+            }
+            for name in names
+        }
+        self.schedule = self._plan(sets, mappings)
+        disturbance = None
+        if self.playback is not None and DISTURBANCE in self.playback.topics:
+            disturbance = _PlayedDisturbance(self.playback)
+        self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance)
+        needed: int = getattr(self.experiment.controller, 'last_tick', 0)
+        self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
+        if self.playback is not None:
+            self.playback.check(self.timer.sample_time, self.last_tick)
+
+    @staticmethod
+    def _sets(arguments: RosArguments, node: str, *aliases: str) -> dict[type[Any], Any]:
+        """Return a node's parameter sets, checked as the node itself would check them."""
+        values = {}
+        for name in (*aliases, node):
+            values.update(arguments.parameters_of(name))
+        sets = {}
+        try:
+            for kind in NODE_PARAMETERS[node]:
+                known = {declaration.name for declaration in declarations(kind)}
+                sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
+        except ParameterError as error:
+            raise with_node(error, node) from None
+        # What every ROS node has, and `ros2 param dump` writes.
+        for name in ('use_sim_time', 'start_type_description_service'):
+            values.pop(name, None)
+        try:
+            refuse_unknown(values)
+        except ParameterError as error:
+            # What was given for all nodes is missing in all.
+            raise error if arguments.is_for_all(error.name) else with_node(error, node) from None
+        return sets
+
+    def _plan(
+        self, sets: Mapping[str, Mapping[type[Any], Any]], mappings: Mapping[str, Mapping[str, Value]]
+    ) -> list[tuple[str, Step]]:
+        """Return what the schedule changes, node and step, in the order of the ticks."""
+        changes = self.timer.changes
+        full_names = {name: f'{self._namespace}/{name}' for name in sets}
+        refuse_strangers(changes, list(full_names.values()))
+        steps = [
+            (name, step)
+            for name, kinds in sets.items()
+            for step in plan(changes, full_names[name], list(kinds), mappings[name])
+        ]
+        return sorted(steps, key=lambda planned: planned[1].tick)
+
+    def apply_schedule(self, tick: int) -> Iterator[NodeChange]:
+        """Make the changes that are due before ``tick``; yield each as a parameter event would say it."""
+        while self.schedule and self.schedule[0][1].tick <= tick:
+            name, step = self.schedule.pop(0)
+            self.experiment.update(name, step.sets)
+            yield NodeChange(
+                f'{self._namespace}/{name}', tick * sample_time_to_nanoseconds(self.timer.sample_time), step.values
+            )
+
+    def recorded_messages(self, rows: SignalRows) -> dict[str, Any]:
+        """Return the messages of the rows' ticks that come from another run, by their topic."""
+        if self.playback is None:
+            return {}
+        return {topic.name: self.playback.messages(topic, rows.first_tick, len(rows)) for topic in self.playback.topics}
+
+    def pieces(self, last_tick: int) -> Iterator[tuple[int, int]]:
+        """Iterate over first tick and count of what is run in one piece: no piece goes beyond a scheduled change."""
+        chunk = CHUNK if self.experiment.is_compiled else PYTHON_CHUNK
+        changes = sorted({step.tick for _, step in self.schedule})
+        # Merged as they come: the pieces of a run of days are too many to keep.
+        merged = heapq.merge(changes, range(0, last_tick + 1, chunk), (last_tick + 1,))
+        starts = (start for start, _ in itertools.groupby(merged))
+        yield from ((start, end - start) for start, end in itertools.pairwise(starts))
+
+    def _check_sample_times(self, sets: dict[str, dict[type[Any], Any]]) -> None:
+        for name, kinds in sets.items():
+            for values in kinds.values():
+                own = getattr(values, 'sample_time', 0.0)
+                if own not in (0.0, self.timer.sample_time):
+                    allowed = f'deterministic_timer has {self.timer.sample_time!r} s'
+                    raise ParameterError(f'{name}:sample_time', own, allowed)
+
+    def _full_name(self, topic: LoopTopic, arguments: RosArguments) -> str:
+        name = arguments.remaps.get(topic.name, topic.name)
+        return name if name.startswith('/') else f'{self._namespace}/{name}'
+
+    def not_finite(self, topic: LoopTopic, tick: int, values: tuple[float, ...]) -> str:
+        """Return the error of the graph for a message that is not finite."""
+        name = dict(self.topics)[topic]
+        (node,) = (node.rsplit('/', 1)[-1] for node, found in self.nodes.items() if name in found['outputs'])
+        return str(NotFiniteError(name, tick, values, node))
+
+    def description(self) -> dict[str, Any]:
+        """Return what ``run.yaml`` records of the run before it has ended."""
+        return {
+            'sample_time': self.timer.sample_time,
+            'last_tick_planned': self.last_tick,
+            'duration': self.last_tick * self.timer.sample_time,
+            'rate': 0.0,
+            **self.offers,
+            'nodes': self.nodes,
+        }
+
+
+class _PlayedDisturbance:
+    """The recorded disturbance of another run."""
+
+    def __init__(self, playback: Playback) -> None:
+        self._playback = playback
+
+    def rows(self, first_tick: int, count: int) -> Any:
+        """Return the recorded rows."""
+        return self._playback.rows(DISTURBANCE, first_tick, count)
+
+
+def _outside_controller(arguments: RosArguments) -> ControllerKind | None:
+    """Return the controller that was asked for if it is none of this package's."""
+    name = {**arguments.parameters_of('rig'), **arguments.parameters_of('simulate')}.get('controller')
+    return load_controller(name) if isinstance(name, str) and name not in CONTROLLERS else None
