@@ -28,7 +28,7 @@ help:
 	@echo 'make simulate  the same experiment without middleware'
 	@echo 'make figures   the experiments of chapters 4 and 5 by the graph, figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
-	@echo 'make lint      ruff and mypy'
+	@echo 'make lint      ruff, mypy and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
 	@echo 'make docs      docs/parameters.md, from the declarations of the parameters'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
@@ -50,6 +50,7 @@ lint: $(VENV)/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy hdd_servo_ros
+	$(BIN)/lint-imports
 
 bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)

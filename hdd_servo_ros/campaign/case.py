@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import hdd_servo_ros
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -29,7 +28,7 @@ def parameter_file(name: str) -> Path:
     ArgumentError
         If there is none of that name.
     """
-    package = Path(hdd_servo_ros.__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     share = [place / 'share' / 'hdd_servo_ros' / 'params' for place in package.parents]
     for directory in (package.parent / 'params', *share):
         if (directory / name).is_file():
