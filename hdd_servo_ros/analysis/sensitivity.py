@@ -1,89 +1,15 @@
-"""The linear loop around the sampled drive: frequency response, peak sensitivity, poles; for tuning and studies."""
+"""The linear loop around the sampled drive: the controller's response, peak sensitivity and closed-loop poles."""
 
 import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive, sampled_drive
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.drive.resonance import modal_form
 
 MAX_SENSITIVITY = 2.0
 """Largest peak sensitivity Ms of a sound loop."""
-
-
-@dataclasses.dataclass(frozen=True)
-class SampledDrive:
-    """
-    x_{k+1} = A x_k + B u_k, (position, velocity)_k = C x_k: the drive with hold and sampler, u_k held from tick k on.
-
-    There is no further delay: as in the loop, u_k answers the measurement of tick k and acts from then on.
-    """
-
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
-    c: NDArray[np.float64]
-    sample_time: float
-
-    def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """Return position [um/V] and velocity [um/s/V] over u at ``frequencies`` [Hz], shape (len(frequencies), 2)."""
-        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
-        poles, vectors = np.linalg.eig(self.a)
-        residues = (self.c @ vectors) * np.linalg.solve(vectors, self.b.astype(np.complex128))[:, 0]
-        # A rigid body has a double pole at z = 1, which has no full set of eigenvectors: solve then.
-        if np.linalg.cond(vectors) < 1e10:
-            return np.asarray((residues[None, :, :] / (z[:, None, None] - poles)).sum(axis=2))
-        eye = np.eye(len(self.a))
-        return np.array([(self.c @ np.linalg.solve(value * eye - self.a, self.b))[:, 0] for value in z])
-
-
-def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) -> SampledDrive:
-    """
-    Linearise the drive and discretise it exactly under a zero-order hold.
-
-    Parameters
-    ----------
-    plant
-        The drive.
-    sample_time
-        T [s].
-    presliding
-        True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion.
-        False: only the damper sigma_2 is left, as in fast sliding. Friction models other than LuGre count as none.
-    """
-    modal = modal_form(plant.resonance)
-    size = 2 + 2 * len(modal.modes)
-    friction = plant.friction
-    lugre = friction.model in ('lugre', 'lugre_position')
-    stiffness = friction.stiffness if presliding and lugre else 0.0
-    damping = (friction.bristle_damping if presliding else 0.0) + friction.viscous_coefficient if lugre else 0.0
-    # The modes, like the rigid body, are driven by the net acceleration gain (u - friction).
-    acceleration = np.zeros(size)
-    acceleration[:2] = -plant.gain * stiffness, -plant.gain * damping
-    a = np.zeros((size, size))
-    b = np.zeros((size, 1))
-    c = np.zeros((2, size))
-    a[0, 1] = 1.0
-    a[1] = acceleration
-    b[1] = plant.gain
-    c[0, :2] = modal.r0, modal.r1
-    c[1, 1] = modal.r0
-    for i, mode in enumerate(modal.modes):
-        q = 2 + 2 * i
-        a[q, q + 1] = 1.0
-        a[q + 1] = acceleration
-        a[q + 1, q] -= mode.a0
-        a[q + 1, q + 1] -= mode.a1
-        b[q + 1] = plant.gain
-        c[0, q : q + 2] = mode.gamma, mode.beta
-        c[1, q : q + 2] = -mode.beta * mode.a0, mode.gamma - mode.beta * mode.a1
-    augmented = np.zeros((size + 1, size + 1))
-    augmented[:size, :size] = a
-    augmented[:size, size:] = b
-    from scipy.linalg import expm  # late: it takes as long to import as half of a node, which may never come here
-
-    transition = expm(augmented * sample_time)
-    return SampledDrive(transition[:size, :size], transition[:size, size:], c, sample_time)
 
 
 def frequency_grid(sample_time: float) -> NDArray[np.float64]:
@@ -157,6 +83,8 @@ class LoopMargins:
     """
     Peak sensitivity and stability of a linear controller on one drive, in presliding and in sliding.
 
+    The dynamics of the drive's driver are in the loop; the lag of a sensor is not.
+
     Parameters
     ----------
     plant
@@ -167,7 +95,7 @@ class LoopMargins:
 
     def __init__(self, plant: PlantParameters, sample_time: float) -> None:
         self.sample_time = sample_time
-        self.gain = plant.gain
+        self.rigid_gain = plant.rigid_gain
         self.frequencies = frequency_grid(sample_time)
         self.drives = tuple(sampled_drive(plant, sample_time, presliding) for presliding in (True, False))
         self.responses = tuple(drive.response(self.frequencies) for drive in self.drives)

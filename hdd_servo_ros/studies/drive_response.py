@@ -126,7 +126,7 @@ def draw_amplitude_dependence() -> Figure:
     parameters = PlantParameters()
     responses = {f'{1e3 * a:g} mV': stepped_sine(parameters, a, FREQUENCIES) for a in AMPLITUDES}
     frequencies = np.array(FREQUENCIES, dtype=np.float64)
-    responses['(5.1)'] = (parameters.gain / (2j * np.pi * frequencies) ** 2).astype(np.complex128)
+    responses['(5.1)'] = (parameters.rigid_gain / (2j * np.pi * frequencies) ** 2).astype(np.complex128)
     return _bode('Default drive: pivot friction at low frequency (figs. 2.3, 5.4)', frequencies, responses)
 
 

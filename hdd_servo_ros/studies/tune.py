@@ -4,9 +4,10 @@ Tune both controllers for a drive by one rule, and print what belongs into the p
     python -m hdd_servo_ros.studies.tune [--params-file FILE ...] [--seconds 60]
     python -m hdd_servo_ros.studies.tune --params-file params/simulation_study.yaml --same-peak
 
-The rule for both: peak sensitivity Ms <= 2 of the sampled loop (hold, resonances, filters and the computation delay
-``dsp.computation_delay`` of the controller's section included, no spare delay), in presliding, where the friction is a
-spring, and in sliding, where its viscous part alone is left.
+The rule for both: peak sensitivity Ms <= 2 of the sampled loop, in presliding, where the friction is a spring, and in
+sliding, where its viscous part alone is left. The loop has the hold, the resonances, the driver's amplifier, coil and
+back-EMF, the filters and the computation delay ``dsp.computation_delay`` of the controller's section, and no spare
+delay.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
@@ -122,7 +123,7 @@ def largest_gain_on_r(
         return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
     # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
-    g = largest(allowed, max(2.0 * error_filter_lambda / margins.gain, 10.0 / margins.gain))
+    g = largest(allowed, max(2.0 * error_filter_lambda / margins.rigid_gain, 10.0 / margins.rigid_gain))
     if g == 0.0:
         allowed_lambda = f'one with which some gain gives Ms <= {MAX_SENSITIVITY:g}; this is too large [1/s]'
         raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)

@@ -30,12 +30,24 @@ def test_the_default_is_sound():
         (controller_of(**{'phi.leakage': 0.0}), PlantParameters(), 0, 'is unstable'),
         (controller_of(), from_mapping(PlantParameters, {'gain': 6.0e7}), 0, 'above 2'),
         (controller_of(safe_gain=1.0), from_mapping(PlantParameters, {'gain': 6.0e7}), 0, 'above 2'),
+        (
+            controller_of(),
+            from_mapping(PlantParameters, {'actuator.driver': 'rigid', 'actuator.inertia': 3e-6}),
+            0,
+            'above 2',
+        ),
     ],
 )
 def test_fragile_constants_are_told_of(controller, plant, delay, said):
     (warning,) = fragility.warnings(controller, plant, delay)
     assert warning.startswith('fragile constants')
     assert said in warning
+
+
+@pytest.mark.parametrize('driver', ['rigid', 'current', 'voltage'])
+def test_a_gain_that_the_driver_does_not_read_is_no_reason_to_warn(driver):
+    plant = from_mapping(PlantParameters, {'actuator.driver': driver, 'gain': 6.0e7})
+    assert fragility.warnings(controller_of(), plant) == ()
 
 
 def test_what_safe_gain_says_does_not_count_where_the_drive_is_known():

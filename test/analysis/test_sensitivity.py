@@ -5,42 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins, sampled_drive
+from hdd_servo_ros.analysis.sampled_drive import sampled_drive
+from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.parameters import from_mapping
 
 T = 1e-4
 SLIDING = {'friction.model': 'none'}
-# So much static friction that it never leaves its linear spring.
-SPRING = {'friction.coulomb_level': 1e6, 'friction.static_level': 1e6}
-
-
-@pytest.mark.parametrize(('presliding', 'values'), [(False, SLIDING), (True, SPRING)])
-def test_follows_the_plant_sample_by_sample(presliding, values):
-    parameters = from_mapping(PlantParameters, {**values, 'substeps': 64})
-    plant, drive = Plant(parameters, T), sampled_drive(parameters, T, presliding)
-    state = np.zeros((len(drive.a), 1))
-    rng = np.random.default_rng(1)
-    found, expected = [], []
-    u = 0.0
-    for k in range(300):
-        if k > 0:
-            found.append(plant.step(k, u)[:2])
-            state = drive.a @ state + drive.b * u
-            expected.append((drive.c @ state)[:, 0])
-        u = float(rng.normal()) * 0.1
-    found, expected = np.array(found), np.array(expected)
-    np.testing.assert_allclose(found / np.abs(expected).max(axis=0), expected / np.abs(expected).max(axis=0), atol=2e-3)
-
-
-def test_response_of_a_rigid_body():
-    parameters = from_mapping(PlantParameters, {'resonance.form': 'none', **SLIDING})
-    frequencies = np.array([10.0, 100.0, 1000.0])
-    z = np.exp(2j * np.pi * frequencies * T)
-    response = sampled_drive(parameters, T, presliding=False).response(frequencies)
-    # Double integrator under a hold, from any table of z transforms.
-    np.testing.assert_allclose(response[:, 0], parameters.gain * T**2 * (z + 1) / (2 * (z - 1) ** 2), rtol=1e-9)
-    np.testing.assert_allclose(response[:, 1], parameters.gain * T / (z - 1), rtol=1e-9)
 
 
 @pytest.mark.parametrize('delay', [0, 1, 2])
@@ -82,3 +53,53 @@ def test_a_late_command_costs_margin():
     margins = LoopMargins(PlantParameters(), T)
     peaks = [margins.peak_sensitivity(LinearController(0.03, 5e-5, delay=delay)) for delay in (0, 1, 2)]
     assert peaks[0] < peaks[1] < peaks[2]
+
+
+SPRING = {'friction.coulomb_level': 1e6, 'friction.static_level': 1e6}
+
+
+@pytest.mark.parametrize('driver', ['reduced', 'rigid', 'current', 'voltage'])
+def test_peak_sensitivity_is_that_of_the_simulated_loop(driver):
+    """The impulse response of S, measured on the block under the law, transforms into S."""
+    values = {'actuator.driver': driver, 'actuator.amplifier_time_constant': 4e-5, **SPRING, 'substeps': 256}
+    if driver == 'voltage':
+        values['actuator.amplifier_gain'] = 0.4
+    parameters = from_mapping(PlantParameters, values)
+    law = LinearController(0.03, 5e-5)
+    plant = Plant(parameters, T)
+    # u = impulse - law(head): the loop's S from an impulse added to the control to the control itself.
+    controls, (x, v, _) = [], plant.output()
+    for k in range(6000):
+        u = (1e-3 if k == 0 else 0.0) - (law.proportional * x + law.derivative * v)
+        controls.append(u)
+        x, v, _ = plant.step(k + 1, u)
+    assert abs(controls[-1]) < 1e-9
+    margins = LoopMargins(parameters, T)
+    phases = np.exp(-2j * np.pi * np.outer(margins.frequencies, np.arange(6000)) * T)
+    measured = float(np.abs(phases @ np.array(controls) / 1e-3).max())
+    (drive, _), (response, _) = margins.drives, margins.responses
+    assert law.closed_loop_radius(drive) < 1.0
+    loop = (law.response(margins.frequencies, T) * response).sum(axis=1)
+    assert float(np.abs(1.0 / (1.0 + loop)).max()) == pytest.approx(measured, rel=2e-3)
+    assert margins.peak_sensitivity(law) >= measured * (1.0 - 2e-3)
+
+
+@pytest.mark.parametrize('driver', ['rigid', 'current', 'voltage'])
+def test_a_gain_that_the_driver_does_not_read_does_not_move_the_peak(driver):
+    values = {'actuator.driver': driver}
+    peaks = {
+        LoopMargins(from_mapping(PlantParameters, {**values, 'gain': gain}), T).peak_sensitivity(
+            LinearController(0.03, 5e-5)
+        )
+        for gain in (1e7, 4.0968e7, 8e7)
+    }
+    assert len(peaks) == 1
+
+
+def test_a_voltage_driver_of_an_eighth_of_the_gain_has_another_peak():
+    law = LinearController(0.03, 5e-5)
+    margins = LoopMargins(from_mapping(PlantParameters, {'actuator.driver': 'voltage'}), T)
+    assert margins.rigid_gain == pytest.approx(4.0968e7 / 8.0)
+    assert margins.peak_sensitivity(law) != pytest.approx(
+        LoopMargins(PlantParameters(), T).peak_sensitivity(law), rel=0.05
+    )
