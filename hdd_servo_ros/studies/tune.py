@@ -11,7 +11,8 @@ delay.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
-value that the rule allows, and is divided 80 : 10 : 10. The network and phi_hat get the small shares because they
+value that the rule allows, and is divided 80 : 10 : 10. Where no g does with the given lambda, lambda is reduced to the
+largest with which one does. The network and phi_hat get the small shares because they
 multiply sgn r, which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 6 1/s on the design
 reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times
 slower: fast enough to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625
@@ -35,18 +36,24 @@ import itertools
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-import numpy as np
 from scipy.optimize import minimize
 
+from hdd_servo_ros.analysis.largest_gains import (
+    largest,
+    largest_gain_on_r,
+    largest_lambda,
+    largest_proportional_gain,
+    round_down,
+    round_up,
+    scaled_integral_gain,
+)
 from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
-from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -78,99 +85,14 @@ TRANSIENT = 2.0
 Sections = Mapping[str, Mapping[str, object]]
 
 
-def round_down(value: float, digits: int = 3) -> float:
-    """Return ``value`` > 0 rounded towards zero to significant digits, so that a bound it keeps stays kept."""
-    scale = digits - 1 - math.floor(math.log10(value))
-    return float(f'{math.floor(value * 10**scale + 1e-9) / 10**scale:.{digits}g}')
-
-
-def largest(allowed: Any, start: float, factor: float = 1.1) -> float:
-    """Return the largest value up to which ``allowed`` holds on a walk up from ``start``, 0 if not even there."""
-    if not allowed(start):
-        return 0.0
-    while allowed(start * factor):
-        start *= factor
-    low, high = start, start * factor
-    while high - low > 1e-4 * low:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if allowed(middle) else (low, middle)
-    return low
-
-
-def largest_gain_on_r(
-    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
-) -> float:
-    """
-    Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
-
-    Parameters
-    ----------
-    margins
-        The drive and T.
-    error_filter_lambda, integral_gain
-        lambda [1/s] and lambda_i [1/s^2] of r.
-    delay
-        Samples by which u comes late.
-
-    Raises
-    ------
-    ParameterError
-        If no gain keeps it: lambda is too large for this drive and sample time.
-    """
-
-    def allowed(g: float) -> bool:
-        law = LinearController.on_r(g, error_filter_lambda, integral_gain, delay)
-        return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
-
-    # Below a damping ratio of 0.7, at g = 2 lambda m, the loop is a poor one for another reason: too little gain.
-    g = largest(allowed, max(2.0 * error_filter_lambda / margins.rigid_gain, 10.0 / margins.rigid_gain))
-    if g == 0.0:
-        allowed_lambda = f'one with which some gain gives Ms <= {MAX_SENSITIVITY:g}; this is too large [1/s]'
-        raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)
-    return g
-
-
-def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> float:
-    """
-    Return the largest k_p [V/um] that keeps Ms <= 2 beside the rest of ``law``, 0 if there is none.
-
-    At each frequency |1 + L| >= 1/Ms is a quadratic inequality in k_p, and forbids what lies between its roots. What no
-    frequency forbids is a set of intervals, in each of which the loop is stable throughout or nowhere.
-
-    Parameters
-    ----------
-    margins
-        The drive and T.
-    law
-        k_d, its filter, k_i and the delay.
-    """
-    unit = LinearController(1.0, 0.0, delay=law.delay).response(margins.frequencies, margins.sample_time)
-    rest = dataclasses.replace(law, proportional=0.0).response(margins.frequencies, margins.sample_time)
-    lows, highs = [], []
-    for response in margins.responses:
-        slope, start = (unit * response).sum(axis=1), 1.0 + (rest * response).sum(axis=1)
-        square, middle = np.abs(slope) ** 2, -(np.conj(slope) * start).real
-        root = middle**2 - square * (np.abs(start) ** 2 - MAX_SENSITIVITY**-2)
-        square, middle, root = (values[root > 0.0] for values in (square, middle, root))
-        lows.append((middle - np.sqrt(root)) / square)
-        highs.append((middle + np.sqrt(root)) / square)
-    low, high = np.concatenate(lows), np.concatenate(highs)
-    order = np.argsort(low)
-    low, covered = low[order], np.maximum.accumulate(high[order])
-    ends = low[np.concatenate([[True], low[1:] > covered[:-1]])]
-    # A hair inside of the end of each interval that is left, from the highest on.
-    for end in ends[ends > 0.0][::-1] * (1.0 - 1e-9):
-        proportional = float(end)
-        if margins.peak_sensitivity(dataclasses.replace(law, proportional=proportional)) <= MAX_SENSITIVITY:
-            return proportional
-    return 0.0
-
-
 def tune_adaptive_nn(
     plant: PlantParameters, sample_time: float, base: AdaptiveNnParameters, delay: int = 0
 ) -> dict[str, object]:
     """
     Return the adaptive NN controller's gains by the rule above, under their ROS names.
+
+    A lambda that is too large for the drive is reduced to the largest that the rule allows, and lambda_i with its
+    square.
 
     Parameters
     ----------
@@ -184,7 +106,11 @@ def tune_adaptive_nn(
         Computation delay [samples].
     """
     margins = LoopMargins(plant, sample_time)
-    g = round_down(largest_gain_on_r(margins, base.error_filter_lambda, base.integral_gain, delay))
+    reach = largest_lambda(margins, base.error_filter_lambda, base.integral_gain, delay)
+    integral = base.integral_gain
+    if reach < base.error_filter_lambda and integral > 0.0:
+        integral = round_down(scaled_integral_gain(integral, base.error_filter_lambda, reach))
+    g = round_down(largest_gain_on_r(margins, reach, integral, delay))
     # max(S'S) of the lattice: what a leakage of 1 adds to the gain.
     unit = dataclasses.replace(base.network, enabled=True, gain=(1.0,), leakage=1.0)
     lattice = dataclasses.replace(
@@ -199,7 +125,8 @@ def tune_adaptive_nn(
     phi_leakage = 1.0 / (SHARES['phi'] * g)
     network_leakage = squares / (SHARES['network'] * g)
     return {
-        'error_filter_lambda': base.error_filter_lambda,
+        'error_filter_lambda': reach,
+        **({} if integral == base.integral_gain else {'integral_gain': integral}),
         'feedback_gain': round_down(SHARES['feedback'] * g),
         'sigma.gain': k_sigma,
         'sigma.leakage': round_down(LEAKAGE_RATE / k_sigma),
@@ -211,12 +138,6 @@ def tune_adaptive_nn(
         'network.leakage': round_up(network_leakage),
         'safe_gain': g,
     }
-
-
-def round_up(value: float, digits: int = 3) -> float:
-    """Return ``value`` > 0 rounded up to significant digits."""
-    down = round_down(value, digits)
-    return down if down >= value else float(f'{down + 10.0 ** (math.floor(math.log10(value)) - digits + 1):.{digits}g}')
 
 
 def computation_delay(sections: Sections, node: str) -> int:
@@ -241,7 +162,7 @@ def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> 
     delay = computation_delay(sections, 'pid_controller')
 
     # With hardly any k_p and no filter, k_d could reach this far.
-    reach = largest_gain_on_r(margins, 100.0, delay=delay)
+    reach = largest_gain_on_r(margins, largest_lambda(margins, 100.0, delay=delay), delay=delay)
 
     def candidate(derivative: float, bandwidth: float, integral: float = 0.0, digits: int = 15) -> LinearController:
         law = LinearController(0.0, derivative, integral, bandwidth, delay)
@@ -403,17 +324,25 @@ def _tune(options: argparse.Namespace) -> int:
     delays = {node: computation_delay(sections, node) for node in ('adaptive_nn_controller', 'pid_controller')}
     nn = tune_adaptive_nn(plant, options.sample_time, base, delays['adaptive_nn_controller'])
     pid = tune_pid(plant, options.sample_time, sections)
+    error_filter_lambda = float(str(nn['error_filter_lambda']))
+    if error_filter_lambda < base.error_filter_lambda:
+        # A comment, for what is printed is a parameter file.
+        print(
+            f'# error_filter_lambda reduced from {base.error_filter_lambda:g} to {error_filter_lambda:g} 1/s, the '
+            f'largest with which some gain gives Ms <= {MAX_SENSITIVITY:g} on this drive'
+        )
     _print_section('adaptive_nn_controller', nn)
     _print_section('pid_controller', pid)
     margins = LoopMargins(plant, options.sample_time)
     same = {
-        'proportional_gain': float(str(nn['feedback_gain'])) * base.error_filter_lambda,
+        'proportional_gain': float(str(nn['feedback_gain'])) * error_filter_lambda,
         'derivative_gain': nn['feedback_gain'],
         'integral_gain': 0.0,
         'derivative_bandwidth': 0.0,
     }
     g = float(str(nn['safe_gain']))
-    law = LinearController.on_r(g, base.error_filter_lambda, base.integral_gain, delays['adaptive_nn_controller'])
+    integral = float(str(nn.get('integral_gain', base.integral_gain)))
+    law = LinearController.on_r(g, error_filter_lambda, integral, delays['adaptive_nn_controller'])
     print(f'\nMs of -g r:  {margins.peak_sensitivity(law):.3f}')
     fair = LinearController(
         proportional=float(str(pid['proportional_gain'])),

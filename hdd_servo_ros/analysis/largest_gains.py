@@ -1,0 +1,164 @@
+"""The largest gains, and the largest lambda, with which the loop around a drive keeps its peak sensitivity."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
+from hdd_servo_ros.parameters import ParameterError
+
+LEAST_LAMBDA = 5.0
+"""Below this lambda the search for a gain starts no lower [1/s]."""
+
+
+def round_down(value: float, digits: int = 3) -> float:
+    """Return ``value`` > 0 rounded towards zero to significant digits, so that a bound it keeps stays kept."""
+    scale = digits - 1 - math.floor(math.log10(value))
+    return float(f'{math.floor(value * 10**scale + 1e-9) / 10**scale:.{digits}g}')
+
+
+def round_up(value: float, digits: int = 3) -> float:
+    """Return ``value`` > 0 rounded up to significant digits."""
+    down = round_down(value, digits)
+    return down if down >= value else float(f'{down + 10.0 ** (math.floor(math.log10(value)) - digits + 1):.{digits}g}')
+
+
+def largest(allowed: Callable[[float], bool], start: float, factor: float = 1.1) -> float:
+    """Return the largest value up to which ``allowed`` holds on a walk up from ``start``, 0 if not even there."""
+    if not allowed(start):
+        return 0.0
+    while allowed(start * factor):
+        start *= factor
+    low, high = start, start * factor
+    while high - low > 1e-4 * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return low
+
+
+def largest_gain_on_r(
+    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
+) -> float:
+    """
+    Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
+
+    Parameters
+    ----------
+    margins
+        The drive and T.
+    error_filter_lambda, integral_gain
+        lambda [1/s] and lambda_i [1/s^2] of r.
+    delay
+        Samples by which u comes late.
+
+    Raises
+    ------
+    ParameterError
+        If no gain keeps it: lambda is too large for this drive and sample time.
+    """
+
+    def allowed(g: float) -> bool:
+        return _keeps_the_rule(margins, g, error_filter_lambda, integral_gain, delay)
+
+    g = largest(allowed, _least_gain_on_r(margins, error_filter_lambda))
+    if g == 0.0:
+        reach = largest_lambda(margins, error_filter_lambda, integral_gain, delay)
+        allowed_lambda = f'at most {reach:g}, the largest with which some gain gives Ms <= {MAX_SENSITIVITY:g} [1/s]'
+        raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)
+    return g
+
+
+def largest_lambda(
+    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
+) -> float:
+    """
+    Return the largest lambda [1/s] up to a given one with which some gain on r keeps Ms <= 2.
+
+    lambda_i shrinks with its square, so that the poles of r's filter keep their damping. A reduced lambda is rounded
+    down to three digits.
+
+    Parameters
+    ----------
+    margins, error_filter_lambda, integral_gain, delay
+        As of :func:`largest_gain_on_r`.
+
+    Raises
+    ------
+    ParameterError
+        If no lambda does: T is too long for this drive.
+    """
+
+    def allowed(value: float) -> bool:
+        integral = scaled_integral_gain(integral_gain, error_filter_lambda, value)
+        return _keeps_the_rule(margins, _least_gain_on_r(margins, value), value, integral, delay)
+
+    if allowed(error_filter_lambda):
+        return error_filter_lambda
+    high, low = error_filter_lambda, 0.5 * error_filter_lambda
+    while not allowed(low):
+        if low < LEAST_LAMBDA:
+            raise ParameterError(
+                'sample_time',
+                margins.sample_time,
+                f'shorter: no error_filter_lambda has a gain with Ms <= {MAX_SENSITIVITY:g} on this drive [s]',
+            )
+        high, low = low, 0.5 * low
+    while high - low > 1e-4 * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return round_down(low)
+
+
+def scaled_integral_gain(integral_gain: float, given_lambda: float, used_lambda: float) -> float:
+    """Return lambda_i [1/s^2] for another lambda [1/s] such that the poles of r's filter keep their damping."""
+    return integral_gain * (used_lambda / given_lambda) ** 2
+
+
+def _keeps_the_rule(
+    margins: LoopMargins, g: float, error_filter_lambda: float, integral_gain: float, delay: int
+) -> bool:
+    law = LinearController.on_r(g, error_filter_lambda, integral_gain, delay)
+    return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
+
+
+def _least_gain_on_r(margins: LoopMargins, error_filter_lambda: float) -> float:
+    """Return 2 lambda m: with less, the damping ratio is below 0.7, and the loop poor for want of gain."""
+    return max(2.0 * error_filter_lambda, 2.0 * LEAST_LAMBDA) / margins.rigid_gain
+
+
+def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> float:
+    """
+    Return the largest k_p [V/um] that keeps Ms <= 2 beside the rest of ``law``, 0 if there is none.
+
+    At each frequency |1 + L| >= 1/Ms is a quadratic inequality in k_p, and forbids what lies between its roots. What no
+    frequency forbids is a set of intervals, in each of which the loop is stable throughout or nowhere.
+
+    Parameters
+    ----------
+    margins
+        The drive and T.
+    law
+        k_d, its filter, k_i and the delay.
+    """
+    unit = LinearController(1.0, 0.0, delay=law.delay).response(margins.frequencies, margins.sample_time)
+    rest = dataclasses.replace(law, proportional=0.0).response(margins.frequencies, margins.sample_time)
+    lows, highs = [], []
+    for response in margins.responses:
+        slope, start = (unit * response).sum(axis=1), 1.0 + (rest * response).sum(axis=1)
+        square, middle = np.abs(slope) ** 2, -(np.conj(slope) * start).real
+        root = middle**2 - square * (np.abs(start) ** 2 - MAX_SENSITIVITY**-2)
+        square, middle, root = (values[root > 0.0] for values in (square, middle, root))
+        lows.append((middle - np.sqrt(root)) / square)
+        highs.append((middle + np.sqrt(root)) / square)
+    low, high = np.concatenate(lows), np.concatenate(highs)
+    order = np.argsort(low)
+    low, covered = low[order], np.maximum.accumulate(high[order])
+    ends = low[np.concatenate([[True], low[1:] > covered[:-1]])]
+    # A hair inside of the end of each interval that is left, from the highest on.
+    for end in ends[ends > 0.0][::-1] * (1.0 - 1e-9):
+        proportional = float(end)
+        if margins.peak_sensitivity(dataclasses.replace(law, proportional=proportional)) <= MAX_SENSITIVITY:
+            return proportional
+    return 0.0
