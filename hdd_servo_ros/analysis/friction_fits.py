@@ -85,7 +85,7 @@ def fit_linear(
     terms
         Which of :data:`TERMS` to fit.
     position, dead_band_velocity
-        As of :func:`regressor`.
+        See :func:`regressor`.
 
     Raises
     ------

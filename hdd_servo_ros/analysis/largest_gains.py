@@ -82,7 +82,7 @@ def largest_lambda(
     Parameters
     ----------
     margins, error_filter_lambda, integral_gain, delay
-        As of :func:`largest_gain_on_r`.
+        See :func:`largest_gain_on_r`.
 
     Raises
     ------

@@ -120,7 +120,7 @@ def amplitude_spectrum(
     Parameters
     ----------
     signal, sample_time
-        As of :func:`power_spectral_density`.
+        See :func:`power_spectral_density`.
     resolution
         Distance of the lines [Hz]; a record shorter than its inverse has the lines that it can have.
     """
@@ -263,13 +263,13 @@ def step_response(
     if not len(rows):
         raise ValueError('the reference has no edge')
     overshoot, settling, steady = (np.empty(len(rows)) for _ in range(3))
-    for place, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
+    for step, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
         error = x[row:end] - x_d[row]
-        overshoot[place] = 100.0 * max(0.0, float((error / height).max()))
+        overshoot[step] = 100.0 * max(0.0, float((error / height).max()))
         outside = np.flatnonzero(np.abs(error) > band * abs(height))
         inside = row + (int(outside[-1]) + 1 if len(outside) else 0)
-        settling[place] = t[inside] - t[row] if inside < end else np.inf
-        steady[place] = error[min(len(error) - 1, int(len(error) * (1.0 - steady_part))) :].mean()
+        settling[step] = t[inside] - t[row] if inside < end else np.inf
+        steady[step] = error[min(len(error) - 1, int(len(error) * (1.0 - steady_part))) :].mean()
     return StepResponse(rows, heights, overshoot, settling, steady)
 
 

@@ -73,9 +73,9 @@ def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple
             yield -1, f'{topic.name} is missing in {missing[0].label}'
             continue
         ours, theirs = (side.messages(topic)[:ticks] for side in (left, right))
-        for place, (one, other) in enumerate(zip(ours, theirs, strict=False)):
+        for index, (one, other) in enumerate(zip(ours, theirs, strict=False)):
             if one != other:
-                yield _difference(topic, left, right, place, (one, other))
+                yield _difference(topic, left, right, index, (one, other))
                 break
         else:
             if len(ours) != len(theirs):
@@ -91,25 +91,25 @@ def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
 
 
 def _difference(
-    topic: LoopTopic, left: _Side, right: _Side, place: int, messages: tuple[bytes, bytes]
+    topic: LoopTopic, left: _Side, right: _Side, index: int, messages: tuple[bytes, bytes]
 ) -> tuple[int, str]:
     """Return the tick of a difference and what it is: of the stamps first, for then other values mean nothing."""
     stamps = left.stamps(topic), right.stamps(topic)
     if not all(stamps):
-        tick = place
-    elif stamps[0][place] == stamps[1][place]:
-        tick = left.tick(stamps[0][place])
+        tick = index
+    elif stamps[0][index] == stamps[1][index]:
+        tick = left.tick(stamps[0][index])
     else:
-        ticks = [left.tick(side[place]) for side in stamps]
+        ticks = [left.tick(side[index]) for side in stamps]
         late = int(ticks[1] > ticks[0])
         early = 1 - late
-        if stamps[early][place] not in stamps[late]:
+        if stamps[early][index] not in stamps[late]:
             return ticks[early], (
                 f'{topic.name}: the message of tick {ticks[early]} is missing in {(left, right)[late].label}; '
                 f'that of tick {ticks[late]} is in its place'
             )
         words = f'that of tick {ticks[0]} in {left.label}, and of tick {ticks[1]} in {right.label}'
-        return place, f'{topic.name} differs first at tick {place}: the stamp of message {place} is {words}'
+        return index, f'{topic.name} differs first at tick {index}: the stamp of message {index} is {words}'
     return tick, f'{topic.name} differs first at tick {tick}: {_field(topic, messages, (left.label, right.label))}'
 
 

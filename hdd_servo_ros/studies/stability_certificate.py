@@ -165,7 +165,7 @@ def draw(report: Report, path: Path) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, sharex=True)
     length = report.length_unit
-    for place, certificate in enumerate(report.certificates):
+    for index, certificate in enumerate(report.certificates):
         bounds, time = certificate.bounds, certificate.time
         every = slice(None, None, max(1, len(time) // _POINTS))
         drawn = (
@@ -174,11 +174,11 @@ def draw(report: Report, path: Path) -> None:
             (np.abs(certificate.e), bounds.e_over(time, float(certificate.e[0])), '|e|'),
         )
         for axis, (values, limits, label) in zip(axes, drawn, strict=True):
-            if axis is axes[0] or place == 0:
-                axis.semilogy(time[every], values[every], color=f'C{place}', linewidth=0.9, label=label)
+            if axis is axes[0] or index == 0:
+                axis.semilogy(time[every], values[every], color=f'C{index}', linewidth=0.9, label=label)
             if np.isfinite(limits).all():
                 label = f'bound ({certificate.kind})'
-                axis.semilogy(time[every], limits[every], '--', color=f'C{place}', label=label)
+                axis.semilogy(time[every], limits[every], '--', color=f'C{index}', label=label)
     first = report.certificates[0]
     for axis, values in zip(axes[1:], (first.r, first.e), strict=True):
         # A zero crossing reaches down as far as a sample happens to come near it.

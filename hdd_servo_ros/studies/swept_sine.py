@@ -15,7 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hdd_servo_ros.analysis.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.analysis.identification import identify_measured
+from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS
+from hdd_servo_ros.analysis.transfer_model import Model
 from hdd_servo_ros.bench.response import FrequencyResponse, held
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PlantParameters

@@ -1,11 +1,6 @@
 """Identification against scipy's transfer functions, with and without noise."""
 
-import dataclasses
 import functools
-import os
-import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,15 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from hdd_servo_ros.analysis.identification import (
-    LEVY,
-    believed_deviation,
-    doubts,
-    identify,
-    identify_measured,
-    main,
-    select_order,
-)
+from hdd_servo_ros.analysis.identification import believed_deviation, doubts, identify_measured
+from hdd_servo_ros.analysis.order_selection import select_order
+from hdd_servo_ros.analysis.rational_fit import LEVY, identify
 from hdd_servo_ros.bench.response import FrequencyResponse, held
 
 GAIN = 4.0968e7
@@ -255,112 +244,9 @@ def test_other_refusals():
         select_order(BAND, np.ones(200), integrators=3, most_poles=2)
 
 
-def test_the_command(tmp_path, capsys):
-    path = tmp_path / 'response.csv'
-    FrequencyResponse.of(BAND, drive(BAND, SPRING) * held(BAND, 1e-5), hold=1e-5).write_csv(path)
-    assert main([str(path), '--poles', '10', '--zeros', '4']) == 0
-    printed = capsys.readouterr().out
-    assert 'gain of the rigid body 4.0968e+07 um/(V s^2)' in printed
-    assert '|residue| [um/V rad/s]' in printed
-    rows = [line.split() for line in printed.splitlines() if line[:16].strip().replace('.', '').isdigit()]
-    np.testing.assert_allclose([float(row[0]) for row in rows[1:]], FREQUENCIES, rtol=1e-5)
-    assert main([str(path), '--poles', '10', '--zeros', '4', '--hold', '0']) == 0
-    assert 'gain of the rigid body 4.0968e+07' not in capsys.readouterr().out
-    assert main([str(tmp_path / 'none.csv')]) == 2
-    capsys.readouterr()
-
-
-@pytest.mark.parametrize(
-    ('options', 'words'),
-    [
-        (['--from', '30000'], '--from 30000 leaves 0 of 40 points from 100 to 20000 Hz, and it takes at least 2'),
-        (['--from', '152', '--to', '155', '--integrators', '2'], '--from 152 --to 155 leaves 0 of 40 points'),
-        (
-            ['--from', '15000', '--poles', '10'],
-            'leaves 3 of 40 points from 100 to 20000 Hz, and it takes at least 6 for',
-        ),
-        (['--poles', '60', '--zeros', '60'], ': 40 of 40 points from 100 to 20000 Hz, and it takes at least 61 for 60'),
-    ],
-)
-def test_too_few_points_are_told(tmp_path, capsys, options, words):
-    path = tmp_path / 'response.csv'
-    frequency = np.geomspace(100.0, 20_000.0, 40)
-    FrequencyResponse.of(frequency, drive(frequency, SPRING)).write_csv(path)
-    assert main([str(path), *options]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f'identification: {path}: ')
-    assert words in said
-
-
-def test_doubts_are_told(tmp_path, capsys):
-    """A line each: a gain that is none, modes that are unstable or beyond the points, a residual that is no noise."""
-    frequency = np.geomspace(10.0, 1000.0, 60)
-    unstable = freqs([-1e6], np.polymul([1.0, -20.0, 1e5], [1.0, 400.0, 1e8]), frequency)
-    measured = FrequencyResponse.of(frequency, unstable)
-    measured.write_csv(tmp_path / 'none.csv')
-    # A coherence that claims next to nothing: 0.2 % are believed.
-    claimed = dataclasses.replace(measured, response=noisy(unstable, 0, 0.02), averages=np.full(60, 8))
-    claimed.write_csv(tmp_path / 'claimed.csv')
-    order = ['--poles', '4', '--rigid-order', '0']
-    assert main([str(tmp_path / 'none.csv'), *order]) == 0
-    warnings = [
-        'the gain of the rigid body is -1e-07, not above 0',
-        'the mode at 50.3292 Hz is unstable: its damping is -0.0316',
-        'the mode at 1591.55 Hz lies outside the band of the points, 10 to 1000 Hz',
-    ]
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == len(warnings)
-    for line, words in zip(lines, warnings, strict=True):
-        assert line.startswith(f'identification: warning: {words}')
-    assert main([str(tmp_path / 'claimed.csv'), *order]) == 0
-    assert re.search(r'warning: the weighted rms error is (9|1[01])(\.\d+)?: ', capsys.readouterr().err)
-
-
 def test_the_rigid_body_of_a_free_drive_raises_no_doubt():
     """Its two poles come out somewhere below the band, perhaps to the right; there is no point there to say so."""
     measured = FrequencyResponse.of(SWEPT, swept(1))
     model = identify_measured(measured, 10, 4)
     assert min(mode.damping for mode in model.modes()) < 0.0
     assert doubts(model, measured) == []
-
-
-def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
-    path = tmp_path / 'response.csv'
-    FrequencyResponse.of(BAND, drive(BAND, SPRING)).write_csv(path)
-    command = [
-        sys.executable,
-        '-m',
-        'hdd_servo_ros.analysis.identification',
-        str(path),
-        '--poles',
-        '10',
-        '--zeros',
-        '4',
-    ]
-    reading, writing = os.pipe()
-    os.close(reading)
-    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=120)
-    os.close(writing)
-    assert (ended.returncode, ended.stderr) == (0, '')
-
-
-@pytest.mark.parametrize(
-    ('options', 'words'),
-    [
-        (['--poles', '-1'], 'argument --poles: -1 is not above 0'),
-        (['--poles', '0'], 'argument --poles: 0 is not above 0'),
-        (['--rigid-order', '1'], 'argument --rigid-order: invalid choice: 1 (choose from 2, 0)'),
-        (['--from', 'nan'], 'argument --from: nan is no frequency'),
-        (['--from', '3000', '--to', '1000'], '--from 3000 lies above --to 1000'),
-        (['--zeros', '4'], '--zeros wants --poles'),
-        (['--hold', '-1'], 'argument --hold: -1 is no time'),
-        (['--delay', 'nan'], 'argument --delay: nan is no time'),
-        (['--integrators', '3'], '--integrators 3 is more than --rigid-order, which is 2'),
-        (['--method', 'levy'], '--method levy wants --poles'),
-    ],
-)
-def test_options_that_mean_nothing_are_refused(options, words, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(['response.csv', *options])
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err

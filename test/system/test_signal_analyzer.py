@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.analysis.identification import LEVY, identify_measured
+from hdd_servo_ros.analysis.identification import identify_measured
+from hdd_servo_ros.analysis.rational_fit import LEVY
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.recording.compare_bags import first_difference

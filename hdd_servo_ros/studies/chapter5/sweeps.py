@@ -2,7 +2,9 @@
 
 import math
 
-from hdd_servo_ros.analysis.identification import LEVY, METHODS, Model, identify_measured
+from hdd_servo_ros.analysis.identification import identify_measured
+from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS
+from hdd_servo_ros.analysis.transfer_model import Model
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns

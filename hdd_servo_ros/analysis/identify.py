@@ -1,0 +1,167 @@
+"""
+The command that identifies a transfer function from the CSV file of a measured frequency response.
+
+    python -m hdd_servo_ros.analysis.identify FILE.csv [--poles 10 --zeros 4]
+"""
+
+import argparse
+import dataclasses
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hdd_servo_ros.analysis.identification import doubts, identify_measured
+from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS, SANATHANAN_KOERNER, least_points
+from hdd_servo_ros.analysis.transfer_model import Model
+from hdd_servo_ros.bench.response import FrequencyResponse, read_csv
+
+
+def _count(text: str) -> int:
+    """Return a number of zeros or integrators; argparse tells what is none."""
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f'{number} is negative')
+    return number
+
+
+def _positive_count(text: str) -> int:
+    """Return a number of poles; argparse tells what is none."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f'{number} is not above 0')
+    return number
+
+
+def _time(text: str) -> float:
+    """Return a time [s]; argparse tells what is none."""
+    number = float(text)
+    if not 0.0 <= number < np.inf:
+        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
+    return number
+
+
+def _frequency(text: str) -> float:
+    """Return a limit of the band [Hz]; argparse tells what is none."""
+    number = float(text)
+    if not number >= 0.0:
+        raise argparse.ArgumentTypeError(f'{text} is no frequency: it must not be negative [Hz]')
+    return number
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Identify the response of a CSV file and print gain and modes; returns 2 for bad arguments or a bad file."""
+    parser = argparse.ArgumentParser(
+        prog='identify',
+        description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
+        epilog='Exit code: 0 a model was found, 2 the arguments or the file are invalid.',
+    )
+    parser.add_argument('file', type=Path, help='columns named with units, as of signal_analyzer; or Hz, linear, deg')
+    parser.add_argument('--poles', type=_positive_count, help='number of poles; without it the residual selects')
+    parser.add_argument('--zeros', type=_count, help='number of zeros, with --poles (default: 0)')
+    parser.add_argument('--integrators', type=_count, default=0, help='how many of the poles are known to be at 0')
+    parser.add_argument(
+        '--rigid-order', type=int, choices=(2, 0), default=2, help='poles of the rigid body: 2, or 0 for a static gain'
+    )
+    parser.add_argument(
+        '--from', type=_frequency, default=0.0, dest='lowest', metavar='HZ', help='lowest frequency used'
+    )
+    parser.add_argument(
+        '--to', type=_frequency, default=np.inf, dest='highest', metavar='HZ', help='highest frequency used'
+    )
+    parser.add_argument('--hold', type=_time, help="hold in the response [s], instead of the file's; 0 for none")
+    parser.add_argument('--delay', type=_time, default=0.0, help='computation delay in the response [s]')
+    parser.add_argument('--method', choices=METHODS, default=SANATHANAN_KOERNER)
+    given = parser.parse_args(arguments)
+    if given.method == LEVY and given.poles is None:
+        parser.error('--method levy wants --poles: the order is selected among iterated fits')
+    if given.zeros is not None and given.poles is None:
+        parser.error('--zeros wants --poles: without it the residual selects both numbers')
+    if given.integrators > given.rigid_order:
+        parser.error(f'--integrators {given.integrators} is more than --rigid-order, which is {given.rigid_order}')
+    if given.lowest > given.highest:
+        parser.error(f'--from {given.lowest:g} lies above --to {given.highest:g}')
+    zeros = given.zeros or 0
+    try:
+        measured = _used(given, zeros)
+        model = identify_measured(
+            measured,
+            given.poles,
+            zeros,
+            integrators=given.integrators,
+            delay=given.delay,
+            method=given.method,
+        )
+    except (OSError, ValueError) as error:
+        print(f'identify: {error}', file=sys.stderr)
+        return 2
+    for line in doubts(model, measured, given.rigid_order):
+        print(f'identify: warning: {line}', file=sys.stderr)
+    try:
+        print(table(model, given.rigid_order, measured.unit), flush=True)
+    except BrokenPipeError:
+        # The reader has seen enough. What Python still has to write at its end goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
+    """Return the points of the file that the options leave; raises ValueError if those are too few."""
+    recorded = read_csv(given.file)
+    measured = recorded.between(given.lowest, given.highest)
+    least = least_points(given.poles, zeros, given.integrators)
+    if len(measured.frequency) < least:
+        wanted = 'to select an order' if given.poles is None else f'for {given.poles} poles and {zeros} zeros'
+        limits = {f'--from {given.lowest:g}': given.lowest > 0.0, f'--to {given.highest:g}': given.highest < np.inf}
+        given_limits = ' '.join(option for option, is_given in limits.items() if is_given)
+        leaves = f'{given_limits} leaves ' if given_limits else ''
+        first, last = recorded.frequency[[0, -1]]
+        raise ValueError(
+            f'{given.file}: {leaves}{len(measured.frequency)} of {len(recorded.frequency)} points '
+            f'from {first:.6g} to {last:.6g} Hz, and it takes at least {least} {wanted}'
+        )
+    return measured if given.hold is None else dataclasses.replace(measured, hold=given.hold)
+
+
+def table(model: Model, rigid_order: int = 2, unit: str = '') -> str:
+    """
+    Return gain and modes in words.
+
+    Parameters
+    ----------
+    model
+        The model.
+    rigid_order
+        See :meth:`Model.rigid_gain`.
+    unit
+        Of the response; empty where it is not known.
+    """
+    unit = unit or 'magnitude'
+    residue_unit = f'{unit} rad/s'
+    width = max(12, len(residue_unit) + 12)
+    lines = [
+        f'{len(model.poles)} poles, {len(model.zeros)} zeros; weighted rms error {model.error:.3g}',
+        f'gain of the rigid body {model.rigid_gain(rigid_order):.6g} {_per_second(unit, rigid_order)} '
+        f'(poles of least magnitude: {rigid_order})',
+        f'{"frequency [Hz]":>16} {"damping":>10} {f"|residue| [{residue_unit}]":>{width}} {"phase [deg]":>12}',
+    ]
+    lines += [
+        f'{mode.frequency:16.2f} {mode.damping:10.5f} {abs(mode.residue):{width}.5g} '
+        f'{np.degrees(np.angle(mode.residue)):12.1f}'
+        for mode in model.modes()
+    ]
+    return '\n'.join(lines)
+
+
+def _per_second(unit: str, order: int) -> str:
+    """Return a unit divided by s to the power of ``order``."""
+    if order == 0:
+        return unit
+    above, slash, below = unit.partition('/')
+    return f'{above}/({below} s^{order})' if slash else f'{unit}/s^{order}'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,203 @@
+"""
+Least-squares fit of a transfer function of given order to a frequency response, (3.21) to (3.26).
+
+Levy's least squares on the complex plane weighs every point with |D|^2, which over a wide band means by the resonances
+and the highest frequencies alone. :func:`identify` offers it as it stands in the thesis, and the iteration of
+Sanathanan and Koerner (IEEE Transactions on Automatic Control 8, 1963), which divides by the |D| of the round before.
+
+Powers of s over three decades span 10^30 at order ten, so neither polynomial is ever written in them: numerator and
+denominator are sums of polynomials that are orthonormal on the weighted points, made by the Arnoldi process (Brubeck,
+Nakatsukasa and Trefethen, "Vandermonde with Arnoldi", SIAM Review 63, 2021). Their roots are eigenvalues of the
+process's Hessenberg matrix with one column changed. The frequency is normalised by the highest one.
+"""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdd_servo_ros.analysis.transfer_model import Model
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+LEVY = 'levy'
+SANATHANAN_KOERNER = 'sanathanan-koerner'
+METHODS = (SANATHANAN_KOERNER, LEVY)
+ITERATIONS = 20
+"""Rounds of the iteration at most; it settles in about five."""
+_SETTLED = 1e-6
+_LEAST_WEIGHED = 1e-15
+
+
+def identify(
+    frequency: ArrayLike,
+    response: ArrayLike,
+    poles: int,
+    zeros: int,
+    *,
+    integrators: int = 0,
+    deviation: ArrayLike | None = None,
+    method: str = SANATHANAN_KOERNER,
+) -> Model:
+    """
+    Fit a transfer function with so many poles and zeros.
+
+    Parameters
+    ----------
+    frequency
+        [Hz], shape (n,).
+    response
+        Complex, shape (n,), of a continuous system: divide a sampled one by :func:`~hdd_servo_ros.bench.response.held`.
+    poles, zeros
+        n and m of (3.21), with zeros <= poles; integrators count among the poles.
+    integrators
+        How many of the poles are known to be at 0.
+    deviation
+        Standard deviation of each point, shape (n,), whose inverse is the weight of W_k = 1/deviation^2 in (3.23); by
+        default the magnitude, so that every point counts by its relative error.
+    method
+        ``'levy'``: the least squares (3.25), once, without any weight, as printed. ``'sanathanan-koerner'``: weighted,
+        and iterated with 1/|D|^2 of the round before; the round with the least error (3.23) is returned.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer points than unknowns, or an argument is out of range.
+    """
+    f = np.asarray(frequency, dtype=np.float64)
+    measured = np.asarray(response, dtype=np.complex128)
+    _check(f, measured, poles, zeros, integrators, method)
+    sigma = np.abs(measured) if deviation is None else np.asarray(deviation, dtype=np.float64)
+    if sigma.shape != f.shape or not np.all(sigma > 0.0) or not np.all(np.isfinite(sigma)):
+        raise ValueError('deviation must hold one positive number a point')
+    unit = 2.0 * np.pi * float(f.max())
+    s: ComplexArray = np.asarray(2j * np.pi * f / unit, dtype=np.complex128)
+    factor = s**integrators
+    # Everything below is about G s^integrators, whose scale is taken out as well.
+    scale = float(np.median(np.abs(measured * factor)))
+    target: ComplexArray = np.asarray(measured * factor / scale, dtype=np.complex128)
+    inverse = scale / (sigma * np.abs(factor))
+    start = np.ones(len(f)) if method == LEVY else inverse
+    weight = start
+    free = poles - integrators
+    best: Model | None = None
+    last = 0.0
+    for _ in range(1 if method == LEVY else ITERATIONS):
+        fitted, denominator, found = _linear_fit(s, target, weight, free, zeros)
+        error = float(np.sqrt(np.mean(np.abs((fitted - target) * inverse) ** 2)))
+        if not np.isfinite(error):
+            error = np.inf
+        if best is None or error < best.error:
+            best = Model(
+                found.zeros * unit,
+                np.concatenate((np.zeros(integrators), found.poles * unit)),
+                found.leading * scale * unit ** (poles - len(found.zeros)),
+                error,
+            )
+        if np.isfinite(error) and abs(error - last) <= _SETTLED * error:
+            break
+        last = error
+        magnitude = np.abs(denominator)
+        # A denominator that a poor start leaves at nothing somewhere must not make that point the only one.
+        weight = start / np.maximum(magnitude, _LEAST_WEIGHED * magnitude.max())
+    assert best is not None
+    return best
+
+
+def least_points(poles: int | None, zeros: int, integrators: int = 0) -> int:
+    """Return how many points :func:`identify` takes at least, or, with None for the poles, a selection of the order."""
+    if poles is None:
+        # Of two real numbers a point, half are to tell a good fit from an exact one.
+        return max(integrators, 1) - integrators + 1
+    return -(-(poles - integrators + zeros + 1) // 2)
+
+
+def _check(f: Array, response: ComplexArray, poles: int, zeros: int, integrators: int, method: str) -> None:
+    if method not in METHODS:
+        raise ValueError(f'method is {method!r}; there are {", ".join(METHODS)}')
+    if not 0 <= integrators <= poles or not 0 <= zeros <= poles:
+        raise ValueError(f'{poles} poles, {zeros} zeros, {integrators} integrators: neither may exceed the poles')
+    if f.ndim != 1 or f.shape != response.shape:
+        raise ValueError(f'frequency and response must have one shape, not {f.shape} and {response.shape}')
+    if not (np.all(np.isfinite(f)) and np.all(np.isfinite(response)) and np.all(f > 0.0) and np.all(response != 0.0)):
+        raise ValueError('frequencies must be positive, responses finite and not zero')
+    if len(f) < least_points(poles, zeros, integrators):
+        unknowns = poles - integrators + zeros + 1
+        raise ValueError(f'{len(f)} points are too few for {unknowns} unknowns')
+
+
+def _linear_fit(
+    s: ComplexArray, target: ComplexArray, weight: Array, poles: int, zeros: int
+) -> tuple[ComplexArray, ComplexArray, Model]:
+    """Minimise sum |weight (N - D target)|^2, (3.25), with the leading coefficient of D fixed; return N/D, D, model."""
+    numerator = _orthonormal(s, weight, zeros)
+    denominator = _orthonormal(s, weight * target, poles)
+    columns = np.hstack((numerator.values, -denominator.values[:, :poles]))
+    right = denominator.values[:, poles]
+    solution = np.linalg.lstsq(
+        np.vstack((columns.real, columns.imag)), np.concatenate((right.real, right.imag)), rcond=None
+    )[0]
+    b, a = solution[: zeros + 1], np.append(solution[zeros + 1 :], 1.0)
+    n_values = numerator.values @ b / weight
+    # Data without noise may leave a coefficient at exactly nothing: there are as many zeros fewer.
+    significant = np.flatnonzero(np.abs(b) > np.finfo(np.float64).tiny * np.abs(b).max())
+    b = b[: 1 + int(significant.max(initial=0))]
+    d_values = denominator.values @ a / (weight * target)
+    leading = numerator.leading(b) / denominator.leading(a)
+    model = Model(numerator.roots(b), denominator.roots(a), leading, np.nan)
+    with np.errstate(divide='ignore', invalid='ignore'):  # the caller sees to what is not finite
+        fitted = n_values / d_values
+    return fitted, d_values, model
+
+
+@dataclasses.dataclass(frozen=True)
+class _Basis:
+    """Polynomials that are orthonormal under a weight: their weighted values, their recurrence, and the constant."""
+
+    values: ComplexArray
+    recurrence: Array
+    constant: float
+
+    def roots(self, coefficients: Array) -> ComplexArray:
+        """Return the roots of a sum of the polynomials."""
+        degree = len(coefficients) - 1
+        if degree == 0:
+            return np.zeros(0, dtype=np.complex128)
+        matrix = self.recurrence[:degree, :degree].copy()
+        matrix[:, -1] -= self.recurrence[degree, degree - 1] * coefficients[:-1] / coefficients[-1]
+        return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
+
+    def leading(self, coefficients: Array) -> float:
+        """Return the coefficient of the highest power of s in a sum of the polynomials."""
+        degree = len(coefficients) - 1
+        steps = np.diag(self.recurrence[1 : degree + 1, :degree])
+        return float(coefficients[-1] * self.constant / np.prod(steps))
+
+
+def _orthonormal(s: ComplexArray, weight: ComplexArray | Array, degree: int) -> _Basis:
+    """
+    Return the polynomials up to ``degree`` with real coefficients, orthonormal on the points s and their conjugates.
+
+    Parameters
+    ----------
+    s
+        Points, shape (n,).
+    weight
+        Factor of each point's value, shape (n,); it may be complex.
+    degree
+        Of the last polynomial.
+    """
+    values = np.empty((len(s), degree + 1), dtype=np.complex128)
+    recurrence = np.zeros((degree + 1, max(degree, 1)))
+    constant = 1.0 / float(np.linalg.norm(weight))
+    values[:, 0] = constant * weight
+    for i in range(degree):
+        new = s * values[:, i]
+        for _ in range(2):  # once more, against the rounding of the first time
+            parts = (values[:, : i + 1].conj().T @ new).real
+            new = new - values[:, : i + 1] @ parts
+            recurrence[: i + 1, i] += parts
+        recurrence[i + 1, i] = np.linalg.norm(new)
+        values[:, i + 1] = new / recurrence[i + 1, i]
+    return _Basis(values, recurrence, constant)
