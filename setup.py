@@ -25,7 +25,23 @@ NODES = (
     'rig',
 )
 # Commands: where their modules are is told in hdd_servo_ros/executables.py.
-COMMANDS = ('simulate', 'study', 'report', 'compare', 'replay', 'recover', 'scope')
+COMMANDS = (
+    'simulate',
+    'study',
+    'report',
+    'compare',
+    'compare_bags',
+    'replay',
+    'recover',
+    'scope',
+    'identify',
+    'tune',
+    'stability_certificate',
+    'instruments',
+    'swept_sine',
+    'friction_curves',
+    'drive_response',
+)
 SCRIPTS = [f'{name} = {NAME}.executables:{name}' for name in (*NODES, *COMMANDS)]
 
 

@@ -15,9 +15,17 @@ _ELSEWHERE = {
     'study': 'studies.main',
     'compare': 'studies.compare',
     'report': 'reporting.report',
+    'compare_bags': 'recording.compare_bags',
     'replay': 'tools.replay',
     'recover': 'tools.recover',
     'scope': 'tools.scope',
+    'identify': 'analysis.identify',
+    'tune': 'studies.tune',
+    'stability_certificate': 'studies.stability_certificate',
+    'instruments': 'studies.instruments',
+    'swept_sine': 'studies.swept_sine',
+    'friction_curves': 'studies.friction_curves',
+    'drive_response': 'studies.drive_response',
 }
 """Modules of the commands; a node's executable has a module of its name in `nodes`."""
 

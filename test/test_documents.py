@@ -1,5 +1,6 @@
 """The commands in the documents run, and what they name exists."""
 
+import distutils.core
 import re
 import shlex
 import subprocess
@@ -7,9 +8,24 @@ from pathlib import Path
 
 import pytest
 
+from hdd_servo_ros import executables
+
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
-TOOLS = sorted(path.stem for path in (ROOT / 'hdd_servo_ros' / 'tools').glob('[a-z]*.py'))
+TEXTS = [*DOCUMENTS, *sorted((ROOT / 'params').glob('*.yaml')), *sorted((ROOT / 'hdd_servo_ros').rglob('*.py'))]
+"""Whatever may tell a user to run a command."""
+
+
+def executable_modules():
+    """Return the module of each executable of the package, without the package's name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        scripts = distutils.core.run_setup('setup.py', stop_after='init').entry_points['console_scripts']
+    names = [script.partition(' = ')[0] for script in scripts]
+    return {name: getattr(executables, name).args[0] for name in names}
+
+
+MODULES = executable_modules()
 OWN_TEST = ('write-your-own-controller',)
 """Documents whose commands have a test of their own."""
 BLOCKS = [
@@ -25,6 +41,15 @@ SHORT_SWEEP = ('-p', 'start_frequency:=19000.0', '-p', 'integrate_time:=0.001', 
 
 def commands(block):
     return [shlex.split(line, comments=True) for line in block.splitlines() if shlex.split(line, comments=True)]
+
+
+def assert_options_exist(bench, name, arguments):
+    """Check that a command of the package has a help, which names every option given."""
+    answer = bench.python('-m', f'hdd_servo_ros.{MODULES[name]}', '--help')
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.startswith(f'usage: {name} ')
+    for option in (word for word in arguments if word.startswith('--')):
+        assert re.search(rf'(^|[\s\[,]){option}\b', answer.stdout), (name, option)
 
 
 def launch_arguments(file):
@@ -51,8 +76,8 @@ def test_commands(bench, block):
                 answer = bench.python('-m', 'hdd_servo_ros.reporting.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
                 continue
-            if name in TOOLS:
-                assert bench.python('-m', f'hdd_servo_ros.tools.{name}', '--help').returncode == 0, command
+            if '--ros-args' not in arguments:
+                assert_options_exist(bench, name, arguments)
                 continue
             paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
             assert paths.pop(0) == '--ros-args'
@@ -74,12 +99,20 @@ def test_commands(bench, block):
 @pytest.mark.parametrize('document', DOCUMENTS, ids=lambda document: document.stem)
 def test_modules_and_files_that_the_text_names_exist(bench, document):
     text = document.read_text('utf8')
-    for module in set(re.findall(r'`python -m (hdd_servo_ros\.[\w.]+)', text)):
-        assert bench.python('-m', module, '--help').returncode == 0, module
+    for name, arguments in set(re.findall(r'`ros2 run hdd_servo_ros ([a-z]\w+)([^`]*)`', text)):
+        assert_options_exist(bench, name, arguments.split())
     for link in re.findall(r'\]\(([^)#:]+)\)', text):
         assert (document.parent / link).exists(), link
     for target in set(re.findall(r'`make (\w+)`', text)):
         assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE), target
+
+
+@pytest.mark.parametrize('path', TEXTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_commands_that_a_text_names_are_executables(path):
+    text = path.read_text('utf8')
+    assert set(re.findall(r'ros2 run hdd_servo_ros ([a-z]\w*)', text)) <= MODULES.keys()
+    # What a user runs is an executable; `make docs` alone runs a module.
+    assert set(re.findall(r'python -m\s+hdd_servo_ros\.([\w.]+)', text)) <= {'graph.manual'}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import distutils.core
 import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,73 @@ def test_every_entry_point_leads_to_a_main():
         assert callable(importlib.import_module(f'hdd_servo_ros.{target_module}').main), name
         assert target_module.rsplit('.', 1)[-1] in (name, 'main')
     assert {'rig', 'simulate', 'scope', 'study', 'vcm_plant'} <= entry_points().keys()
+
+
+COMMANDS = (
+    'compare_bags',
+    'drive_response',
+    'friction_curves',
+    'identify',
+    'instruments',
+    'stability_certificate',
+    'swept_sine',
+    'tune',
+)
+
+
+def run(name, *arguments, directory=ROOT):
+    """Run the script that pip or colcon makes of an entry point."""
+    code = f'import sys; from hdd_servo_ros.executables import {name}; sys.exit({name}())'
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    return subprocess.run(
+        [sys.executable, '-c', code, *arguments],
+        cwd=directory,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_command_is_an_executable_with_a_help(name):
+    assert name in entry_points()
+    ended = run(name, '--help')
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith(f'usage: {name} ')
+    assert 'Exit code: 0' in ended.stdout
+
+
+@pytest.mark.parametrize(
+    ('name', 'arguments'),
+    [
+        ('compare_bags', ('nowhere', 'nowhere')),
+        ('compare_bags', ('nowhere',)),
+        ('drive_response', ('--nonsense',)),
+        ('friction_curves', ('--nonsense',)),
+        ('identify', ('nowhere.csv',)),
+        ('instruments', ('--params-file', 'nowhere.yaml')),
+        ('instruments', ('--seconds', '2')),
+        ('instruments', ('--sample-time', '0')),
+        ('stability_certificate', ('nowhere',)),
+        ('swept_sine', ('nowhere',)),
+        ('tune', ('--params-file', 'nowhere.yaml')),
+    ],
+)
+def test_a_command_with_invalid_arguments_ends_with_2(tmp_path, name, arguments):
+    ended = run(name, *arguments, directory=tmp_path)
+    assert ended.returncode == 2
+    assert 'Traceback' not in ended.stderr
+    assert ended.stderr.splitlines()[-1].startswith(f'{name}: ')
+
+
+@pytest.mark.parametrize('name', ['drive_response', 'friction_curves'])
+def test_plots_that_cannot_be_written_end_with_1(tmp_path, name):
+    (tmp_path / 'file').touch()
+    ended = run(name, 'file/plots', directory=tmp_path)
+    assert (ended.returncode, ended.stdout) == (1, '')
+    assert ended.stderr.startswith(f'{name}: ')
+    assert 'Traceback' not in ended.stderr
 
 
 INTERRUPTED = """

@@ -48,6 +48,6 @@ def warnings(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> 
         f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} V s/um acts as one linear "
         f'gain on r, with which the loop around this drive, at T = {controller.sample_time:g} s, {loop}; it may track '
         'at first and burst after seconds: raise phi.leakage or network.leakage, lower feedback_gain or '
-        'error_filter_lambda, or tune it (python -m hdd_servo_ros.studies.tune)'
+        'error_filter_lambda, or tune it (ros2 run hdd_servo_ros tune)'
     )
     return fragile, *controller.sign_warnings()

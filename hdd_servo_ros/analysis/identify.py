@@ -1,7 +1,7 @@
 """
 The command that identifies a transfer function from the CSV file of a measured frequency response.
 
-    python -m hdd_servo_ros.analysis.identify FILE.csv [--poles 10 --zeros 4]
+    ros2 run hdd_servo_ros identify FILE.csv [--poles 10 --zeros 4]
 """
 
 import argparse

@@ -1,7 +1,8 @@
 """
 The first difference between two recorded runs, bit by bit.
 
-``python -m hdd_servo_ros.recording.compare_bags RUN RUN`` says where two runs part: topic, tick and field.
+``ros2 run hdd_servo_ros compare_bags RUN RUN`` prints the topic, the tick and the field where two
+runs first differ.
 """
 
 import argparse
@@ -134,11 +135,19 @@ def _array(message: bytes, offset: int) -> Sequence[float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare two runs; exit code 0 if they are identical, 1 if not."""
-    parser = argparse.ArgumentParser(description='Compare the loop topics of two recorded runs, byte by byte.')
+    """Compare two runs; exit code 0 if they are identical, 1 if not, 2 if one cannot be read."""
+    parser = argparse.ArgumentParser(
+        prog='compare_bags',
+        description='Compare the loop topics of two recorded runs byte by byte, and print the first difference.',
+        epilog='Exit code: 0 the runs are identical, 1 they differ, 2 one of them cannot be read.',
+    )
     parser.add_argument('run', type=Path, nargs=2, help='run folder or bag')
     left, right = parser.parse_args(arguments).run
-    difference = first_difference(left, right)
+    try:
+        difference = first_difference(left, right)
+    except (OSError, ValueError) as error:
+        print(f'compare_bags: {error}', file=sys.stderr)
+        return 2
     print(difference or 'identical')
     return 0 if difference is None else 1
 

@@ -1,14 +1,15 @@
 """
 The default drive's frequency responses (figs. 2.3, 5.3 and 5.4), and how its step converges.
 
-    python -m hdd_servo_ros.studies.drive_response [DIRECTORY]
-    python -m hdd_servo_ros.studies.drive_response --convergence
+    ros2 run hdd_servo_ros drive_response [DIRECTORY]
+    ros2 run hdd_servo_ros drive_response --convergence
 
 The responses are those of the block alone, by a stepped sine whose fundamental is taken over whole periods.
 """
 
 import argparse
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -76,16 +77,16 @@ SUBSTEPS = (1, 2, 4, 8, 16, 32)
 FINE = 512
 
 
-def main(output_directory: Path) -> list[Path]:
-    """Write the pictures into a directory, made if there is none, and return their paths."""
+def write_plots(output_directory: Path) -> list[Path]:
+    """Write the plots into a directory, made if there is none, and return their paths."""
     output_directory.mkdir(parents=True, exist_ok=True)
-    pictures = {
+    plots = {
         'fig_5_4_amplitude_dependence.png': draw_amplitude_dependence(),
         'fig_5_3_response.png': draw_response(),
     }
-    for name, figure in pictures.items():
+    for name, figure in plots.items():
         figure.savefig(output_directory / name, dpi=110)
-    return [output_directory / name for name in pictures]
+    return [output_directory / name for name in plots]
 
 
 def stepped_sine(
@@ -215,17 +216,29 @@ def print_convergence(write: Callable[[str], None] = print) -> None:
         write('')
 
 
-def _command_line() -> None:
-    parser = argparse.ArgumentParser(description="Draw the default drive's frequency responses.")
-    parser.add_argument('directory', nargs='?', type=Path, default=Path('runs/drive_response'))
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
+    parser = argparse.ArgumentParser(
+        prog='drive_response',
+        description="Draw the default drive's frequency responses (figs. 2.3, 5.3 and 5.4) as PNG files.",
+        epilog='Exit code: 0 done, 1 a file cannot be written, 2 invalid arguments.',
+    )
+    parser.add_argument(
+        'directory', nargs='?', type=Path, default=Path('runs/drive_response'), help='default: %(default)s'
+    )
     parser.add_argument('--convergence', action='store_true', help='print the convergence of the step instead')
-    arguments = parser.parse_args()
-    if arguments.convergence:
+    options = parser.parse_args(arguments)
+    if options.convergence:
         print_convergence()
-        return
-    for path in main(arguments.directory):
-        print(path)
+        return 0
+    try:
+        for path in write_plots(options.directory):
+            print(path)
+    except OSError as error:
+        print(f'drive_response: {error}', file=sys.stderr)
+        return 1
+    return 0
 
 
 if __name__ == '__main__':
-    _command_line()
+    sys.exit(main())

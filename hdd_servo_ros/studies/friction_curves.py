@@ -1,10 +1,11 @@
 """
-The friction curves of figs. 2.1, 2.2 and 5.5, as pictures.
+The friction curves of figs. 2.1, 2.2 and 5.5, as plots.
 
-    python -m hdd_servo_ros.studies.friction_curves [DIRECTORY]
+    ros2 run hdd_servo_ros friction_curves [DIRECTORY]
 """
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -72,10 +73,10 @@ STATIC = FrictionParameters(
 """Round numbers that show the shapes."""
 
 
-def main(output_directory: Path) -> list[Path]:
-    """Write the pictures into a directory, made if there is none, and return their paths."""
+def write_plots(output_directory: Path) -> list[Path]:
+    """Write the plots into a directory, made if there is none, and return their paths."""
     output_directory.mkdir(parents=True, exist_ok=True)
-    pictures = {
+    plots = {
         'fig_2_1_static_friction.png': draw_static_friction(),
         'fig_2_2_dahl.png': draw_dahl(),
         'fig_5_5_lugre_hysteresis.png': draw_lugre_hysteresis(
@@ -86,9 +87,9 @@ def main(output_directory: Path) -> list[Path]:
             },
         ),
     }
-    for name, figure in pictures.items():
+    for name, figure in plots.items():
         figure.savefig(output_directory / name, dpi=110)
-    return [output_directory / name for name in pictures]
+    return [output_directory / name for name in plots]
 
 
 def draw_static_friction() -> Figure:
@@ -190,12 +191,25 @@ def _label(axis: Axes, title: str, x: str, y: str) -> None:
     axis.grid(alpha=0.3)
 
 
-def _command_line() -> None:
-    parser = argparse.ArgumentParser(description='Draw the friction curves of figs. 2.1, 2.2 and 5.5.')
-    parser.add_argument('directory', nargs='?', type=Path, default=Path('runs/friction_curves'))
-    for path in main(parser.parse_args().directory):
-        print(path)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the plots; exit code 0 done, 1 if a file cannot be written."""
+    parser = argparse.ArgumentParser(
+        prog='friction_curves',
+        description='Draw the friction curves of figs. 2.1, 2.2 and 5.5 as PNG files.',
+        epilog='Exit code: 0 done, 1 a file cannot be written, 2 invalid arguments.',
+    )
+    parser.add_argument(
+        'directory', nargs='?', type=Path, default=Path('runs/friction_curves'), help='default: %(default)s'
+    )
+    directory = parser.parse_args(arguments).directory
+    try:
+        for path in write_plots(directory):
+            print(path)
+    except OSError as error:
+        print(f'friction_curves: {error}', file=sys.stderr)
+        return 1
+    return 0
 
 
 if __name__ == '__main__':
-    _command_line()
+    sys.exit(main())

@@ -1,13 +1,16 @@
 """
 What each instrument of the bench does to the tracking error, one effect at a time: the tables of docs/bench.md.
 
-    python -m hdd_servo_ros.studies.instruments [--params-file FILE ...] [--seconds 12]
+    ros2 run hdd_servo_ros instruments [--params-file FILE ...] [--seconds 12]
 """
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 
-from hdd_servo_ros.parameters.files import read_parameter_files
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
+from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.studies.tune import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
 
 CONTROLLERS = ('adaptive_nn', 'pid')
@@ -72,17 +75,29 @@ def _print_head(first: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the tables."""
+    """Print the tables; 0 done, 2 invalid arguments or parameters."""
     parser = argparse.ArgumentParser(
-        prog='python -m hdd_servo_ros.studies.instruments',
+        prog='instruments',
         description='Tabulate what each instrument of the bench does to the tracking error of a 2 um sine.',
+        epilog='Exit code: 0 done, 2 invalid arguments or parameters.',
     )
     parser.add_argument('--params-file', nargs='*', default=[], help='parameter files, later ones win')
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
     parser.add_argument('--seconds', type=float, default=12.0, help='length of the runs [s]')
     options = parser.parse_args(arguments)
-    sections = read_parameter_files(options.params_file)
+    try:
+        _print_tables(options)
+    except (ParameterError, ArgumentError) as error:
+        print(f'instruments: {error}', file=sys.stderr)
+        return 2
+    return 0
 
+
+def _print_tables(options: argparse.Namespace) -> None:
+    TimerParameters(sample_time=options.sample_time, duration=0.0)
+    if not options.seconds > TRANSIENT:
+        raise ArgumentError(f'--seconds {options.seconds:g} is no more than the {TRANSIENT:g} s that do not count')
+    sections = read_parameter_files(options.params_file)
     print(f'2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s: rms / max error of the head [nm]\n')
     _print_head('effect')
     for name, values in LDV_EFFECTS:
@@ -103,8 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         name = f'{"with" if noise else "without"} noise, reference {"filtered" if filter_reference else "as given"}'
         _print_row([name, *errors(own, options.sample_time, options.seconds)])
-    return 0
 
 
 if __name__ == '__main__':
-    raise SystemExit(main())
+    sys.exit(main())

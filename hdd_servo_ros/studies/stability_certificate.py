@@ -1,7 +1,7 @@
 """
 The stability certificate of theorem 4.1 for a recorded run of the adaptive NN controller.
 
-    python -m hdd_servo_ros.studies.stability_certificate RUN
+    ros2 run hdd_servo_ros stability_certificate RUN
 
 prints V(0), c1, c2, the bounds and how near the run came to them, for two choices of the ideal values (see
 ``stability/ideal_values.py``), says which of the theorem's conditions the run keeps, and draws V, |r| and |e| with
@@ -196,8 +196,10 @@ def draw(report: Report, path: Path) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print and draw the certificate of a run; exit code 2 if there is none to give."""
     parser = argparse.ArgumentParser(
-        prog='python -m hdd_servo_ros.studies.stability_certificate',
-        description='The stability certificate of theorem 4.1 for a recorded run of the adaptive NN controller.',
+        prog='stability_certificate',
+        description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
+        'controller; the picture is certificate.png in the run folder.',
+        epilog='Exit code: 0 done (also where a bound is violated), 2 the run has no certificate or cannot be read.',
     )
     parser.add_argument('run', type=Path, help='run folder')
     parser.add_argument('--disturbance', type=float, help='bound of a disturbance from a node of its own [V]')
@@ -210,7 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         picture = options.run / 'certificate.png'
         draw(report, picture)
     except (CertificateError, ParameterError, ReplayError, OSError, ValueError) as error:
-        print(f'certificate: {error}', file=sys.stderr)
+        print(f'stability_certificate: {error}', file=sys.stderr)
         return 2
     print(f'\npicture  {picture}')
     return 0

@@ -1,7 +1,7 @@
 """
 A recorded sweep: its response from the bag alone, and what Levy's method and the iteration find in it.
 
-    python -m hdd_servo_ros.studies.swept_sine RUN [--noise 0.01]
+    ros2 run hdd_servo_ros swept_sine RUN [--noise 0.01]
 
 Writes `response.csv` and `response.png` into the run's folder anew, the latter with the identified model drawn over the
 measurement (fig. 5.3), and prints the table of true and identified gain and modes.
@@ -85,11 +85,12 @@ def _deviation(found: float | None, true: float, digits: int) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Answer for one run; returns 2 for one that is no sweep."""
+    """Identify one run; exit code 2 if it is not a sweep, or cannot be read or written."""
     parser = argparse.ArgumentParser(
-        prog='python -m hdd_servo_ros.studies.swept_sine',
-        description=__doc__,
-        formatter_class=argparse.RawTextHelpFormatter,
+        prog='swept_sine',
+        description='Compute the response of a recorded sweep from its bag alone (response.csv and response.png in the '
+        'run folder), and compare what two methods identify from it with the true drive.',
+        epilog='Exit code: 0 done, 2 the run is not a sweep or cannot be read or written.',
     )
     parser.add_argument('run', type=Path, help='folder of a run of signal_analyzer')
     parser.add_argument('--noise', type=float, default=0.0, help='relative rms of noise to add before identifying')
@@ -104,13 +105,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.noise:
             used = with_noise(used, given.noise, given.seed)
         models = {method: identify_measured(used, POLES, ZEROS, method=method) for method in (LEVY, METHODS[0])}
+        measured.write_csv(given.run / CSV)
+        fitted = models[METHODS[0]].response(measured.frequency) * held(measured.frequency, measured.hold)
+        curves = {'measured': measured, 'identified': FrequencyResponse.of(measured.frequency, fitted)}
+        bode(curves).savefig(given.run / PICTURE, dpi=100)
     except (OSError, ValueError) as error:
         print(f'swept_sine: {given.run}: {error}', file=sys.stderr)
         return 2
-    measured.write_csv(given.run / CSV)
-    fitted = models[METHODS[0]].response(measured.frequency) * held(measured.frequency, measured.hold)
-    curves = {'measured': measured, 'identified': FrequencyResponse.of(measured.frequency, fitted)}
-    bode(curves).savefig(given.run / PICTURE, dpi=100)
     print(describe(measured))
     print(compare(plant, models))
     print(f'written: {given.run / CSV}, {given.run / PICTURE}')

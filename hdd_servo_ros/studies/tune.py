@@ -1,8 +1,8 @@
 """
 Tune both controllers for a drive by one rule, and print what belongs into the parameter file.
 
-    python -m hdd_servo_ros.studies.tune [--params-file FILE ...] [--seconds 60]
-    python -m hdd_servo_ros.studies.tune --params-file params/simulation_study.yaml --same-peak
+    ros2 run hdd_servo_ros tune [--params-file FILE ...] [--seconds 60]
+    ros2 run hdd_servo_ros tune --params-file params/simulation_study.yaml --same-peak
 
 The rule for both: peak sensitivity Ms <= 2 of the sampled loop, in presliding, where the friction is a spring, and in
 sliding, where its viscous part alone is left. The loop has the hold, the resonances, the driver's amplifier, coil and
@@ -296,7 +296,10 @@ def _print_section(node: str, gains: Mapping[str, object]) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Tune, print the parameters and what they do; 0 done, 2 wrong arguments or parameters, 130 interrupted."""
     parser = argparse.ArgumentParser(
-        prog='python -m hdd_servo_ros.studies.tune', description='Tune both controllers for a drive by one rule.'
+        prog='tune',
+        description='Tune the adaptive NN and the PID controller for a drive by one rule, the largest gains with a '
+        f'peak sensitivity Ms <= {MAX_SENSITIVITY:g}; print their sections of a parameter file, and what they do.',
+        epilog='Exit code: 0 done, 2 invalid arguments or parameters.',
     )
     parser.add_argument(
         '--params-file', nargs='*', default=[], help='parameter files of the drive and the vibrometer, later ones win'

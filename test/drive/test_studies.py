@@ -15,7 +15,7 @@ PNG = b'\x89PNG\r\n\x1a\n'
 
 
 def test_friction_curves(tmp_path: Path) -> None:
-    paths = friction_curves.main(tmp_path / 'pictures')
+    paths = friction_curves.write_plots(tmp_path / 'plots')
     assert [path.name[:7] for path in paths] == ['fig_2_1', 'fig_2_2', 'fig_5_5']
     assert all(path.read_bytes().startswith(PNG) for path in paths)
 
@@ -35,7 +35,7 @@ def test_curves_of_fig_2_1_and_2_2() -> None:
 def test_drive_response(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive_response, 'FREQUENCIES', (50, 100))
     monkeypatch.setattr(drive_response, 'HIGH', (500, 1000))
-    paths = drive_response.main(tmp_path)
+    paths = drive_response.write_plots(tmp_path)
     assert all(path.read_bytes().startswith(PNG) for path in paths)
 
 
