@@ -1,5 +1,5 @@
 """
-The stability certificate of theorem 4.1: V of (4.22), c1, c2 and the bounds (i) and (ii), for a known drive.
+Bounds of theorem 4.1 for a known drive: V of (4.22), c1, c2, the uniform bound (i) and the ultimate bound (ii).
 
 The proof gives V' <= -c1 V + c2, and from it
 
@@ -35,7 +35,7 @@ _ROUNDING = 1e-9
 def scalar_laws(
     parameters: AdaptiveNnParameters, ideal: IdealValues
 ) -> Iterator[tuple[str, SigmaParameters | MassParameters | PhiParameters, float]]:
-    """Iterate over the laws (4.18)-(4.20) that take part: name of the estimate, law, ideal value."""
+    """Iterate over the enabled laws (4.18)-(4.20): name of the estimate, law, ideal value."""
     if parameters.sigma.enabled:
         yield 'sigma_hat', parameters.sigma, ideal.sigma
     if parameters.mass.enabled:
@@ -139,7 +139,7 @@ class Bounds:
     initial: float
 
     @property
-    def whole(self) -> float:
+    def uniform(self) -> float:
         """V(0) + c2/c1, which V never exceeds (4.35)."""
         return self.initial + self.c2 / self.c1
 
@@ -154,7 +154,7 @@ class Bounds:
         return values
 
     def r_of(self, level: float) -> float:
-        """Return the largest |r| [um/s] that V <= ``level`` leaves: bound (i) of ``whole``, (ii) of ``ultimate``."""
+        """Return the largest |r| [um/s] that V <= ``level`` leaves: bound (i) of ``uniform``, (ii) of ``ultimate``."""
         return math.sqrt(2.0 * level / self.mass)
 
     def e_of(self, level: float) -> float:

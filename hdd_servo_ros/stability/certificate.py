@@ -1,5 +1,5 @@
 """
-Theorem 4.1 held against one run of the loop: its bounds, how near the run came to them, and what it takes for granted.
+Certificate of theorem 4.1 for one run of the loop: bounds, how near the run came to them, and the theorem's conditions.
 
 V needs all weights at every tick: the controller is replayed for them
 (see :mod:`hdd_servo_ros.stability.weight_replay`).
@@ -207,12 +207,12 @@ def _checks(time: Array, value: Array, r: Array, e: Array, bounds: Bounds, sampl
     checks = [
         check(SAMPLE_CHECK, '', value[1:], decay * value[:-1] + (1.0 - decay) * bounds.ultimate, first_tick=1),
         check('V  (4.33)', '', value, bounds.level(time)),
-        check('|r|  (i)', 'um/s', magnitude, bounds.r_of(bounds.whole)),
+        check('|r|  (i)', 'um/s', magnitude, bounds.r_of(bounds.uniform)),
         check('|r|  (ii), over time', 'um/s', magnitude, bounds.r_over(time)),
     ]
     if bounds.error_filter_lambda > 0.0:
         checks += [
-            check('|e|  (i)', 'um', error, error[0] + bounds.e_of(bounds.whole)),
+            check('|e|  (i)', 'um', error, error[0] + bounds.e_of(bounds.uniform)),
             check('|e|  (ii), over time', 'um', error, bounds.e_over(time, float(e[0]))),
         ]
     return tuple(checks if len(value) > 1 else checks[1:])
@@ -224,11 +224,11 @@ def _estimate_checks(
     """Compare the estimates with (4.38)."""
     checks = []
     for name, law, true in scalar_laws(controller, ideal):
-        limit = abs(true) + (2.0 * bounds.whole * law.gain) ** 0.5
+        limit = abs(true) + (2.0 * bounds.uniform * law.gain) ** 0.5
         checks.append(check(f'|{name}|  (i)', UNITS[name], np.abs(columns[name]), limit))
     if controller.network.enabled:
         # 1/lambda_min(Gamma^-1) = max(Gamma)
-        limit = float(np.linalg.norm(ideal.weights)) + (2.0 * bounds.whole * max(controller.network.gain)) ** 0.5
+        limit = float(np.linalg.norm(ideal.weights)) + (2.0 * bounds.uniform * max(controller.network.gain)) ** 0.5
         checks.append(check('|W_hat|  (i)', 'V', columns['W_norm'], limit))
     return checks
 
@@ -269,7 +269,7 @@ def conditions(
         found += [_projection(controller, certificate) for certificate in certificates]
     for certificate in certificates:
         if certificate.kind == 'theorem':
-            velocity = certificate.bounds.r_of(certificate.bounds.whole)
+            velocity = certificate.bounds.r_of(certificate.bounds.uniform)
             reach = float(np.abs(signals.head[:, 1]).max())
             # |v| <= |dx_d| + lambda |e| + |r|, of which |r| alone decides.
             found.append(

@@ -1,4 +1,4 @@
-"""The margin of the stability certificate while a run goes on, for the diagnostics."""
+"""Margin of |r| to the bound of theorem 4.1 during a run, for the diagnostics."""
 
 import threading
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What the adaptive NN controller held at every tick of a recorded run, by replaying it."""
+"""Weights of the adaptive NN controller at every tick of a recorded run, recovered by replaying it."""
 
 from collections.abc import Iterator
 
@@ -47,7 +47,7 @@ def replay_weights(
     scales
         Scales by which the controller reads the vibrometer.
     reference, ldv
-        Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are passed over).
+        Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are ignored).
     control, estimates
         What was recorded: `/control`, u, u before the limit and its feedback part; the estimates.
 

@@ -103,8 +103,8 @@ def test_bounds_over_time_against_the_worst_case_integrated(initial, c1, c2, mas
     e = bounds.e_over(time, error)
     assert (e >= solved.y[1] - 1e-6).all()
     np.testing.assert_allclose(e, solved.y[1], rtol=0.02, atol=5e-3)
-    assert (bounds.r_over(time) <= bounds.r_of(bounds.whole) * (1.0 + 1e-12)).all()
-    assert (e <= abs(error) + bounds.e_of(bounds.whole) + 1e-9).all()
+    assert (bounds.r_over(time) <= bounds.r_of(bounds.uniform) * (1.0 + 1e-12)).all()
+    assert (e <= abs(error) + bounds.e_of(bounds.uniform) + 1e-9).all()
 
 
 def test_nothing_is_said_of_e_with_integral_action():
