@@ -13,7 +13,7 @@ from rclpy.node import Node
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.ros.loop_node import LOOP_QOS, message_class
+from hdd_servo_ros.ros.loop_topics import LOOP_QOS, message_class
 
 READERS = {'clock': 3, 'reference': 2, 'head': 2, 'ldv': 2, 'control': 3, 'estimates': 1}
 

@@ -9,7 +9,7 @@ import pytest
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
-from hdd_servo_ros.ros.loop_node import message_class
+from hdd_servo_ros.ros.loop_topics import message_class
 
 CONFIG = Path(__file__).parent.parent / 'config'
 TOPICS = {f'/{topic.name}': topic for topic in LOOP_TOPICS}

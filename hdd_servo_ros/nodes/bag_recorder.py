@@ -19,7 +19,8 @@ from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_even
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -70,7 +71,7 @@ class BagRecorder(LoopNode):
             self._recorder = RunRecorder(
                 parameters.run_dir,
                 parameters.storage,
-                [(wire.topic, wire.name) for wire in self.inputs],
+                [(port.topic, port.name) for port in self.inputs],
                 run.description(),
                 separate_process=self._separate_process,
             )

@@ -1,4 +1,4 @@
-"""What all controller nodes share: the wires around a controller block."""
+"""What all controller nodes share: the inputs and outputs of a controller block."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -14,7 +14,8 @@ from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, LDV, REFERENCE
 from hdd_servo_ros.parameters import ParameterSet, with_tuples
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _OFTEN = 0.5

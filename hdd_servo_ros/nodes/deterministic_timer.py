@@ -15,7 +15,8 @@ from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 RECORDER_WINDOW = QUEUE_DEPTH // 2
@@ -38,16 +39,16 @@ class DeterministicTimer(LoopNode):
     paced = True
 
     def __init__(self) -> None:
-        # The number of ticks that may be under way is a wire of its own, so it must be known before the base is made.
+        # `lookahead` is part of this input's delay: set below, as the base needs the input before it reads parameters.
         control = Input(CONTROL, delay=1)
-        self._recorded_wire = Input(RECORDED)
+        self._recorded_input = Input(RECORDED)
         super().__init__(
             'deterministic_timer',
             [],
             [control],
             [CLOCK],
             sample_time_kind=TimerParameters,
-            optional_inputs=[self._recorded_wire],
+            optional_inputs=[self._recorded_input],
         )
         control.delay = 1 + self.parameters[TimerParameters].lookahead
         self._recorded = 0
@@ -152,11 +153,11 @@ class DeterministicTimer(LoopNode):
             raise StopRequest(f'~/stop {self.get_name()} before the run')
 
     def begin(self, run: RunPlan) -> None:
-        wires = self.inputs
+        inputs = self.inputs
         super().begin(run)
         # The recorder's count is no tick's message: it is looked at when the recorder seems far behind.
-        self._recorder_takes_part = self._recorded_wire in self.inputs
-        self.inputs = wires
+        self._recorder_takes_part = self._recorded_input in self.inputs
+        self.inputs = inputs
 
     def prepare(self, run: RunPlan) -> None:
         self.update()
@@ -191,13 +192,13 @@ class DeterministicTimer(LoopNode):
     def missing(self) -> Input | None:
         if self._held:
             return None
-        wire = super().missing()
-        if wire is None and self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW:
-            return self._recorded_wire
-        return wire
+        port = super().missing()
+        if port is None and self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW:
+            return self._recorded_input
+        return port
 
     def _recorder_is_far(self) -> bool:
-        while (message := self._recorded_wire.take()) is not None:
+        while (message := self._recorded_input.take()) is not None:
             self._recorded = int.from_bytes(message[4:12], 'little')
         return self.tick - self._recorded > RECORDER_WINDOW
 

@@ -8,7 +8,8 @@ from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.messages.topics import HEAD, LDV
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 

@@ -9,7 +9,8 @@ from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.run_parameters import PlaybackParameters
 from hdd_servo_ros.recording.playback import PARAMETER, Playback
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 

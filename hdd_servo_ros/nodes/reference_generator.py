@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from hdd_servo_ros.messages.cdr import VectorCodec
 from hdd_servo_ros.messages.topics import CLOCK, REFERENCE
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 

@@ -25,7 +25,8 @@ from hdd_servo_ros.parameters.files import RosArguments
 from hdd_servo_ros.parameters.run_parameters import RigParameters, TimerParameters, last_tick_of_run
 from hdd_servo_ros.recording.playback import PARAMETER
 from hdd_servo_ros.reporting.show import show_run
-from hdd_servo_ros.ros.loop_node import LoopNode, last_ticks_needed
+from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.node_metadata import last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 
 PLAYBACK = 'playback'

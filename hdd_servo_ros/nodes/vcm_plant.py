@@ -10,7 +10,9 @@ from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import DriveNameParameters
-from hdd_servo_ros.ros.loop_node import Input, LoopNode, publishers_of
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
@@ -51,10 +53,10 @@ class VcmPlant(LoopNode):
             x, v, friction = self._plant.step(tick, control, disturbance)
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, friction), x, v, friction)
 
-    def _voltage(self, wire: int, tick: int, messages: Sequence[bytes]) -> float:
-        values = unpack_vector(messages[wire])
+    def _voltage(self, port: int, tick: int, messages: Sequence[bytes]) -> float:
+        values = unpack_vector(messages[port])
         if not math.isfinite(sum(values)):
-            topic = self.inputs[wire].name
+            topic = self.inputs[port].name
             raise NotFiniteError(topic, tick - 1, values, publishers_of(self, topic))
         return values[0]
 

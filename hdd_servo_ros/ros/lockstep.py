@@ -5,7 +5,7 @@ A pass asks every node to fire; a node fires when all its inputs of its next tic
 process sleeps until a missing message comes. Which process a node lives in, how fast messages travel and when the
 operating system runs whom thus never enters into what is computed.
 
-Everything else that a ROS 2 node does (services, events, diagnostics, the talk with the other processes) is done
+Everything else that a ROS 2 node does (services, events, diagnostics, announcements to the other processes) is done
 between two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
 """
 
@@ -18,21 +18,24 @@ from types import FrameType
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from hdd_servo_ros.messages.errors import RunError, StopRequest
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.ros.diagnostics import DiagnosticsPublisher
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
-from hdd_servo_ros.ros.peers import PeerEnded, Peers
+from hdd_servo_ros.ros.ending import Ending
+from hdd_servo_ros.ros.gathering import Gathering
+from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.member import Member
+from hdd_servo_ros.ros.message_wait import MessageWait
+from hdd_servo_ros.ros.watching import PeerEnded, Watching
 
 HOUSEKEEPING_PERIOD = 0.1
 """Wall time between two rounds of housekeeping while the loop runs [s]."""
 LONGEST_SLEEP = 0.05
-"""Longest wait for a message before signals and housekeeping are looked at again [s]."""
-GATHERING_PERIOD = 0.02
-"""Wall time between two looks at the others before and after the loop [s]."""
+"""Longest wait for a message before signals and housekeeping are checked again [s]."""
+POLLING_PERIOD = 0.02
+"""Wall time between two checks on the other processes before and after the loop [s]."""
 _CALLBACKS_A_ROUND = 20
 _PATIENCE = 2.0
 """A signal within this time after the first one is the same wish: `ros2 launch` repeats what the terminal sent [s]."""
@@ -53,7 +56,12 @@ class Lockstep:
 
     def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = ()) -> None:
         self._nodes = tuple(nodes)
-        self.peers = Peers(self._nodes)
+        for node in self._nodes:
+            node.connect()
+        self._member = Member(self._nodes)
+        self._gathering = Gathering(self._member)
+        self._watching = Watching(self._member)
+        self._ending = Ending(self._member)
         self._diagnostics = DiagnosticsPublisher(self._nodes)
         self._executor = SingleThreadedExecutor()
         for served in (*self._nodes, *others):
@@ -61,15 +69,14 @@ class Lockstep:
         self._signal = 0
         self._signal_at = 0.0
         self._firing = self._nodes[0]
-        self._wait_set: _rclpy.WaitSet | None = None
-        self._waited_for: tuple[Input, ...] = ()
+        self._message_wait = MessageWait(self._nodes[0].context)
 
     def run(self) -> Outcome:
         """Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run."""
         previous = {number: signal.signal(number, self._take_signal) for number in _SIGNALS}
         try:
             outcome = self._run()
-            self._say(outcome)
+            self._log(outcome)
             return outcome
         finally:
             for number, handler in previous.items():
@@ -83,7 +90,7 @@ class Lockstep:
             self._await_changes()
             for node in self._nodes:
                 node.complete()
-            self._close_ranks()
+            self._end_together()
             outcome = FINISHED_OUTCOME
         except _Interrupted:
             outcome = interrupted(f'{signal.Signals(self._signal).name} {self._where()}', self._signal)
@@ -99,7 +106,7 @@ class Lockstep:
         with contextlib.suppress(Exception):
             self._serve()
         # The others first: they stop waiting while this process closes its bag.
-        self.peers.say_end(outcome)
+        self._ending.announce_outcome(outcome)
         for node in self._nodes:
             try:
                 node.finish(outcome)
@@ -108,7 +115,7 @@ class Lockstep:
                     outcome = failed(f'{node.get_name()}: {error}')
         return outcome
 
-    def _say(self, outcome: Outcome) -> None:
+    def _log(self, outcome: Outcome) -> None:
         if outcome != FINISHED_OUTCOME:
             self._nodes[0].get_logger().error(f'run {outcome.status}: {outcome.reason}')
 
@@ -132,7 +139,7 @@ class Lockstep:
         self._check_signal()
 
     def _serve(self) -> None:
-        """Serve services, events and the talk with the other processes; let the nodes say how they are."""
+        """Serve services, events and announcements of the other processes; publish diagnostics."""
         self._diagnostics.publish_when_due()
         for node in self._nodes:
             node.housekeep()
@@ -160,9 +167,9 @@ class Lockstep:
         return True
 
     def _gather(self) -> None:
-        while not self.peers.gather():
+        while not self._gathering.gather():
             self._housekeeping()
-            time.sleep(GATHERING_PERIOD)
+            time.sleep(POLLING_PERIOD)
 
     def _loop(self) -> None:
         nodes = self._nodes
@@ -180,8 +187,8 @@ class Lockstep:
                 self._housekeeping()
                 if progressed:
                     progressed_at = now
-                self.peers.watch(now - progressed_at)
-                self.peers.check_stall(now - progressed_at)
+                self._watching.watch(now - progressed_at)
+                self._watching.check_stall(now - progressed_at)
                 housekeeping_due = monotonic() + HOUSEKEEPING_PERIOD
             if progressed:
                 progressed_at = now
@@ -191,53 +198,39 @@ class Lockstep:
                     self._sleep(pending)
 
     def _sleep(self, pending: Sequence[LoopNode]) -> None:
-        """Wait until a missing message comes, a node becomes due, or it is time to look around."""
+        """Wait until a missing message comes, a node becomes due, or housekeeping is due."""
         self._check_signal()
         seconds = LONGEST_SLEEP
         missing = []
         for node in pending:
-            wire = node.missing()
-            if wire is not None:
-                missing.append(wire)
+            port = node.missing()
+            if port is not None:
+                missing.append(port)
             else:
                 seconds = min(seconds, node.seconds_until_due())
         if not missing:
             time.sleep(max(seconds, 0.0))
         elif seconds > 0.0:
-            self._wait(tuple(missing), seconds)
-
-    def _wait(self, missing: tuple[Input, ...], seconds: float) -> None:
-        # A wait set forgets every subscription that was not ready; with one, which was, it can be kept as it is.
-        wait_set = self._wait_set
-        if wait_set is None or missing != self._waited_for:
-            context = self._nodes[0].context.handle
-            wait_set = self._wait_set = _rclpy.WaitSet(len(missing), 0, 0, 0, 0, 0, context)
-            wait_set.clear_entities()
-            for wire in missing:
-                wait_set.add_subscription(wire.subscription.handle)
-            self._waited_for = missing
-        wait_set.wait(int(seconds * 1e9))
-        if len(missing) > 1 or not wait_set.is_ready('subscription', 0):
-            self._wait_set = None
+            self._message_wait.wait(tuple(missing), seconds)
 
     def _await_changes(self) -> None:
         """Let the recorder have every parameter event before it closes the bag."""
         deadline = math.inf
         self._housekeeping()
-        while not all(node.has_all(changes := self.peers.final_changes()) for node in self._nodes):
+        while not all(node.has_all(changes := self._ending.final_changes()) for node in self._nodes):
             if changes is not None:
-                deadline = min(deadline, time.monotonic() + self.peers.timeout)
+                deadline = min(deadline, time.monotonic() + self._member.timeout)
                 if time.monotonic() > deadline:
                     raise RunError(f'a parameter event did not reach the recorder; changes of the nodes: {changes}')
-            time.sleep(GATHERING_PERIOD)
+            time.sleep(POLLING_PERIOD)
             self._housekeeping()
-            self.peers.watch()
+            self._watching.watch()
 
-    def _close_ranks(self) -> None:
-        while not self.peers.close_ranks():
+    def _end_together(self) -> None:
+        while not self._ending.announce_done():
             self._housekeeping()
-            self.peers.watch()
-            time.sleep(GATHERING_PERIOD)
+            self._watching.watch()
+            time.sleep(POLLING_PERIOD)
 
 
 class _Interrupted(Exception):

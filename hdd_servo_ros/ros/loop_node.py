@@ -1,130 +1,34 @@
 """A node of the loop: it fires for tick k when all its inputs of tick k have arrived."""
 
-import importlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
-from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from rclpy.time import Time
 
-from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.messages.errors import NotFiniteError, RunError, StampError
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
-from hdd_servo_ros.messages.ticks import Ticks
-from hdd_servo_ros.messages.topics import ARRAY_TYPE, QUEUE_DEPTH, LoopTopic
+from hdd_servo_ros.messages.topics import LoopTopic
 from hdd_servo_ros.parameters import ParameterSet
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters.schedule import Change, Step, plan
 from hdd_servo_ros.ros.diagnosis import Diagnosis
+from hdd_servo_ros.ros.loop_input import Input, TakenByLockstep
+from hdd_servo_ros.ros.loop_topics import LOOP_QOS, message_class
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _TRIAL_SAMPLE_TIME = 1e-4
-UNKNOWN_NODE = 'a node that has not said its name or is gone'
-LOOP_QOS = QoSProfile(depth=QUEUE_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def message_class(type_name: str) -> Any:
-    """Return the Python class of a message type named like ``std_msgs/msg/String``."""
-    package, _, name = type_name.split('/')
-    return getattr(importlib.import_module(f'{package}.msg'), name)
-
-
-class _TakenByLockstep(CallbackGroup):
-    """Keeps executors away from loop subscriptions: the lockstep takes their messages itself, in tick order."""
-
-    def can_execute(self, entity: object) -> bool:
-        return False
-
-    def beginning_execution(self, entity: object) -> bool:
-        return False
-
-    def ending_execution(self, entity: object) -> None:
-        pass
-
-
-class Input:
-    """
-    A loop topic that a node reads.
-
-    Parameters
-    ----------
-    topic
-        The topic.
-    delay
-        At tick k the message of tick k - ``delay`` is needed; none before that tick exists.
-    """
-
-    def __init__(self, topic: LoopTopic, delay: int = 0) -> None:
-        self.topic = topic
-        self.delay = delay
-        self.subscription: Subscription
-        self.name: str
-        self._node: Node
-        self._take: Callable[[type, bool], Any]
-        self._type: type
-        self._ticks: Ticks
-        self._stamp_bytes: Callable[[int], bytes]
-        # An array message has no header; where its element t stands depends on its label.
-        self._is_array = topic.type_name == ARRAY_TYPE
-        self._stamp: slice | None = None if self._is_array else STAMP
-
-    def connect(self, node: Node, group: CallbackGroup) -> None:
-        """Subscribe."""
-        self._node = node
-        self._type = message_class(self.topic.type_name)
-        self.subscription = node.create_subscription(
-            self._type, self.topic.name, lambda _: None, LOOP_QOS, callback_group=group, raw=True
-        )
-        self.name = self.subscription.topic_name
-        self._take = self.subscription.handle.take_message
-
-    def begin(self, ticks: Ticks) -> None:
-        """Get to know the time line of the run."""
-        self._ticks = ticks
-        self._stamp_bytes = ticks.seconds_bytes if self._is_array else ticks.stamp
-
-    def take(self) -> bytes | None:
-        """Return the next message as bytes, None if there is none."""
-        taken = self._take(self._type, True)
-        return None if taken is None else taken[0]
-
-    def take_for(self, tick: int) -> bytes | None:
-        """
-        Return the message that the reader's tick needs, None if it is not there yet, empty if there is none to be.
-
-        Raises
-        ------
-        StampError
-            If the next message is not that of the tick.
-        """
-        expected = tick - self.delay
-        if expected < 0:
-            return b''
-        taken = self._take(self._type, True)
-        if taken is None:
-            return None
-        message: bytes = taken[0]
-        if self._stamp is None:
-            _, offset = array_names_and_offset(message)
-            self._stamp = slice(offset, offset + 8)
-        if message[self._stamp] != self._stamp_bytes(expected):
-            received = (self._ticks.tick_of_seconds if self._is_array else self._ticks.tick_of)(message[self._stamp])
-            raise StampError(self.name, expected, received, publishers_of(self._node, self.name))
-        return message
 
 
 class LoopNode(ParameterNode):
     """
-    Base of the loop's nodes: a block with wires on it.
+    Base of the loop's nodes: it connects one block to topics and ROS parameters.
 
-    A subclass says its wires and parameters, builds its block in :meth:`prepare`, and publishes in :meth:`step`.
+    A subclass declares its inputs, outputs and parameters, builds its block in :meth:`prepare`, and publishes in
+    :meth:`step`.
 
     Parameters
     ----------
@@ -258,12 +162,12 @@ class LoopNode(ParameterNode):
         """
         Create the loop's publishers and subscriptions.
 
-        Only now, when the block is there and this process is about to say who it is: a publisher that stays unexplained
-        counts as a stranger's, and compiling a block takes long the first time.
+        Only now, when the block exists and this process is about to announce itself: a publisher that stays unannounced
+        counts as external, and compiling a block takes long the first time.
         """
-        group = _TakenByLockstep()
-        for wire in (*self.inputs, *self.optional_inputs):
-            wire.connect(self, group)
+        group = TakenByLockstep()
+        for port in (*self.inputs, *self.optional_inputs):
+            port.connect(self, group)
         self.loop_publishers = [
             self.create_publisher(message_class(topic.type_name), topic.name, LOOP_QOS) for topic in self.outputs
         ]
@@ -273,10 +177,10 @@ class LoopNode(ParameterNode):
         """Prepare for tick 0 of ``run``."""
         self.last_tick = run.last_tick
         self._ticks = run.ticks
-        self.inputs += tuple(wire for wire in self.optional_inputs if run.publisher_of(wire.name) is not None)
+        self.inputs += tuple(port for port in self.optional_inputs if run.publisher_of(port.name) is not None)
         self._messages = [b''] * len(self.inputs)
-        for wire in (*self.inputs, *self.optional_inputs):
-            wire.begin(run.ticks)
+        for port in (*self.inputs, *self.optional_inputs):
+            port.begin(run.ticks)
         self._schedule = list(self.plan(run.changes))
         self.prepare(run)
         self._set_halt()
@@ -363,18 +267,3 @@ class LoopNode(ParameterNode):
         if not math.isfinite(x + y + z):
             raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
         self._publish[output](message)
-
-
-def last_ticks_needed(nodes: Iterable[LoopNode], sample_time: float) -> dict[str, int]:
-    """Return the last tick of each node that has a plan at a sample time [s], by its full name."""
-    needed = {node.get_fully_qualified_name(): node.last_tick_needed(sample_time) for node in nodes}
-    return {name: tick for name, tick in needed.items() if tick}
-
-
-def publishers_of(node: Node, topic: str) -> str:
-    """Return the names of the nodes that publish a topic, for messages."""
-    names = [
-        UNKNOWN_NODE if 'UNKNOWN' in info.node_name else f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-        for info in node.get_publishers_info_by_topic(topic)
-    ]
-    return ', '.join(sorted(names)) or 'nobody now'

@@ -2,10 +2,13 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
+from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.ticks import Ticks
-from hdd_servo_ros.parameters.schedule import Change, parse_schedule
+from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
+from hdd_servo_ros.parameters.schedule import Change, parse_schedule, refuse_strangers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,9 +29,9 @@ class RunPlan:
     timer
         Full name of the timer's node.
     nodes
-        For each taking-part node's full name what it said of itself: inputs, outputs, parameters and more.
+        The metadata of each participating node by its full name: inputs, outputs, parameters and more.
     processes
-        Identifiers of the taking-part processes.
+        Identifiers of the participating processes.
     schedule
         The timer's parameter of that name.
     """
@@ -53,7 +56,7 @@ class RunPlan:
         return parse_schedule(self.schedule, self.sample_time, self.last_tick)
 
     def publisher_of(self, topic: str) -> str | None:
-        """Return the full name of the taking-part node that publishes a topic (by its full name), None if none does."""
+        """Return the full name of the participating node that publishes a topic, None if none does."""
         return next((name for name, node in self.nodes.items() if topic in node['outputs']), None)
 
     def description(self) -> dict[str, Any]:
@@ -67,3 +70,39 @@ class RunPlan:
             **offers,
             'nodes': self.nodes,
         }
+
+
+def make_run_plan(
+    timer_name: str, timer: TimerParameters, nodes: dict[str, dict[str, Any]], processes: Sequence[str]
+) -> RunPlan:
+    """
+    Return the plan of a run that all nodes are ready for.
+
+    Parameters
+    ----------
+    timer_name
+        Full name of the timer's node.
+    timer
+        Its parameters.
+    nodes
+        The metadata of each participating node by its full name.
+    processes
+        Identifiers of the participating processes.
+
+    Raises
+    ------
+    RunError
+        If a node refuses the schedule.
+    ParameterError
+        If the schedule names an unknown node, or the duration does not go with the nodes' plans.
+    """
+    frame_id = next((node['offers']['frame_id'] for node in nodes.values() if 'frame_id' in node['offers']), '')
+    for node in nodes.values():
+        if 'refuses' in node:
+            raise RunError(node['refuses'])
+    needed = {name: node['last_tick_needed'] for name, node in nodes.items() if 'last_tick_needed' in node}
+    refuse_strangers(timer.changes, list(nodes))
+    last_tick = last_tick_of_run(timer, needed)
+    return RunPlan(
+        timer.sample_time, last_tick, timer.rate, frame_id, timer_name, nodes, list(processes), list(timer.schedule)
+    )

@@ -5,7 +5,8 @@ import sys
 from hdd_servo_ros.messages.cdr import VectorCodec
 from hdd_servo_ros.messages.topics import CLOCK, DISTURBANCE
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.ros.loop_node import Input, LoopNode
+from hdd_servo_ros.ros.loop_input import Input
+from hdd_servo_ros.ros.loop_node import LoopNode
 
 
 class Disturbance(LoopNode):

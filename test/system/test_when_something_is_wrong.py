@@ -130,7 +130,7 @@ def test_two_publishers_from_the_start(bench):
 def test_second_publisher_during_the_run(bench, outside):
     processes = bench.start_nodes('run', *SLOW)
     wait_for_ticks(bench)
-    # One of our own sensors would hear that it came too late, and perhaps be gone before anybody has seen it.
+    # One of our own sensors would end for joining after the start, perhaps before anybody has seen it.
     outside.create_publisher(Vector3Stamped, '/ldv', 10)
     expect_failure(bench, processes, '/ldv: 2 publishers', '/outside', 'tick')
     expect_bag(bench)

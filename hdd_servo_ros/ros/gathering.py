@@ -1,0 +1,100 @@
+"""Before a run: wait until all processes are ready, and start together."""
+
+import time
+
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.run_parameters import PeerParameters, TimerParameters
+from hdd_servo_ros.ros.announcement import READY, RUNNING, WAITING
+from hdd_servo_ros.ros.discovery import Discovery
+from hdd_servo_ros.ros.member import PERIODS, Member
+from hdd_servo_ros.ros.run_plan import RunPlan, make_run_plan
+
+_LOG_PERIOD = 3.0
+"""Wall time between two log lines on the same missing nodes [s]."""
+_LOG_PERIOD_OF_CHANGES = 1.0
+"""The same if what is missing has changed [s]."""
+
+
+class Gathering:
+    """
+    The start of a run.
+
+    Parameters
+    ----------
+    member
+        This process.
+    """
+
+    def __init__(self, member: Member) -> None:
+        self._member = member
+        self._discovery = Discovery(member)
+        timeouts = [node.parameters[PeerParameters].start_timeout for node in member.nodes]
+        self._timeout = 0.0 if 0.0 in timeouts else max(timeouts)
+        self._missing: list[str] = []
+        self._logged: list[str] = []
+        self._logged_at = time.monotonic()
+
+    def gather(self) -> bool:
+        """
+        Go on with finding the others; return whether the run has started.
+
+        Raises
+        ------
+        RunError
+            If the run cannot start: a mismatch, two publishers of a topic, a peer that failed or never came.
+        """
+        member = self._member
+        now = time.monotonic()
+        if member.outcome_of_peer is not None:
+            raise RunError(member.outcome_of_peer.reason)
+        member.peers.remove_silent(member.timeout, now)
+        if member.run is None:
+            self._wait_or_start(now)
+            return False
+        member.announce_when_due(now, PERIODS[READY])
+        # A node that has begun receives already; the timer alone must know that all the others have begun too.
+        return member.timer_node is None or member.others_are(RUNNING)
+
+    def _wait_or_start(self, now: float) -> None:
+        member = self._member
+        self._missing = list(self._discovery.missing(now))
+        state = WAITING if self._missing else READY
+        if state != member.state:
+            member.state = state
+            member.announce()
+        else:
+            member.announce_when_due(now, PERIODS[state])
+        if member.timer_node is not None and state == READY and member.others_are(READY):
+            member.start(self._make_run(now))
+        elif self._timeout and now - member.peers.changed_at > self._timeout:
+            raise RunError(
+                f'waited {self._timeout:g} s for {"; ".join(self._missing) or self._unready_names()} '
+                '(parameter start_timeout)'
+            )
+        else:
+            self._log_missing(now)
+
+    def _make_run(self, now: float) -> RunPlan:
+        member = self._member
+        assert member.timer_node is not None
+        try:
+            return make_run_plan(
+                member.timer_node.get_fully_qualified_name(),
+                member.timer_node.parameters[TimerParameters],
+                dict(member.known_nodes(now)),
+                [member.identifier, *member.peers.announcements],
+            )
+        except ParameterError as error:
+            raise RunError(str(error)) from None
+
+    def _unready_names(self) -> str:
+        announcements = self._member.peers.announcements.values()
+        unready = [name for each in announcements if each.state != READY for name in each.nodes or ()]
+        return ', '.join(unready) + ' to get ready' if unready else 'deterministic_timer to start the run'
+
+    def _log_missing(self, now: float) -> None:
+        period = _LOG_PERIOD_OF_CHANGES if self._missing != self._logged else _LOG_PERIOD
+        if self._missing and now - self._logged_at > period:
+            self._member.nodes[0].get_logger().info('waiting for ' + '; '.join(self._missing))
+            self._logged, self._logged_at = self._missing, now

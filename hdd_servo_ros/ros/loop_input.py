@@ -1,0 +1,101 @@
+"""An input of a loop node: the topic it reads, message by message in tick order."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.messages.errors import StampError
+from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import ARRAY_TYPE, LoopTopic
+from hdd_servo_ros.ros.loop_topics import LOOP_QOS, message_class
+from hdd_servo_ros.ros.publishers import publishers_of
+
+
+class TakenByLockstep(CallbackGroup):
+    """Keeps executors away from loop subscriptions: the lockstep takes their messages itself, in tick order."""
+
+    def can_execute(self, entity: object) -> bool:
+        """Return that no executor may take a message."""
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Return that no executor may begin to."""
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Do nothing: no execution has begun."""
+
+
+class Input:
+    """
+    A loop topic that a node reads.
+
+    Parameters
+    ----------
+    topic
+        The topic.
+    delay
+        At tick k the message of tick k - ``delay`` is needed; none before that tick exists.
+    """
+
+    def __init__(self, topic: LoopTopic, delay: int = 0) -> None:
+        self.topic = topic
+        self.delay = delay
+        self.subscription: Subscription
+        self.name: str
+        self._node: Node
+        self._take: Callable[[type, bool], Any]
+        self._type: type
+        self._ticks: Ticks
+        self._stamp_bytes: Callable[[int], bytes]
+        # An array message has no header; the offset of its element t depends on its label.
+        self._is_array = topic.type_name == ARRAY_TYPE
+        self._stamp: slice | None = None if self._is_array else STAMP
+
+    def connect(self, node: Node, group: CallbackGroup) -> None:
+        """Subscribe."""
+        self._node = node
+        self._type = message_class(self.topic.type_name)
+        self.subscription = node.create_subscription(
+            self._type, self.topic.name, lambda _: None, LOOP_QOS, callback_group=group, raw=True
+        )
+        self.name = self.subscription.topic_name
+        self._take = self.subscription.handle.take_message
+
+    def begin(self, ticks: Ticks) -> None:
+        """Get to know the time line of the run."""
+        self._ticks = ticks
+        self._stamp_bytes = ticks.seconds_bytes if self._is_array else ticks.stamp
+
+    def take(self) -> bytes | None:
+        """Return the next message as bytes, None if there is none."""
+        taken = self._take(self._type, True)
+        return None if taken is None else taken[0]
+
+    def take_for(self, tick: int) -> bytes | None:
+        """
+        Return the message that the reader's tick needs, None if it is not there yet, empty if there is none to be.
+
+        Raises
+        ------
+        StampError
+            If the next message is not that of the tick.
+        """
+        expected = tick - self.delay
+        if expected < 0:
+            return b''
+        taken = self._take(self._type, True)
+        if taken is None:
+            return None
+        message: bytes = taken[0]
+        if self._stamp is None:
+            _, offset = array_names_and_offset(message)
+            self._stamp = slice(offset, offset + 8)
+        if message[self._stamp] != self._stamp_bytes(expected):
+            received = (self._ticks.tick_of_seconds if self._is_array else self._ticks.tick_of)(message[self._stamp])
+            raise StampError(self.name, expected, received, publishers_of(self._node, self.name))
+        return message

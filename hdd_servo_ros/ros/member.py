@@ -1,0 +1,191 @@
+"""Membership of this process in a run: what it announces to the others, and what it receives from them."""
+
+import dataclasses
+import os
+import socket
+import time
+import uuid
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.outcome import FAILED, INTERRUPTED, Outcome
+from hdd_servo_ros.messages.topics import CLOCK
+from hdd_servo_ros.parameters.run_parameters import PeerParameters, TimerParameters
+from hdd_servo_ros.ros.announcement import (
+    DONE,
+    READY,
+    RUNNING,
+    WAITING,
+    Announcement,
+    AnnouncementError,
+    TimerAnnouncement,
+    decode,
+)
+from hdd_servo_ros.ros.loop_node import LoopNode
+from hdd_servo_ros.ros.node_metadata import metadata_of
+from hdd_servo_ros.ros.peer_table import PeerTable
+from hdd_servo_ros.ros.run_plan import RunPlan
+
+PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
+"""Wall time between two announcements in each state [s]."""
+_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+
+class Member:
+    """
+    Membership of this process in a run: its state, its announcements, and what the others have announced.
+
+    Nothing here carries loop data, and nothing here decides when a node fires.
+
+    Parameters
+    ----------
+    nodes
+        The loop nodes of this process, connected; the first one lends its publisher and subscription.
+    """
+
+    def __init__(self, nodes: Sequence[LoopNode]) -> None:
+        self.nodes = nodes
+        self.identifier = f'{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}'
+        self.state = WAITING
+        self.run: RunPlan | None = None
+        self.timer_node = next((node for node in nodes if CLOCK in node.outputs), None)
+        self.peers = PeerTable(time.monotonic())
+        self.timeout = max(node.parameters[PeerParameters].peer_timeout for node in nodes)
+        """Parameter ``peer_timeout`` [s]."""
+        self.outcome_of_peer: Outcome | None = None
+        """How the run has ended for the first peer that has announced an end other than a finished run."""
+        self._announced_at = 0.0
+        self._publisher = nodes[0].create_publisher(String, 'lockstep', _QOS)
+        self._subscription = nodes[0].create_subscription(String, 'lockstep', self._receive, _QOS)
+
+    # Sending.
+
+    def announce(self, reason: str = '') -> None:
+        """Send an announcement."""
+        directory = next((node.directory for node in self.nodes if node.directory), '')
+        if directory:
+            directory = str(Path(directory).absolute())
+        gathering = self.state in (WAITING, READY)
+        announcement = Announcement(
+            self.identifier,
+            self.state,
+            reason,
+            ticks={node.get_fully_qualified_name(): node.tick for node in self.nodes},
+            changes={node.get_fully_qualified_name(): node.changes for node in self.nodes},
+            nodes=self._own_nodes() if gathering else None,
+            hears=list(self.peers.announcements) if gathering else None,
+            directory=directory or None,
+            timer=self._own_timer(),
+            run=self._own_run(),
+        )
+        if directory:
+            self._set_directory(directory)
+        self._publisher.publish(String(data=announcement.encode()))
+        self._announced_at = time.monotonic()
+
+    def announce_when_due(self, now: float, period: float) -> None:
+        """Send an announcement, if a period [s] has passed since the last one."""
+        if now - self._announced_at > period:
+            self.announce()
+
+    def wait_for_acknowledgements(self, timeout: Duration) -> None:
+        """Wait until all processes that are left have received what was sent."""
+        self._publisher.wait_for_all_acked(timeout)
+
+    def _own_timer(self) -> TimerAnnouncement | None:
+        if self.timer_node is None:
+            return None
+        timer = self.timer_node.parameters[TimerParameters]
+        schedule = timer.schedule if self.state in (WAITING, READY) else None
+        return TimerAnnouncement(timer.sample_time, timer.last_tick, timer.rate, schedule)
+
+    def _own_run(self) -> dict[str, Any] | None:
+        if self.timer_node is None or self.run is None or self.state != RUNNING:
+            return None
+        return dataclasses.asdict(self.run)
+
+    def _own_nodes(self) -> dict[str, dict[str, Any]]:
+        return metadata_of(self.nodes, self.timer())
+
+    def _set_directory(self, directory: str) -> None:
+        for node in self.nodes:
+            node.run_directory = Path(directory)
+
+    # Receiving.
+
+    def _receive(self, message: String) -> None:
+        try:
+            announcement = decode(message.data)
+        except AnnouncementError:
+            self.nodes[0].get_logger().warning(
+                f'ignored a message on lockstep that is not an announcement: {message.data[:60]!r}'
+            )
+            return
+        if announcement.process == self.identifier or not self.peers.receive(announcement, time.monotonic()):
+            return
+        if announcement.directory:
+            self._set_directory(announcement.directory)
+        if announcement.state in (FAILED, INTERRUPTED):
+            self._receive_end(announcement)
+        if announcement.run and self.run is None:
+            self._receive_start(announcement.run)
+
+    def _receive_end(self, announcement: Announcement) -> None:
+        process = announcement.process
+        if self.run is None and announcement.state == INTERRUPTED:
+            # Before a run, a node that a person stops may be started again.
+            self.peers.remove(process, time.monotonic())
+        elif self.outcome_of_peer is None and (self.run is None or process in self.run.processes):
+            self.outcome_of_peer = Outcome(announcement.state, announcement.reason)
+
+    def _receive_start(self, run: dict[str, Any]) -> None:
+        if self.identifier not in run['processes']:
+            names = ', '.join(node.get_fully_qualified_name() for node in self.nodes)
+            raise RunError(
+                f'{names} joined after the start: a run is in progress in this namespace; wait for its end, or give '
+                'this node another namespace (--ros-args -r __ns:=/bench2)'
+            )
+        self.start(RunPlan(**run))
+
+    # What this process and the others know together.
+
+    def start(self, run: RunPlan) -> None:
+        """Start the run in this process, and announce that."""
+        for node in self.nodes:
+            node.begin(run)
+        self.run = run
+        self.state = RUNNING
+        self.announce()
+
+    def timer(self) -> TimerAnnouncement | None:
+        """Return what the timer announces, be it in this process or another; None as long as it is unknown."""
+        return self.peers.timer() if self.timer_node is None else self._own_timer()
+
+    def known_nodes(self, now: float) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Iterate over names and metadata of all nodes of this process and the others."""
+        yield from self._own_nodes().items()
+        yield from self.peers.nodes(now)
+
+    def others_are(self, *states: str) -> bool:
+        """
+        Return whether all other processes are in one of some states.
+
+        Raises
+        ------
+        RunError
+            If a process of the run has become silent before tick 0.
+        """
+        announcements = self.peers.announcements
+        processes = announcements if self.run is None else self.run.processes
+        others = [process for process in processes if process != self.identifier]
+        for process in others:
+            if process not in announcements:
+                assert self.run is not None
+                raise RunError(f'lost a peer before tick 0: {process}; it was one of {", ".join(self.run.nodes)}')
+        return all(announcements[process].state in states for process in others)

@@ -1,0 +1,36 @@
+"""Wait for messages of the loop without an executor."""
+
+from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+from hdd_servo_ros.ros.loop_input import Input
+
+
+class MessageWait:
+    """
+    Wait for a message on one of some inputs.
+
+    Parameters
+    ----------
+    context
+        The context of the nodes that the inputs belong to.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._wait_set: _rclpy.WaitSet | None = None
+        self._inputs: tuple[Input, ...] = ()
+
+    def wait(self, inputs: tuple[Input, ...], seconds: float) -> None:
+        """Wait until one of the inputs has a message, at most for a time [s]."""
+        # A wait set forgets every subscription that was not ready; with one, which was, it can be kept as it is.
+        wait_set = self._wait_set
+        if wait_set is None or inputs != self._inputs:
+            wait_set = self._wait_set = _rclpy.WaitSet(len(inputs), 0, 0, 0, 0, 0, self._context.handle)
+            wait_set.clear_entities()
+            for port in inputs:
+                wait_set.add_subscription(port.subscription.handle)
+            self._inputs = inputs
+        wait_set.wait(int(seconds * 1e9))
+        if len(inputs) > 1 or not wait_set.is_ready('subscription', 0):
+            self._wait_set = None

@@ -1,0 +1,75 @@
+"""What a process announces of its nodes before the run, and what ``run.yaml`` holds of them."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.schedule import parse_schedule
+from hdd_servo_ros.ros.announcement import TimerAnnouncement
+from hdd_servo_ros.ros.loop_node import LoopNode
+
+
+def metadata_of(nodes: Sequence[LoopNode], timer: TimerAnnouncement | None) -> dict[str, dict[str, Any]]:
+    """
+    Return the present metadata of nodes; their parameters may change until the run starts.
+
+    Parameters
+    ----------
+    nodes
+        The nodes of this process.
+    timer
+        What the timer announces, None as long as it is unknown.
+
+    Returns
+    -------
+    dict
+        By full name: inputs, outputs, offers and parameters; where it applies the last tick needed, and why the node
+        rejects the timer's schedule.
+
+    Raises
+    ------
+    RunError
+        If a node's plan does not go with the timer's sample time.
+    """
+    metadata = {node.get_fully_qualified_name(): _metadata_of_node(node) for node in nodes}
+    if timer is not None:
+        try:
+            needed = last_ticks_needed(nodes, timer.sample_time)
+        except ParameterError as error:
+            raise RunError(str(error)) from None
+        for name, tick in needed.items():
+            metadata[name]['last_tick_needed'] = tick
+        for name, reason in _schedule_refusals(nodes, timer):
+            metadata[name]['refuses'] = reason
+    return metadata
+
+
+def _metadata_of_node(node: LoopNode) -> dict[str, Any]:
+    return {
+        'inputs': [port.name for port in (*node.inputs, *node.optional_inputs)],
+        'outputs': [publisher.topic_name for publisher in node.loop_publishers],
+        'offers': node.offers(),
+        'parameters': node.parameters.as_mapping(),
+    }
+
+
+def _schedule_refusals(nodes: Iterable[LoopNode], timer: TimerAnnouncement) -> Iterator[tuple[str, str]]:
+    """
+    Iterate over the nodes that cannot do what the timer's schedule says of them, and why.
+
+    They only announce it. The timer ends the run for it when all are ready, so that every process receives the reason.
+    """
+    if timer.schedule:
+        changes = parse_schedule(timer.schedule, timer.sample_time, timer.last_tick)
+        for node in nodes:
+            try:
+                node.plan(changes)
+            except ParameterError as error:
+                yield node.get_fully_qualified_name(), str(error)
+
+
+def last_ticks_needed(nodes: Iterable[LoopNode], sample_time: float) -> dict[str, int]:
+    """Return the last tick of each node that has a plan at a sample time [s], by its full name."""
+    needed = {node.get_fully_qualified_name(): node.last_tick_needed(sample_time) for node in nodes}
+    return {name: tick for name, tick in needed.items() if tick}

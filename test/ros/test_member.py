@@ -1,0 +1,161 @@
+"""One process among others whose announcements are made up here: before, during and after a run."""
+
+import dataclasses
+
+import pytest
+from std_msgs.msg import String
+
+from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.ros.announcement import DONE, READY, RUNNING, WAITING, Announcement, TimerAnnouncement
+from hdd_servo_ros.ros.ending import Ending
+from hdd_servo_ros.ros.gathering import Gathering
+from hdd_servo_ros.ros.member import Member
+from hdd_servo_ros.ros.run_plan import RunPlan
+from hdd_servo_ros.ros.watching import PeerEnded, Watching
+
+TIMER = TimerAnnouncement(1e-4, 100, 0.0)
+CLOCK_NODE = {'inputs': [], 'outputs': ['/clock'], 'offers': {}, 'parameters': {}}
+OF_TIMER = Announcement(
+    'timer',
+    READY,
+    ticks={'/deterministic_timer': 0},
+    changes={'/deterministic_timer': 2},
+    nodes={'/deterministic_timer': CLOCK_NODE},
+    timer=TIMER,
+)
+
+
+@pytest.fixture
+def member(node):
+    node.connect()
+    return Member([node])
+
+
+def receive(member, announcement, **changes):
+    member._receive(String(data=dataclasses.replace(announcement, **changes).encode()))
+
+
+def start(member):
+    nodes = {'/deterministic_timer': CLOCK_NODE, **dict(member.known_nodes(0.0))}
+    run = RunPlan(1e-4, 100, 0.0, 'drive', '/deterministic_timer', nodes, ['timer', member.identifier], [])
+    receive(member, OF_TIMER, state=RUNNING, run=dataclasses.asdict(run))
+
+
+def clock_of(monkeypatch, member, seconds):
+    """Let the time that the checks see be so long after the timer's last announcement."""
+    now = member.peers._received_at['timer'] + seconds
+    monkeypatch.setattr('time.monotonic', lambda: now)
+
+
+def test_what_is_not_an_announcement_changes_nothing(member):
+    member._receive(String(data='hello'))
+    assert not member.peers.announcements
+
+
+def test_its_own_announcements_are_passed_over(member):
+    receive(member, OF_TIMER, process=member.identifier)
+    assert not member.peers.announcements
+
+
+def test_a_process_is_waiting_until_nothing_is_missing(member):
+    gathering = Gathering(member)
+    assert not gathering.gather()
+    assert member.state == WAITING
+    assert gathering._missing == ['deterministic_timer', 'deterministic_timer (nobody publishes /clock)']
+    receive(member, OF_TIMER)
+    gathering.gather()
+    assert gathering._missing == ['deterministic_timer (nobody publishes /clock)']
+
+
+def test_two_nodes_that_announce_one_topic_end_the_run_before_it_begins(member):
+    gathering = Gathering(member)
+    receive(member, OF_TIMER)
+    receive(member, OF_TIMER, process='second', nodes={'/second_timer': CLOCK_NODE})
+    with pytest.raises(RunError, match='/clock: 2 publishers, one is allowed: /deterministic_timer, /second_timer'):
+        gathering.gather()
+
+
+def test_a_failed_peer_ends_the_wait_and_an_interrupted_one_is_forgotten(member):
+    gathering = Gathering(member)
+    receive(member, OF_TIMER)
+    receive(member, OF_TIMER, state=INTERRUPTED)
+    assert not member.peers.announcements
+    assert not gathering.gather()
+    receive(member, OF_TIMER, state=FAILED, reason='no disk')
+    with pytest.raises(RunError, match='no disk'):
+        gathering.gather()
+
+
+def test_a_run_starts_with_the_timer(member, node):
+    start(member)
+    assert member.state == RUNNING
+    assert node.last_tick == 100
+    assert Gathering(member).gather()
+
+
+def test_a_process_that_joins_after_the_start_is_rejected(member):
+    run = RunPlan(1e-4, 100, 0.0, 'drive', '/deterministic_timer', {}, ['timer'], [])
+    with pytest.raises(RunError, match='/reference_generator joined after the start: a run is in progress'):
+        receive(member, OF_TIMER, state=RUNNING, run=dataclasses.asdict(run))
+
+
+@pytest.mark.parametrize(('stalled', 'timeout'), [(0.0, 9.0), (2.0, 3.0)])
+def test_a_peer_may_be_silent_longer_while_ticks_go_on(member, monkeypatch, stalled, timeout):
+    start(member)
+    watching = Watching(member)
+    clock_of(monkeypatch, member, timeout - 0.1)
+    watching.watch(stalled)
+    clock_of(monkeypatch, member, timeout + 0.1)
+    with pytest.raises(RunError, match=r'from /deterministic_timer; /clock is missing for tick 0'):
+        watching.watch(stalled)
+
+
+def test_a_peer_that_is_done_may_be_silent(member, monkeypatch):
+    start(member)
+    receive(member, OF_TIMER, state=DONE)
+    clock_of(monkeypatch, member, 60.0)
+    Watching(member).watch()
+
+
+def test_the_end_of_a_peer_is_received(member):
+    start(member)
+    receive(member, OF_TIMER, process='of another run', state=FAILED, reason='its own affair')
+    Watching(member).watch()
+    receive(member, OF_TIMER, state=INTERRUPTED, reason='SIGINT')
+    with pytest.raises(PeerEnded, match='SIGINT') as ended:
+        Watching(member).watch()
+    assert ended.value.outcome.status == INTERRUPTED
+
+
+def test_a_message_that_was_published_and_did_not_arrive(member, monkeypatch):
+    start(member)
+    receive(member, OF_TIMER, state=RUNNING, ticks={'/deterministic_timer': 1})
+    watching = Watching(member)
+    watching.check_stall(3.9)
+    clock_of(monkeypatch, member, 4.1)
+    watching.check_stall(4.1)
+    clock_of(monkeypatch, member, 4.7)
+    with pytest.raises(RunError, match='/clock: tick 0 was published by /deterministic_timer and did not arrive'):
+        watching.check_stall(4.7)
+
+
+def test_a_message_that_was_not_published_yet_is_not_lost(member, monkeypatch):
+    start(member)
+    watching = Watching(member)
+    for seconds in (4.1, 60.0):
+        clock_of(monkeypatch, member, seconds)
+        watching.check_stall(seconds)
+
+
+def test_all_end_when_the_timer_has_finished(member):
+    start(member)
+    ending = Ending(member)
+    assert ending.final_changes() is None
+    assert not ending.announce_done()
+    assert member.state == DONE
+    receive(member, OF_TIMER, state=DONE)
+    assert ending.final_changes() == {'/reference_generator': 0, '/deterministic_timer': 2}
+    assert not ending.announce_done()
+    receive(member, OF_TIMER, state=FINISHED)
+    assert ending.announce_done()
