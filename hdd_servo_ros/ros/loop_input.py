@@ -1,7 +1,7 @@
 """An input of a loop node: the topic it reads, message by message in tick order."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
@@ -51,10 +51,9 @@ class Input:
         self._take: Callable[[type, bool], Any]
         self._type: type
         self._ticks: Ticks
-        self._stamp_bytes: Callable[[int], bytes]
-        # An array message has no header; the offset of its element t depends on its label.
         self._is_array = topic.type_name == ARRAY_TYPE
-        self._stamp: slice | None = None if self._is_array else STAMP
+        self._array_stamp: slice | None = None
+        """Where an array message, which has no header, holds its element t; known from its first message on."""
 
     def connect(self, node: Node, group: CallbackGroup) -> None:
         """Subscribe."""
@@ -69,33 +68,49 @@ class Input:
     def begin(self, ticks: Ticks) -> None:
         """Get to know the time line of the run."""
         self._ticks = ticks
-        self._stamp_bytes = ticks.seconds_bytes if self._is_array else ticks.stamp
 
     def take(self) -> bytes | None:
         """Return the next message as bytes, None if there is none."""
         taken = self._take(self._type, True)
         return None if taken is None else taken[0]
 
-    def take_for(self, tick: int) -> bytes | None:
+    def take_for(self, tick: int, stamp: bytes) -> bytes | None:
         """
-        Return the message that the reader's tick needs, None if it is not there yet, empty if there is none to be.
+        Return the message that the reader's tick needs, None if it has not arrived yet, empty if there is none to be.
+
+        Parameters
+        ----------
+        tick
+            The reader's tick.
+        stamp
+            Its eight stamp bytes.
 
         Raises
         ------
         StampError
             If the next message is not that of the tick.
         """
-        expected = tick - self.delay
-        if expected < 0:
-            return b''
+        if self.delay:
+            if tick < self.delay:
+                return b''
+            stamp = self._ticks.stamp(tick - self.delay)
         taken = self._take(self._type, True)
         if taken is None:
             return None
         message: bytes = taken[0]
-        if self._stamp is None:
-            _, offset = array_names_and_offset(message)
-            self._stamp = slice(offset, offset + 8)
-        if message[self._stamp] != self._stamp_bytes(expected):
-            received = (self._ticks.tick_of_seconds if self._is_array else self._ticks.tick_of)(message[self._stamp])
-            raise StampError(self.name, expected, received, publishers_of(self._node, self.name))
+        if self._is_array:
+            self._check_array(message, tick - self.delay)
+        elif message[STAMP] != stamp:
+            self._reject(tick - self.delay, self._ticks.tick_of(message[STAMP]))
         return message
+
+    def _check_array(self, message: bytes, expected: int) -> None:
+        if self._array_stamp is None:
+            _, offset = array_names_and_offset(message)
+            self._array_stamp = slice(offset, offset + 8)
+        stamp = message[self._array_stamp]
+        if stamp != self._ticks.seconds_bytes(expected):
+            self._reject(expected, self._ticks.tick_of_seconds(stamp))
+
+    def _reject(self, expected: int, received: float) -> NoReturn:
+        raise StampError(self.name, expected, received, publishers_of(self._node, self.name))

@@ -202,20 +202,22 @@ class LoopNode(ParameterNode):
         tick = self.tick
         if tick >= self._halt and not self._passes():
             return False
+        stamp = self._ticks.stamp(tick)
         inputs, messages = self.inputs, self._messages
+        count = len(inputs)
         arrived = self._arrived
-        while arrived < len(inputs):
-            message = inputs[arrived].take_for(tick)
+        while arrived < count:
+            message = inputs[arrived].take_for(tick, stamp)
             if message is None:
                 self._arrived = arrived
                 return False
             messages[arrived] = message
             arrived += 1
-        self._arrived = arrived
         if self.paced and self.seconds_until_due() > 0.0:
+            self._arrived = count
             return False
         self._arrived = 0
-        self.step(tick, self._ticks.stamp(tick), messages)
+        self.step(tick, stamp, messages)
         self.tick = tick + 1
         return True
 
