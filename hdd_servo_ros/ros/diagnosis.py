@@ -1,4 +1,4 @@
-"""How one thing of a node is, as a value."""
+"""One diagnosis of a node, as a value."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -11,18 +11,18 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """
-    How one thing of a node is.
+    Diagnosis of one aspect of a node.
 
     Attributes
     ----------
     what
-        The thing; the status is named ``NODE: what``.
+        The aspect; the status is named ``NODE: what``.
     level
         ``OK``, ``WARN`` or ``ERROR``.
     message
         In a few words.
     values
-        Figures behind it, by name with unit.
+        Values that support it, by name with unit.
     """
 
     what: str

@@ -16,7 +16,7 @@ PERIOD = 1.0
 
 class DiagnosticsPublisher:
     """
-    Publishes what the nodes of a process say of themselves, if anybody listens.
+    Publisher of the diagnoses of a process's nodes; it publishes only while `/diagnostics` has a subscriber.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class DiagnosticsPublisher:
         self._nodes = nodes
         # Absolute, as every diagnostics tool expects it.
         self._publisher = nodes[0].create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # What a node is about stands in the values; the stamp says when it was so for who looks on.
+        # The values describe the node; the header stamp is wall time, so that viewers show when they were reported.
         self._clock = Clock(clock_type=ClockType.SYSTEM_TIME)
         self._due = time.monotonic()
 

@@ -3,7 +3,7 @@ The lockstep: one loop that drives the loop nodes of a process, be it one node o
 
 A pass asks every node to fire; a node fires when all its inputs of its next tick have arrived. If none could, the
 process sleeps until a missing message comes. Which process a node lives in, how fast messages travel and when the
-operating system runs whom thus never enters into what is computed.
+operating system runs which process therefore never affects what is computed.
 
 Everything else that a ROS 2 node does (services, events, diagnostics, announcements to the other processes) is done
 between two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
@@ -38,7 +38,7 @@ POLLING_PERIOD = 0.02
 """Wall time between two checks on the other processes before and after the loop [s]."""
 _CALLBACKS_A_ROUND = 20
 _PATIENCE = 2.0
-"""A signal within this time after the first one is the same wish: `ros2 launch` repeats what the terminal sent [s]."""
+"""A signal within this time after the first is the same request: `ros2 launch` repeats what the terminal sent [s]."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -49,9 +49,9 @@ class Lockstep:
     Parameters
     ----------
     nodes
-        The nodes, best in the order in which data flows through a tick: one pass is then one tick.
+        The nodes, ideally in the order in which data flows through a tick: one pass is then one tick.
     others
-        Nodes of this process that take no part in the loop, and whose services shall answer all the same.
+        Nodes of this process that are not in the loop, but whose services must be served too.
     """
 
     def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = ()) -> None:
@@ -102,7 +102,7 @@ class Lockstep:
             outcome = failed(str(error))
         except Exception as error:
             outcome = failed(f'{type(error).__name__}: {error} {self._where()}')
-        # What was changed in the last round belongs into the bag too.
+        # Parameters changed in the last round belong in the bag too.
         with contextlib.suppress(Exception):
             self._serve()
         # The others first: they stop waiting while this process closes its bag.
@@ -111,7 +111,7 @@ class Lockstep:
             try:
                 node.finish(outcome)
             except Exception as error:
-                if outcome == FINISHED_OUTCOME:  # else the first fault is the one to tell
+                if outcome == FINISHED_OUTCOME:  # else the first error is the one to report
                     outcome = failed(f'{node.get_name()}: {error}')
         return outcome
 
@@ -126,7 +126,7 @@ class Lockstep:
         if not self._signal:
             self._signal, self._signal_at = number, time.monotonic()
         elif time.monotonic() - self._signal_at > _PATIENCE:
-            # Asked twice: a step that never returns keeps the first from being looked at.
+            # Second request: a step that never returns keeps the first from being checked.
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
 
@@ -214,7 +214,7 @@ class Lockstep:
             self._message_wait.wait(tuple(missing), seconds)
 
     def _await_changes(self) -> None:
-        """Let the recorder have every parameter event before it closes the bag."""
+        """Wait until the recorder has received every parameter event, before it closes the bag."""
         deadline = math.inf
         self._housekeeping()
         while not all(node.has_all(changes := self._ending.final_changes()) for node in self._nodes):
@@ -234,4 +234,4 @@ class Lockstep:
 
 
 class _Interrupted(Exception):
-    """A signal asks to end."""
+    """A signal requests the end of the run."""

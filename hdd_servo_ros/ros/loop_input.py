@@ -66,7 +66,7 @@ class Input:
         self._take = self.subscription.handle.take_message
 
     def begin(self, ticks: Ticks) -> None:
-        """Get to know the time line of the run."""
+        """Receive the time line of the run."""
         self._ticks = ticks
 
     def take(self) -> bytes | None:

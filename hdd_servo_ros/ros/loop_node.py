@@ -39,7 +39,7 @@ class LoopNode(ParameterNode):
     inputs, outputs
         Loop topics that it reads and writes.
     optional_inputs
-        Loop topics that it reads as well in a run in which some node publishes them; decided when the run starts.
+        Loop topics that it also reads in a run in which some node publishes them; decided when the run starts.
 
     Raises
     ------
@@ -68,17 +68,17 @@ class LoopNode(ParameterNode):
         self.tick = 0
         """The next tick that this node fires for."""
         self.run_directory: Path | None = None
-        """Where the run is recorded, once that is known; on the recorder's machine."""
+        """Directory of the run on the recorder's machine, once that is known."""
         self.last_tick = -1
         self.changes = 0
-        """How often parameters were changed behind tick 0."""
+        """How often parameters were changed after tick 0."""
         self._halt = 0
         self._schedule: list[Step] = []
         self._ticks: Any = None
         self._arrived = 0
         self._messages: list[bytes] = []
         self._ros_clock: Any = self.get_clock()
-        # What a TimeSource does on /clock, if use_sim_time says so: here the lockstep knows the time better, always.
+        # With use_sim_time, a TimeSource would set this clock from /clock; the lockstep always sets it itself, exactly.
         self._time_source.detach_node()
         self._time_source._associated_clocks.clear()
         self._ros_clock._set_ros_time_is_active(True)  # type: ignore[attr-defined,unused-ignore]
@@ -86,11 +86,11 @@ class LoopNode(ParameterNode):
     # What a subclass provides.
 
     def offers(self) -> dict[str, str]:
-        """Return texts that concern the whole run, such as the drive's name."""
+        """Return strings that concern the whole run, such as the drive's name."""
         return {}
 
     def last_tick_needed(self, sample_time: float) -> int:
-        """Return the last tick that this node has a plan for at a sample time [s], 0 if any number of ticks will do."""
+        """Return the last tick of this node's plan at a sample time [s], 0 if it has none and any number will do."""
         return 0
 
     def prepare(self, run: RunPlan) -> None:
@@ -107,19 +107,19 @@ class LoopNode(ParameterNode):
         stamp
             Its eight stamp bytes.
         messages
-            The inputs' messages, in the inputs' order, those of the optional ones that take part behind them; of a
-            delayed input an empty one before it has any.
+            The inputs' messages, in the inputs' order, then those of the optional inputs of this run; empty for a
+            delayed input that has none yet.
         """
         raise NotImplementedError
 
     def update(self) -> None:
-        """Take over parameters that were changed; called between two ticks."""
+        """Apply changed parameters; called between two ticks."""
 
     def housekeep(self) -> None:
-        """Do what needs no exact tick; called between two ticks, ten times a second of wall time."""
+        """Do what needs no exact tick; called between two ticks, ten times per second of wall time."""
 
     def diagnose(self) -> Iterable[Diagnosis]:
-        """Iterate over how this node is; asked once a second of wall time, between two ticks."""
+        """Iterate over the diagnoses of this node; called once per second of wall time, between two ticks."""
         return ()
 
     def _count_change(self) -> None:
@@ -127,11 +127,11 @@ class LoopNode(ParameterNode):
         self.update()
 
     paced = False
-    """Whether :meth:`seconds_until_due` has a say."""
+    """Whether :meth:`seconds_until_due` may delay a tick."""
 
     @property
     def directory(self) -> str:
-        """Where this node records the run; empty for one that does not."""
+        """Directory where this node records the run; empty for one that does not."""
         return ''
 
     def seconds_until_due(self) -> float:
@@ -139,20 +139,20 @@ class LoopNode(ParameterNode):
         return 0.0
 
     def complete(self) -> None:
-        """Do what is left after the last tick, such as closing a bag; the run counts as finished after it."""
+        """Complete the work after the last tick, such as closing a bag; the run counts as finished after it."""
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
-        """Return whether :meth:`complete` may be called, after so many parameter changes a node, if that is known."""
+        """Return whether :meth:`complete` may be called, given the number of changes per node, if that is known."""
         return True
 
     def finish(self, outcome: Outcome) -> None:
-        """Learn how the run ended; called once, at the very end."""
+        """Receive how the run ended; called once, at the very end."""
 
     def trial(self, make: Callable[[Any, float], Any], kind: type[ParameterSet]) -> Any:
         """
         Make a block before the run's sample time is known.
 
-        It refuses bad parameters while the node starts, and a step of it compiles its kernel: both before others wait.
+        It rejects bad parameters while the node starts, and a step of it compiles its kernel: both before others wait.
         """
         return make(self.parameters[kind], _TRIAL_SAMPLE_TIME)
 
@@ -162,7 +162,7 @@ class LoopNode(ParameterNode):
         """
         Create the loop's publishers and subscriptions.
 
-        Only now, when the block exists and this process is about to announce itself: a publisher that stays unannounced
+        Not before the block exists and this process is about to announce itself: a publisher that stays unannounced
         counts as external, and compiling a block takes long the first time.
         """
         group = TakenByLockstep()
@@ -222,19 +222,19 @@ class LoopNode(ParameterNode):
         return True
 
     def plan(self, changes: Sequence[Change]) -> tuple[Step, ...]:
-        """Return what a run's schedule says for this node; raises :class:`ParameterError` if that cannot be done."""
+        """Return this node's steps of a run's schedule; raises :class:`ParameterError` if it cannot do them."""
         parameters = self.parameters
         return plan(changes, self.get_fully_qualified_name(), parameters.kinds, parameters.as_mapping())
 
     def _next_halt(self) -> int:
-        """Return the tick for which :meth:`try_fire` must look for more than its inputs."""
+        """Return the tick for which :meth:`try_fire` must check more than its inputs."""
         return min(self.last_tick + 1, self._schedule[0].tick if self._schedule else self.last_tick + 1)
 
     def _set_halt(self) -> None:
         self._halt = self._next_halt()
 
     def _passes(self) -> bool:
-        """Do what is due before the next tick, such as scheduled changes; return whether it may be fired for."""
+        """Do what is due before the next tick, such as scheduled changes; return whether the node may fire for it."""
         while self._schedule and self._schedule[0].tick <= self.tick:
             step = self._schedule.pop(0)
             self.show_time()
@@ -249,7 +249,7 @@ class LoopNode(ParameterNode):
         return self.inputs[self._arrived] if not self.done and self._arrived < len(self.inputs) else None
 
     def show_time(self) -> None:
-        """Let this node's ROS clock stand at its next tick, so that parameter events carry it."""
+        """Set this node's ROS clock to its next tick, so that parameter events carry it."""
         if self._ticks is not None:
             self._ros_clock.set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
 

@@ -37,7 +37,7 @@ _CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the 
 
 
 def descriptor(declaration: Declaration) -> ParameterDescriptor:
-    """Return what `ros2 param describe` shall show for a declaration."""
+    """Return the descriptor of a declaration, as `ros2 param describe` shows it."""
     message = ParameterDescriptor(
         name=declaration.name,
         description=f'{declaration.description} [{declaration.unit}]' if declaration.unit else declaration.description,
@@ -45,7 +45,7 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
         read_only=declaration.read_only,
     )
     lower, upper = max(declaration.minimum, declaration.above), declaration.maximum
-    # ROS ranges are closed and two-sided; an open or one-sided bound is checked by us and told in the constraints.
+    # ROS ranges are closed and two-sided; an open or one-sided bound is checked here and described in the constraints.
     if math.isfinite(declaration.minimum) and math.isfinite(upper) and not declaration.is_sequence:
         if declaration.element_type is float:
             message.floating_point_range = [FloatingPointRange(from_value=lower, to_value=upper)]
@@ -55,14 +55,14 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
 
 
 class ParameterNode(Node):
-    """A node that refuses parameters it does not have by their names; rclpy's own services answer an empty list."""
+    """A node that rejects unknown parameters by name; rclpy's own services would return an empty list."""
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
-        """Change parameters one by one; return how each went."""
+        """Change parameters one by one; return the result of each."""
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Change parameters together or, if one is refused, none."""
+        """Change parameters together, or none if one is refused."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 similar = difflib.get_close_matches(parameter.name, self._parameters, n=1)
@@ -74,7 +74,7 @@ class ParameterNode(Node):
 
 class NodeParameters:
     """
-    The parameters of one node, declared from dataclasses, always a set that was checked as a whole.
+    Parameters of one node, declared from dataclasses; they are always checked as a whole.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class NodeParameters:
         }
         known = set().union(*self._names.values())
         self.unknown = {name: value for name, value in given.items() if name not in known}
-        """What was given for this node, perhaps as for all nodes, that it does not have."""
+        """Given values of parameters that this node does not have; they may have been given for all nodes."""
         self._sets = self._checked({name: value for name, value in given.items() if name in known})
         values = self.as_mapping()
         for kind in self.kinds:
@@ -167,7 +167,7 @@ class NodeParameters:
 
 
 def _plain(value: Any) -> Any:
-    """Return a ROS value as this package has it: lists and arrays as tuples, an unset list as an empty one."""
+    """Return a ROS value as this package holds it: lists and arrays as tuples, an unset list as an empty tuple."""
     if value is None:
         return ()
     return tuple(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
