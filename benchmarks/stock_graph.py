@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
@@ -145,10 +146,12 @@ class StockController(StockNode):
     def __init__(self, *arguments):
         super().__init__(*arguments)
         self.block = AdaptiveNn(AdaptiveNnParameters(), T)
+        sensor = LdvParameters()
+        self.scales = SensorScales(sensor.displacement_scale, sensor.velocity_scale)
 
     def fire(self, tick, stamp, messages):
         ldv, reference = messages['ldv'].vector, messages['reference'].vector
-        u = self.block.step(tick, ldv.x, ldv.y, reference.x, reference.y, reference.z)
+        u = self.block.step(self.scales.inputs(tick, ldv.x, ldv.y, reference.x, reference.y, reference.z))
         self.publish('control', stamp, *u)
         names = self.block.estimate_names
         message = Float64MultiArray(data=self.block.estimates.tolist())

@@ -26,11 +26,11 @@ class MyController:
         """Take other parameters from the next tick on."""
         self.parameters = parameters
 
-    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+    def step(self, inputs):
         """Return the voltage that is held until the next tick."""
         p = self.parameters
-        e, de = 8.0 * displacement_volts - x_d, 5000.0 * velocity_volts - dx_d
-        return p.spring * x_d - p.position_gain * e - p.velocity_gain * de
+        e, de = inputs.position - inputs.desired_position, inputs.velocity - inputs.desired_velocity
+        return p.spring * inputs.desired_position - p.position_gain * e - p.velocity_gain * de
 
 
 main = controller_main(MyController)

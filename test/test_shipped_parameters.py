@@ -41,7 +41,7 @@ def test_section_4_4():
     )
     assert 0.0027 < found.rms_error < 0.0041
     assert 0.0055 < found.max_error < 0.0083
-    assert abs(rows.estimate('m_hat')[100000:].mean() - 1.0) < 0.05
+    assert abs(rows.estimates['m_hat'][100000:].mean() - 1.0) < 0.05
     pid = Experiment(1e-4, 'pid', sections).run(0, 200001)
     compared = tracking_metrics(pid.time, pid.reference[:, 0], pid.head[:, 0], pid.control[:, 0], 10.0, 1.0)
     assert compared.peak_control <= 1.001 * found.peak_control
@@ -57,7 +57,7 @@ def test_the_shipped_bounds_hold_what_the_estimates_pass(file, sample_time, tick
     nn = {**sections['adaptive_nn_controller'], 'projection': True}
     near = 0.05 * nn['mass.maximum']
     without, with_bounds, with_near_bounds = (
-        Experiment(sample_time, 'adaptive_nn', {**sections, 'adaptive_nn_controller': own}).run(0, ticks).estimates
+        Experiment(sample_time, 'adaptive_nn', {**sections, 'adaptive_nn_controller': own}).run(0, ticks)['estimates']
         for own in (sections['adaptive_nn_controller'], nn, {**nn, 'mass.minimum': -near, 'mass.maximum': near})
     )
     assert (with_bounds == without).all()

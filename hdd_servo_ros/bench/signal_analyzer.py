@@ -364,7 +364,8 @@ def _replay(
     """Step through recorded outputs of the vibrometer, shape (n, 2 or more), and write the excitation, shape (n,)."""
     for tick in range(len(ldv)):
         x, v = ldv[tick, 0], ldv[tick, 1]
-        inputs = ControllerInputs(tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
+        # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
+        inputs = (tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
         control[tick] = signal_analyzer_step(constants, state, estimates, *inputs)[0]
 
 

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters, plan
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError
 
 T = 2e-5
+SCALES = SensorScales(8.0, 5000.0)
 SHORT = SignalAnalyzerParameters(
     start_frequency=200.0,
     stop_frequency=15_000.0,
@@ -39,13 +41,13 @@ def frequencies(analyzer):
 
 def excitation(parameters=SHORT):
     analyzer = SignalAnalyzer(parameters, T)
-    return analyzer.replay(np.zeros((analyzer.last_tick + 1, 2)))
+    return analyzer.replay(np.zeros((analyzer.last_tick + 1, 2)), *SCALES)
 
 
 def outputs(control):
     """The vibrometer's outputs [V]: at each tick what the voltages before have brought about."""
     _, states, _ = signal.dlsim(DISCRETE, control)
-    return states[: len(control)] / [8.0, 5000.0]
+    return states[: len(control)] / SCALES
 
 
 def sampled(frequency):
@@ -56,7 +58,7 @@ def sampled(frequency):
 
 def measured(ldv, parameters=SHORT):
     analyzer = SignalAnalyzer(parameters, T)
-    control = analyzer.replay(ldv)
+    control = analyzer.replay(ldv, *SCALES)
     return analyzer, control
 
 
@@ -86,7 +88,7 @@ def test_each_point_is_the_sum_over_its_whole_cycles():
     phase = np.exp(-2j * np.pi * analyzer.response().frequency[-1] * T * np.arange(len(control)))[window]
     velocity = ldv[window, 1] - np.polyval(np.polyfit(np.arange(point.averages * point.length), ldv[window, 1], 1), 0)
     ratio = np.dot(velocity, phase) / np.dot(control[window], phase)
-    expected = 5000.0 * ratio / (2j * np.pi * analyzer.response().frequency[-1])
+    expected = SCALES.velocity * ratio / (2j * np.pi * analyzer.response().frequency[-1])
     assert analyzer.response().response[-1] == pytest.approx(expected, rel=1e-4)
 
 
@@ -132,9 +134,9 @@ def test_step_and_replay_are_the_same_to_the_bit():
     replayed, _ = measured(ldv)
     stepped = SignalAnalyzer(SHORT, T)
     for tick, (x, v) in enumerate(ldv.tolist()):
-        assert stepped.step(tick, x, v, 9.0, 9.0, 9.0) == (control[tick], control[tick], 0.0)
+        assert stepped.step(SCALES.inputs(tick, x, v, 9.0, 9.0, 9.0)) == (control[tick], control[tick], 0.0)
     assert stepped.state.tobytes() == replayed.state.tobytes()
-    assert stepped.step(len(ldv), 0.0, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+    assert stepped.step(SCALES.inputs(len(ldv), 0.0, 0.0, 0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
     names = dict(zip(stepped.estimate_names, stepped.estimates.tolist(), strict=True))
     last = stepped.response()
     assert names['t'] == len(ldv) * T
@@ -148,7 +150,7 @@ def overloaded(ticks, parameters=SHORT):
     analyzer = SignalAnalyzer(parameters, T)
     ldv = np.zeros((analyzer.last_tick + 1, 2))
     ldv[ticks, 0] = -9.6
-    return analyzer, analyzer.replay(ldv)
+    return analyzer, analyzer.replay(ldv, *SCALES)
 
 
 def test_an_overload_halves_the_amplitude_and_costs_the_point():
@@ -182,7 +184,7 @@ def test_one_overload_too_many_ends_the_run_and_says_why():
 def test_what_is_not_finite_is_not_hidden():
     analyzer = SignalAnalyzer(SHORT, T)
     for inputs in ((math.nan, 0.0), (0.0, math.inf)):
-        assert math.isnan(analyzer.step(0, *inputs, 0.0, 0.0, 0.0)[0])
+        assert math.isnan(analyzer.step(SCALES.inputs(0, *inputs, 0.0, 0.0, 0.0))[0])
     assert analyzer.fault() == ''
 
 

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters, adaptive_nn_step
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
 T = 1e-4
-UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0}
+UNIT = SensorScales(1.0, 1.0)
 OFF = {'sigma.enabled': False, 'mass.enabled': False, 'phi.enabled': False, 'network.enabled': False}
 STUDY = {
-    **UNIT,
     'error_filter_lambda': 1.0,
     'feedback_gain': 10.0,
     'control_limit': 1e6,
@@ -53,6 +53,11 @@ def parameters_of(**values):
 
 def controller_of(**values):
     return AdaptiveNn(parameters_of(**values), T)
+
+
+def step(controller, tick, *signals):
+    """Step with both outputs of the sensor, position and velocity at 1 um/V and 1 um/s/V, and the reference."""
+    return controller.step(UNIT.inputs(tick, *signals))
 
 
 def named(controller):
@@ -103,14 +108,14 @@ def test_follows_the_law_written_out(name):
     controller, twin = AdaptiveNn(parameters, sample_time), twin_of(parameters, sample_time)
     for k, row in enumerate(signals(400).tolist()):
         before = twin.sigma, twin.mass, twin.phi, float(np.linalg.norm(twin.W))
-        result = controller.step(k, *row)
+        result = step(controller, k, *row)
         np.testing.assert_allclose(result, twin.step(*row), rtol=1e-7, atol=1e-9)
         estimates = named(controller)
         found = [estimates[key] for key in ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm')]
         np.testing.assert_allclose(found, before, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(controller.weights, twin.W, rtol=1e-7, atol=1e-9)
     expected = np.array(parameters.network.axis_widths) * np.exp(twin.widths)
-    controller.step(400, *row)
+    step(controller, 400, *row)
     np.testing.assert_allclose(
         [named(controller)['position_width'], named(controller)['velocity_width']], expected, rtol=1e-5
     )
@@ -126,7 +131,7 @@ def test_follows_the_law_written_out_on_jumps_in_two_parts():
     differs = 0
     for k, (x, v, _, _, _) in enumerate(signals(400).tolist()):
         row = (x, v, 0.5 if k % 40 < 20 else -0.5, 0.0, 0.0)
-        result = controller.step(k, *row)
+        result = step(controller, k, *row)
         np.testing.assert_allclose(result, twin.step(*row), rtol=1e-7, atol=1e-9)
         differs += named(controller)['e'] != x - row[2]
     assert differs == 20 * 5
@@ -138,11 +143,11 @@ def test_by_hand():
         **{'sigma.initial': 0.5, 'mass.initial': 2.0, 'phi.initial': 0.25, 'network.enabled': False}
     )
     # e = 0.25, e' = 1, r = 1.25, a_r = 3 - 1 = 2: u = -12.5 + 0.5 v + 2 a_r - 0.25 with v = 4
-    assert controller.step(0, 1.25, 4.0, 1.0, 3.0, 3.0) == (-12.5 + 2.0 + 4.0 - 0.25,) * 2 + (-12.5,)
+    assert step(controller, 0, 1.25, 4.0, 1.0, 3.0, 3.0) == (-12.5 + 2.0 + 4.0 - 0.25,) * 2 + (-12.5,)
 
 
 def test_only_feedback():
-    assert controller_of(**OFF).step(0, 0.5, 2.0, 0.0, 0.0, 9.0) == (-25.0, -25.0, -25.0)
+    assert step(controller_of(**OFF), 0, 0.5, 2.0, 0.0, 0.0, 9.0) == (-25.0, -25.0, -25.0)
 
 
 @pytest.mark.parametrize(
@@ -151,30 +156,30 @@ def test_only_feedback():
 def test_each_part_alone_moves_its_estimate_alone(part, estimate):
     controller = controller_of(**{**OFF, f'{part}.enabled': True})
     for k, row in enumerate(signals(50).tolist()):
-        controller.step(k, *row)
+        step(controller, k, *row)
     moved = {key for key in ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm') if named(controller)[key] != 0.0}
     assert moved == {estimate}
 
 
 def test_sign_of_zero_is_zero():
     controller = controller_of(**{'phi.initial': 1.0, 'network.initial': [1.0]})
-    assert controller.step(0, 0.0, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
-    assert controller.step(1, 1e-12, 0.0, 0.0, 0.0, 0.0)[0] < -1.0
+    assert step(controller, 0, 0.0, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+    assert step(controller, 1, 1e-12, 0.0, 0.0, 0.0, 0.0)[0] < -1.0
 
 
 def test_estimates_start_as_given_and_are_those_used():
     controller = controller_of(**{'mass.initial': 3.0})
-    controller.step(0, 0.1, 0.0, 0.0, 0.0, 1.0)
+    step(controller, 0, 0.1, 0.0, 0.0, 0.0, 1.0)
     assert named(controller)['m_hat'] == 3.0
-    controller.step(1, 0.1, 0.0, 0.0, 0.0, 1.0)
+    step(controller, 1, 0.1, 0.0, 0.0, 0.0, 1.0)
     assert named(controller)['m_hat'] != 3.0
     assert named(controller)['t'] == T
 
 
-def test_scales_are_the_sensors():
-    scaled = controller_of(displacement_scale=8.0, velocity_scale=5000.0)
-    plain = controller_of()
-    assert scaled.step(0, 0.125, 0.001, 0.5, 1.0, 2.0) == plain.step(0, 1.0, 5.0, 0.5, 1.0, 2.0)
+def test_what_counts_is_position_and_velocity_and_no_voltage():
+    scaled, plain = controller_of(), controller_of()
+    inputs = SensorScales(8.0, 5000.0).inputs(0, 0.125, 0.001, 0.5, 1.0, 2.0)
+    assert scaled.step(inputs) == step(plain, 0, 1.0, 5.0, 0.5, 1.0, 2.0)
 
 
 def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
@@ -182,7 +187,7 @@ def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
     controller = controller_of(**values)
     rng = np.random.default_rng(4)
     x, x_d = np.cumsum(rng.normal(size=(2, 200)), axis=1) * 1e-3
-    u = np.array([controller.step(k, x[k], 1e9, x_d[k], 7.0, 0.0)[0] for k in range(200)])
+    u = np.array([step(controller, k, x[k], 1e9, x_d[k], 7.0, 0.0)[0] for k in range(200)])
     # r = F (e_k - e_{k-1})/T + lambda e: the reference goes through the same filter as the head.
     a = math.exp(-2.0 * math.pi * 500.0 * T)
     e, rate, expected = x - x_d, 0.0, []
@@ -202,7 +207,7 @@ def test_without_the_reference_filter_the_filters_lag_is_an_error():
     for filtered in (True, False):
         controller = controller_of(**values, filter_reference=filtered)
         rows[filtered] = np.array(
-            [controller.step(k, x[k], 0.0, x[k], v[k], 0.0) and controller.estimates[1] for k in range(len(t))]
+            [step(controller, k, x[k], 0.0, x[k], v[k], 0.0) and controller.estimates[1] for k in range(len(t))]
         )
     assert np.all(rows[True] == 0.0)
     z, pole = np.exp(1j * w * T), math.exp(-2.0 * math.pi * 500.0 * T)
@@ -216,9 +221,9 @@ def test_the_estimates_rest_at_the_limit_of_what_comes_behind():
     told.limit_output(12.0)
     inputs = signals(400, seed=4)
     for k, row in enumerate(inputs):
-        assert told.step(k, *row) == own.step(k, *row)
+        assert step(told, k, *row) == step(own, k, *row)
         assert told.estimates.tolist() == own.estimates.tolist()
-    assert told.step(400, 100.0, 0.0, 0.0, 0.0, 0.0)[0] == -12.0
+    assert step(told, 400, 100.0, 0.0, 0.0, 0.0, 0.0)[0] == -12.0
 
 
 def test_compensator_learns_a_friction_on_the_reference():
@@ -227,7 +232,7 @@ def test_compensator_learns_a_friction_on_the_reference():
     controller = controller_of(**values)
     position = velocity = 0.0
     for k in range(20000):
-        u = controller.step(k, position, velocity, 0.0, 0.0, 0.0)[0]
+        u = step(controller, k, position, velocity, 0.0, 0.0, 0.0)[0]
         # A body pulled by -3, under the loop's own feedback.
         velocity += T * (u - 3.0)
         position += T * velocity
@@ -265,7 +270,7 @@ def test_compensator_learns_with_the_reference_of_a_lag_ago():
     for k in range(500):
         t = k * T
         x_d, dx_d, ddx_d = -1.0 + 20.0 * t + 200.0 * t * t, 20.0 + 400.0 * t, 400.0
-        controller.step(k, 0.0, 0.0, x_d, dx_d, ddx_d)
+        step(controller, k, 0.0, 0.0, x_d, dx_d, ddx_d)
         assert named(controller)['compensator'] == pytest.approx(weights @ activations(x_d, dx_d), rel=1e-9, abs=1e-12)
         r = named(controller)['r']
         weights = a * weights - (1.0 - a) / p.leakage * r * activations(x_d - lag * dx_d, dx_d - lag * ddx_d)
@@ -299,12 +304,12 @@ def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
     controller = AdaptiveNn(parameters, sample_time)
     largest = dict.fromkeys(keys, 0.0)
     for k, row in enumerate(signals(40, seed).tolist()):
-        controller.step(k, *row)
+        step(controller, k, *row)
         r, v = named(controller)['r'], row[1]
         a_r = row[4] - (v - row[3])
         for key, drive in zip(keys, (v * r, a_r * r, r, r), strict=True):
             largest[key] = max(largest[key], abs(drive))
-    controller.step(40, *row)
+    step(controller, 40, *row)
     for key, estimate in zip(keys, ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm'), strict=True):
         bound = largest[key] / values[f'{key}.leakage'] * (5.0 if key == 'network' else 1.0)
         assert abs(named(controller)[estimate]) <= bound * (1.0 + 1e-9)
@@ -315,8 +320,8 @@ def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
 def test_what_is_not_finite_is_not_hidden(place, value):
     inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
     inputs[place] = value
-    assert not math.isfinite(controller_of(**OFF, control_limit=1.0).step(0, *inputs)[0])
-    assert not math.isfinite(controller_of().step(0, *inputs)[0])
+    assert not math.isfinite(step(controller_of(**OFF, control_limit=1.0), 0, *inputs)[0])
+    assert not math.isfinite(step(controller_of(), 0, *inputs)[0])
 
 
 def test_gain_on_r_is_what_the_law_comes_to():
@@ -325,7 +330,7 @@ def test_gain_on_r_is_what_the_law_comes_to():
         **{'sigma.enabled': False, 'mass.enabled': False, 'phi.gain': 1e6, 'network.gain': [1e6]}
     )
     for k in range(50):
-        u, _, _ = controller.step(k, 0.0, 0.0, -0.01, 0.0, 0.0)
+        u, _, _ = step(controller, k, 0.0, 0.0, -0.01, 0.0, 0.0)
     assert -u / 0.01 == pytest.approx(controller.gain_on_r, rel=1e-6)
 
 
@@ -351,11 +356,11 @@ def test_the_default_is_safe():
 def test_update_keeps_what_was_learnt():
     controller = controller_of()
     for k, row in enumerate(signals(50).tolist()):
-        controller.step(k, *row)
+        step(controller, k, *row)
     learnt = controller.state.copy()
     controller.update(parameters_of(feedback_gain=20.0))
     np.testing.assert_array_equal(controller.state, learnt)
-    result = controller.step(50, *row)
+    result = step(controller, 50, *row)
     assert result[2] == -20.0 * named(controller)['r']
     with pytest.raises(ParameterError, match=r'network\.nodes'):
         controller.update(parameters_of(**{'network.nodes': 4}))
@@ -396,7 +401,7 @@ def test_compiling_changes_no_bit():
     parameters = parameters_of(**{'width.enabled': True, 'compensator.enabled': True, 'integral_gain': 1.0})
     compiled, plain = AdaptiveNn(parameters, 1e-2), AdaptiveNn(parameters, 1e-2)
     for k, row in enumerate(signals(100).tolist()):
-        expected = adaptive_nn_step.py_func(plain.constants, plain.state, plain.estimates, k, *row)
-        assert compiled.step(k, *row) == tuple(float(value) for value in expected)
+        expected = adaptive_nn_step.py_func(*plain.arrays, *UNIT.inputs(k, *row))
+        assert step(compiled, k, *row) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()
     assert compiled.estimates.tolist() == plain.estimates.tolist()

@@ -8,6 +8,7 @@ import pytest
 
 from hdd_servo_ros.control.outside import ControllerError, OutsideController
 from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 T = 2.5e-4
@@ -25,15 +26,15 @@ class Proportional:
     def update(self, parameters):
         self.parameters = parameters
 
-    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
-        return self.parameters.gain * (x_d - displacement_volts)
+    def step(self, inputs):
+        return self.parameters.gain * (inputs.desired_position - inputs.position)
 
 
 def answering(answer):
     """Return a controller whose step returns an answer, or raises it."""
 
     class Answering(Proportional):
-        def step(self, *arguments):
+        def step(self, inputs):
             if isinstance(answer, Exception):
                 raise answer
             return answer
@@ -42,7 +43,7 @@ def answering(answer):
 
 
 def step(controller, tick=0):
-    return controller.step(tick, 0.5, 0.0, 2.0, 0.0, 0.0)
+    return controller.step(SensorScales(1.0, 1.0).inputs(tick, 0.5, 0.0, 2.0, 0.0, 0.0))
 
 
 def test_a_voltage_stands_for_all_three_and_the_time_is_added():
@@ -102,8 +103,8 @@ def test_estimates_get_the_time_in_front_unless_it_is_there(names, expected):
     class Estimating(Proportional):
         estimate_names = names
 
-        def step(self, tick, *signals):
-            self.estimates = [0.25 * tick, tick]
+        def step(self, inputs):
+            self.estimates = [0.25 * inputs.tick, inputs.tick]
             return 0.0
 
     controller = OutsideController('mine', Estimating, Gain(), T)
@@ -118,7 +119,7 @@ def test_estimates_of_another_shape_are_refused(estimates):
     class Estimating(Proportional):
         estimate_names = ('e', 'n')
 
-        def step(self, *arguments):
+        def step(self, inputs):
             self.estimates = estimates
             return 0.0
 
@@ -148,7 +149,7 @@ def test_the_limit_behind_it_is_told_to_those_who_want_to_know():
         def limit_output(self, limit):
             self.limit = 1.0 / limit
 
-        def step(self, *arguments):
+        def step(self, inputs):
             return self.limit
 
     controller = OutsideController('mine', Knowing, Gain(), T)
@@ -163,7 +164,7 @@ def test_a_controller_of_the_full_protocol_goes_through_unchanged():
     inner = Pid(PidParameters(), T)
     outer = OutsideController('mine', Pid, PidParameters(), T)
     for tick in range(50):
-        signals = (0.01 * tick, 0.02 * tick, 1.0, 2.0, 3.0)
-        assert outer.step(tick, *signals) == inner.step(tick, *signals)
+        inputs = SensorScales(8.0, 5000.0).inputs(tick, 0.01 * tick, 0.02 * tick, 1.0, 2.0, 3.0)
+        assert outer.step(inputs) == inner.step(inputs)
         assert outer.estimates.tobytes() == inner.estimates.tobytes()
     assert outer.estimate_names == inner.estimate_names

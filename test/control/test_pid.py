@@ -6,19 +6,26 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 T = 1e-4
-UNIT = {'displacement_scale': 1.0, 'velocity_scale': 1.0, 'control_limit': 1e9, 'derivative_bandwidth': 0.0}
+UNIT = SensorScales(1.0, 1.0)
+PLAIN = {'control_limit': 1e9, 'derivative_bandwidth': 0.0}
 
 
 def pid(**parameters):
-    return Pid(PidParameters(**{**UNIT, **parameters}), T)
+    return Pid(PidParameters(**{**PLAIN, **parameters}), T)
+
+
+def step(controller, tick, *signals):
+    """Step with both outputs of the sensor, position and velocity at 1 um/V and 1 um/s/V, and the reference."""
+    return controller.step(UNIT.inputs(tick, *signals))
 
 
 def run(controller, errors, rates=None, dx_d=0.0, ddx_d=0.0):
     rates = np.zeros(len(errors)) if rates is None else rates
     return np.array(
-        [controller.step(k, float(errors[k]), float(rates[k]) + dx_d, 0.0, dx_d, ddx_d) for k in range(len(errors))]
+        [step(controller, k, float(errors[k]), float(rates[k]) + dx_d, 0.0, dx_d, ddx_d) for k in range(len(errors))]
     )
 
 
@@ -33,12 +40,13 @@ def test_each_part_alone():
 
 def test_signs_pull_the_head_towards_the_reference():
     controller = pid(proportional_gain=1.0, integral_gain=0.0, derivative_gain=0.0)
-    assert controller.step(0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == 1.0
+    assert step(controller, 0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == 1.0
 
 
-def test_scales_are_the_sensors():
+def test_what_counts_is_position_and_velocity_and_no_voltage():
     controller = Pid(PidParameters(proportional_gain=1.0, integral_gain=0.0, derivative_gain=1.0, control_limit=1e9), T)
-    assert controller.step(0, 0.5, 0.01, 0.0, 0.0, 0.0)[0] == -(0.5 * 8.0 + 0.01 * 5000.0)
+    inputs = SensorScales(8.0, 5000.0).inputs(0, 0.5, 0.01, 0.0, 0.0, 0.0)
+    assert controller.step(inputs)[0] == -(0.5 * 8.0 + 0.01 * 5000.0)
 
 
 def test_estimates():
@@ -82,7 +90,7 @@ def test_the_reference_goes_through_the_filter(source):
             filter_reference=filter_reference,
         )
         x, v = np.sin(w * t), w * np.cos(w * t)
-        slope = -np.array([controller.step(k, x[k], v[k], x[k], v[k], 0.0)[0] for k in range(len(t))])
+        slope = -np.array([step(controller, k, x[k], v[k], x[k], v[k], 0.0)[0] for k in range(len(t))])
         if filter_reference:
             assert np.all(slope == 0.0)
         else:
@@ -108,7 +116,7 @@ def test_the_limit_of_what_comes_behind_counts():
 
 def test_feedforward_is_no_feedback():
     controller = pid(proportional_gain=1.0, integral_gain=0.0, velocity_feedforward=2.0, acceleration_feedforward=0.5)
-    u, unsaturated, feedback = controller.step(0, 0.25, 3.0, 0.0, 3.0, 8.0)
+    u, unsaturated, feedback = step(controller, 0, 0.25, 3.0, 0.0, 3.0, 8.0)
     assert (u, unsaturated, feedback) == (-0.25 + 6.0 + 4.0, -0.25 + 6.0 + 4.0, -0.25)
 
 
@@ -139,15 +147,15 @@ def test_clamping_lets_the_integral_come_back():
 
 def test_limits_both_ways():
     controller = pid(proportional_gain=1.0, integral_gain=0.0, derivative_gain=0.0, control_limit=0.3)
-    assert controller.step(0, 5.0, 0.0, 0.0, 0.0, 0.0) == (-0.3, -5.0, -5.0)
-    assert controller.step(1, -5.0, 0.0, 0.0, 0.0, 0.0) == (0.3, 5.0, 5.0)
+    assert step(controller, 0, 5.0, 0.0, 0.0, 0.0, 0.0) == (-0.3, -5.0, -5.0)
+    assert step(controller, 1, -5.0, 0.0, 0.0, 0.0, 0.0) == (0.3, 5.0, 5.0)
 
 
 def test_update_makes_no_bump():
     controller = pid(proportional_gain=1.0, integral_gain=10.0, derivative_gain=0.5)
     before = run(controller, np.full(200, 0.3), np.full(200, 0.1))[-1, 0]
-    controller.update(PidParameters(**UNIT, proportional_gain=7.0, integral_gain=4.0, derivative_gain=0.1))
-    after = controller.step(200, 0.3, 0.1, 0.0, 0.0, 0.0)[0]
+    controller.update(PidParameters(**PLAIN, proportional_gain=7.0, integral_gain=4.0, derivative_gain=0.1))
+    after = step(controller, 200, 0.3, 0.1, 0.0, 0.0, 0.0)[0]
     assert after == pytest.approx(before - 4.0 * T * 0.3, rel=1e-12)
 
 
@@ -156,7 +164,7 @@ def test_update_to_no_integral_fades(integral):
     gains = {'integral_gain': 0.0, 'derivative_gain': 0.2, 'transfer_time': 0.05}
     controller = pid(proportional_gain=1.0, **{**gains, 'integral_gain': integral})
     before = run(controller, np.full(200, 0.3), np.full(200, 0.1))[-1, 0]
-    controller.update(PidParameters(**UNIT, proportional_gain=3.0, **gains))
+    controller.update(PidParameters(**PLAIN, proportional_gain=3.0, **gains))
     u = run(controller, np.full(2000, 0.3), np.full(2000, 0.1))[:, 0]
     settled = -3.0 * 0.3 - 0.2 * 0.1
     assert u[0] == pytest.approx(before, rel=1e-12)
@@ -166,9 +174,9 @@ def test_update_to_no_integral_fades(integral):
 def test_a_new_feedforward_fades_in():
     gains = {'proportional_gain': 1.0, 'integral_gain': 4.0, 'derivative_gain': 0.0, 'transfer_time': 0.05}
     controller = pid(**gains)
-    before = controller.step(0, 0.0, 0.0, 0.0, 2.0, -3.0)[0]
-    controller.update(PidParameters(**UNIT, **gains, velocity_feedforward=0.5, acceleration_feedforward=0.1))
-    u = [controller.step(k, 0.0, 0.0, 0.0, 2.0, -3.0)[0] for k in range(1, 4000)]
+    before = step(controller, 0, 0.0, 0.0, 0.0, 2.0, -3.0)[0]
+    controller.update(PidParameters(**PLAIN, **gains, velocity_feedforward=0.5, acceleration_feedforward=0.1))
+    u = [step(controller, k, 0.0, 0.0, 0.0, 2.0, -3.0)[0] for k in range(1, 4000)]
     assert u[0] == pytest.approx(before, abs=1e-12)
     assert u[-1] == pytest.approx(0.5 * 2.0 - 0.1 * 3.0, rel=1e-3)
 
@@ -178,7 +186,7 @@ def test_a_new_feedforward_fades_in():
 def test_what_is_not_finite_is_not_hidden(place, value):
     inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
     inputs[place] = value
-    assert not math.isfinite(pid().step(0, *inputs)[0])
+    assert not math.isfinite(step(pid(), 0, *inputs)[0])
 
 
 def test_compiling_changes_no_bit():
@@ -189,6 +197,6 @@ def test_compiling_changes_no_bit():
     rng = np.random.default_rng(2)
     for k in range(500):
         inputs = rng.normal(size=5).tolist()
-        expected = pid_step.py_func(plain.constants, plain.state, plain.estimates, k, *inputs)
-        assert compiled.step(k, *inputs) == tuple(float(value) for value in expected)
+        expected = pid_step.py_func(*plain.arrays, *UNIT.inputs(k, *inputs))
+        assert step(compiled, k, *inputs) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()

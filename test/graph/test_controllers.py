@@ -33,8 +33,9 @@ GOOD = """
             self.update(parameters)
         def update(self, parameters):
             self.parameters = parameters
-        def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
-            return -self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts
+        def step(self, inputs):
+            e = inputs.position - inputs.desired_position
+            return -self.parameters.stiffness * e - 4e-12 * inputs.velocity
 """
 
 
@@ -118,9 +119,9 @@ def test_an_entry_point(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ('changes', 'said'),
     [
-        ([('def step(self, tick,', 'def stop(self, tick,')], r'class Spring lacks step\(tick, displacement_volts'),
+        ([('def step(', 'def stop(')], r'class Spring lacks step\(inputs\)'),
         ([('def update(', 'def change(')], r'class Spring lacks update\(parameters\)'),
-        ([('dx_d, ddx_d):', 'dx_d):')], r'Spring\.step\(self, tick, .* cannot be called with \(self, tick'),
+        ([('step(self, inputs)', 'step(self)')], r'Spring\.step\(self\) cannot be called with \(self, inputs\)'),
         ([(', sample_time: float)', ')')], r'Spring\(parameters: .*\) .* cannot be called with \(parameters, sample_t'),
         ([('parameters: Gains', 'parameters')], r'Spring\.__init__ does not annotate parameters'),
         ([('parameters: Gains', "parameters: 'Gainz'")], r'annotations of Spring\.__init__ raised NameError'),
@@ -194,7 +195,7 @@ def test_the_bits_are_those_of_the_compiled_loop(tmp_path):
         ours, theirs = outside.run(first, count), compiled.run(first, count)
         assert ours.estimate_names == theirs.estimate_names
         for name in ('reference', 'head', 'ldv', 'control', 'estimates'):
-            assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+            assert ours[name].tobytes() == theirs[name].tobytes(), name
 
 
 def simulation(tmp_path, module, *arguments):
@@ -231,15 +232,18 @@ def test_run_yaml_says_which_class_it_was(tmp_path):
 @pytest.mark.parametrize(
     ('body', 'said'),
     [
-        ('1.0 / (tick - 0x11) if tick > 0x11 else 0.0 * tick', ''),
-        ('1.0 / (tick - 0x12d) if tick else 0.0', 'step raised ZeroDivisionError: float division by zero'),
-        ("float('nan') if tick == 0x12d else 0.0", 'control: not finite'),
-        ('None if tick == 0x12d else 0.0', 'step returned None, not the voltage u'),
+        ('1.0 / (inputs.tick - 0x11) if inputs.tick > 0x11 else 0.0 * inputs.tick', ''),
+        (
+            '1.0 / (inputs.tick - 0x12d) if inputs.tick else 0.0',
+            'step raised ZeroDivisionError: float division by zero',
+        ),
+        ("float('nan') if inputs.tick == 0x12d else 0.0", 'control: not finite'),
+        ('None if inputs.tick == 0x12d else 0.0', 'step returned None, not the voltage u'),
     ],
 )
 def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
     """Tick 301 lies in the second piece of a simulation."""
-    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
+    law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
     made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
     exit_code, directory = simulate(made, progress=False)
     ticks = len(Run.open(directory).time)
@@ -265,16 +269,19 @@ def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, 
 
 
 def test_after_what_is_not_finite_it_is_not_asked_again(tmp_path):
-    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
-    module = write(tmp_path, GOOD, (law, "float('inf') if tick == 40 else float(round(displacement_volts))"))
+    law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
+    module = write(tmp_path, GOOD, (law, "float('inf') if inputs.tick == 40 else float(round(inputs.position))"))
     rows = Experiment(T, f'{module}:Spring').run(0, 100)
     assert abs(rows.head[:41]).max() < float('inf')
-    assert all((signal[41:] != signal[41:]).all() for signal in (rows.head, rows.ldv, rows.control, rows.estimates))
+    assert all(
+        (signal[41:] != signal[41:]).all()
+        for signal in (rows[name] for name in ('head', 'ldv', 'control', 'estimates'))
+    )
 
 
 def test_a_failure_leaves_the_rows_before_it(tmp_path):
-    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
-    module = write(tmp_path, GOOD, (law, '1.0 / (60 - tick) if tick else 0.0'))
+    law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
+    module = write(tmp_path, GOOD, (law, '1.0 / (60 - inputs.tick) if inputs.tick else 0.0'))
     experiment = Experiment(T, f'{module}:Spring')
     rows = experiment.empty_rows(0, 100)
     with pytest.raises(ControllerError, match=r'spring: step raised ZeroDivisionError.* at tick 60'):
@@ -283,7 +290,7 @@ def test_a_failure_leaves_the_rows_before_it(tmp_path):
 
 
 def test_what_fails_at_once_is_refused_before_a_run(tmp_path):
-    law = '-self.parameters.stiffness * (8.0 * displacement_volts - x_d) - 2e-8 * velocity_volts'
-    module = write(tmp_path, GOOD, (law, '1.0 / displacement_volts'))
+    law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
+    module = write(tmp_path, GOOD, (law, '1.0 / inputs.position'))
     with pytest.raises(ParameterError, match='tried with zeros: spring: step raised ZeroDivisionError'):
         simulation(tmp_path, module)

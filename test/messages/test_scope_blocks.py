@@ -37,13 +37,14 @@ def test_a_block_holds_the_signals_of_its_ticks(controller):
         reference, head, control = (
             vectors.pack(stamp, *values[tick]) for values in (rows.reference, rows.head, rows.control)
         )
-        ldv = vectors.pack(stamp, *rows.ldv[tick], 0.0)
-        messages.append((ClockCodec.pack(stamp), reference, head, ldv, control, estimates.pack(rows.estimates[tick])))
+        ldv = vectors.pack(stamp, *rows.ldv[tick])
+        array = estimates.pack(rows['estimates'][tick])
+        messages.append((ClockCodec.pack(stamp), reference, head, ldv, control, array))
     block = make_block(20, 1e-4, messages[20:])
     assert block.names[: len(NAMES)] == NAMES
     column = dict(zip(block.names, block.rows.T, strict=True))
     assert np.allclose(column['t'], rows.time[20:], rtol=0.0, atol=1e-12)
     assert np.array_equal(column['error'], rows.head[20:, 0] - rows.reference[20:, 0])
     assert np.array_equal(column['u'], rows.control[20:, 0])
-    for place, name in enumerate(rows.estimate_names[1:], start=1):
-        assert np.array_equal(column[f'estimates.{name}'], rows.estimates[20:, place])
+    for name in rows.estimate_names[1:]:
+        assert np.array_equal(column[f'estimates.{name}'], rows.estimates[name][20:])

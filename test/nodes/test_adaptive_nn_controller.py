@@ -9,6 +9,7 @@ import pytest
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.ros.diagnosis import OK, WARN
@@ -28,7 +29,7 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     parameters = from_mapping(AdaptiveNnParameters, {'projection': True, **values})
     controller = AdaptiveNn(parameters, 1e-4)
     for tick in range(2):
-        controller.step(tick, 0.0, 0.0, 1.0, 0.0, 0.0)
+        controller.step(SensorScales(8.0, 5000.0).inputs(tick, 0.0, 0.0, 1.0, 0.0, 0.0))
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
     found = AdaptiveNnController._diagnose_adaptation(node)
     assert (found.level, said in found.message) == (level, True)

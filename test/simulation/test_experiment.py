@@ -5,8 +5,9 @@ import pytest
 
 from hdd_servo_ros.analysis.metrics import tracking_metrics
 from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.simulation.experiment import Experiment, Rows
+from hdd_servo_ros.simulation.experiment import Experiment
 
 T = 1e-4
 
@@ -23,10 +24,10 @@ class Outside:
     def __init__(self):
         self.estimates = np.zeros(2)
 
-    def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
-        e = 8.0 * displacement_volts - x_d
-        self.estimates[:] = tick * T, e
-        u = -0.1 * e - 5e-5 * (5000.0 * velocity_volts - dx_d)
+    def step(self, inputs):
+        e = inputs.position - inputs.desired_position
+        self.estimates[:] = inputs.tick * T, e
+        u = -0.1 * e - 5e-5 * (inputs.velocity - inputs.desired_velocity)
         return u, u, u
 
 
@@ -34,7 +35,7 @@ def test_a_controller_from_outside():
     rows = Experiment(T, Outside()).run(0, 1500)
     assert rows.estimate_names == ('t', 'e')
     assert metrics(rows, 0.1).rms_error < 300.0
-    np.testing.assert_array_equal(rows.estimate('t'), np.arange(1500) * T)
+    np.testing.assert_array_equal(rows.estimates['t'], np.arange(1500) * T)
 
 
 class Absurd:
@@ -48,7 +49,7 @@ class Absurd:
     def update(self, parameters):
         pass
 
-    def step(self, tick, *inputs):
+    def step(self, inputs):
         return 8700.0, 8700.0, 8700.0
 
 
@@ -63,8 +64,8 @@ def test_the_loop_in_python_equals_the_compiled_one():
     pieces = [outside.run(0, 700), outside.run(700, 800)]
     compiled = Experiment(T, 'pid').run(0, 1500)
     for name in ('reference', 'head', 'ldv', 'control', 'estimates'):
-        together = np.concatenate([getattr(piece, name) for piece in pieces])
-        assert together.tobytes() == getattr(compiled, name).tobytes()
+        together = np.concatenate([piece[name] for piece in pieces])
+        assert together.tobytes() == compiled[name].tobytes()
 
 
 def test_the_default_run_tracks():
@@ -143,21 +144,21 @@ def test_errors_name_node_and_parameter():
 
 
 def test_rows_by_name():
-    rows = Rows.empty(5, 3, T, ('t', 'r'))
-    rows.estimates[:] = [[0, 1], [2, 3], [4, 5]]
-    np.testing.assert_array_equal(rows.estimate('r'), [1, 3, 5])
+    rows = SignalRows.empty(5, 3, T, ('t', 'r'))
+    rows['estimates'][:] = [[0, 1], [2, 3], [4, 5]]
+    np.testing.assert_array_equal(rows.estimates['r'], [1, 3, 5])
     np.testing.assert_allclose(rows.time, [5e-4, 6e-4, 7e-4])
     with pytest.raises(KeyError, match='there are t, r'):
-        rows.estimate('phi_hat')
+        rows.estimates['phi_hat']
 
 
 def test_rows_are_written_again():
     experiment = Experiment(T, 'pid')
     first = experiment.run(0, 100)
     second = experiment.run(100, 100, first)
-    assert second.head is first.head
+    assert second['head'] is first['head']
     assert second.first_tick == 100
-    assert experiment.run(200, 50, second).head is not second.head
+    assert experiment.run(200, 50, second)['head'] is not second['head']
 
 
 def test_ticks_follow_each_other():

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
+from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -30,9 +31,11 @@ def run(ticks, controller=None, drive=None, reference=None, base=BASE, sample_ti
     }
     experiment = Experiment(sample_time, 'adaptive_nn', sections)
     rows = experiment.run(0, ticks)
+    arrays = (rows[name] for name in ('reference', 'head', 'ldv', 'control', 'estimates'))
+    signals = Signals(rows.time, *arrays, rows.estimate_names)
     was_run = experiment.plant.parameters, experiment.controller.parameters, experiment.dsp.parameters
-    found = certify(rows, sample_time, *was_run)
-    kept = conditions(rows, sample_time, *was_run, found)
+    found = certify(signals, sample_time, *was_run, experiment.scales)
+    kept = conditions(signals, sample_time, *was_run, found)
     return found, {each.name: each for each in kept}
 
 

@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, from_mapping
 from hdd_servo_ros.stability.ideal_values import KnownPlant, NetworkAt, _least_distance, run_values, theorem_values
 
@@ -78,7 +79,7 @@ def test_network_output_is_that_of_the_controller():
     weights = np.array([0.3, -0.2, 0.5, 1.0])
     p = dataclasses.replace(SMALL, network=dataclasses.replace(SMALL.network, initial=tuple(weights)))
     controller = AdaptiveNn(p, 1e-4)
-    controller.step(0, 0.2 / p.displacement_scale, -0.7 / p.velocity_scale, 0.0, 0.0, 0.0)
+    controller.step(SensorScales(1.0, 1.0).inputs(0, 0.2, -0.7, 0.0, 0.0, 0.0))
     network = NetworkAt(p, (np.array([0.2]), np.array([-0.7])))
     assert network.output(weights)[0] == pytest.approx(controller.estimates[7], rel=1e-12)
     assert network.activations(np.array([0])) @ weights == pytest.approx(network.output(weights), rel=1e-12)

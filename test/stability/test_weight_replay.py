@@ -5,11 +5,13 @@ import pytest
 
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.stability.weight_replay import ReplayError, replay_weights
 
 T = 1e-4
+SCALES = SensorScales(8.0, 5000.0)
 VALUES = {'compensator.enabled': True, 'width.enabled': True, 'velocity_source': 'difference'}
 PARAMETERS = from_mapping(AdaptiveNnParameters, VALUES)
 NO_DSP = DspParameters()
@@ -23,8 +25,8 @@ def recorded():
 
 
 def replayed(rows, parameters=PARAMETERS, dsp=NO_DSP, **other):
-    signals = {name: getattr(rows, name) for name in ('reference', 'ldv', 'control', 'estimates')} | other
-    return list(replay_weights(parameters, dsp, 10.0, T, **signals))
+    signals = {name: rows[name] for name in ('reference', 'ldv', 'control', 'estimates')} | other
+    return list(replay_weights(parameters, dsp, 10.0, T, SCALES, **signals))
 
 
 def test_weights_are_those_of_the_run(recorded):
@@ -35,18 +37,18 @@ def test_weights_are_those_of_the_run(recorded):
     compensator = np.concatenate([compensator for _, _, compensator in pieces])
     assert (weights.shape, compensator.shape) == ((9000, 25), (9000, 49))
     norms = np.sqrt((weights**2).sum(axis=1))
-    np.testing.assert_allclose(norms, rows.estimate('W_norm'), rtol=1e-12)
+    np.testing.assert_allclose(norms, rows.estimates['W_norm'], rtol=1e-12)
     # One step more is where the controller of the run stands.
     last = AdaptiveNn(PARAMETERS, T)
     for tick in range(9000):
-        last.step(tick, *rows.ldv[tick], *rows.reference[tick])
+        last.step(SCALES.inputs(tick, *rows.ldv[tick, :2], *rows.reference[tick]))
     np.testing.assert_array_equal(last.weights, controller.weights)
     np.testing.assert_array_equal(last.compensator_weights, controller.compensator_weights)
 
 
 def test_a_record_that_does_not_fit_is_refused(recorded):
     rows, _ = recorded
-    estimates = rows.estimates.copy()
+    estimates = rows['estimates'].copy()
     estimates[8500, 4] = np.nextafter(estimates[8500, 4], 1.0)
     with pytest.raises(ReplayError, match='tick 8500 phi_hat is'):
         replayed(rows, estimates=estimates)

@@ -21,9 +21,9 @@ class FaultyParameters(PidParameters):
 
 
 class FaultyPid(Pid):
-    def step(self, tick, *inputs):
-        u, unsaturated, feedback = super().step(tick, *inputs)
-        if tick == AT:
+    def step(self, inputs):
+        u, unsaturated, feedback = super().step(inputs)
+        if inputs.tick == AT:
             if self.parameters.fault == 'not_finite':
                 return math.nan, unsaturated, feedback
             if self.parameters.fault == 'exception':
