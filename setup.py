@@ -1,6 +1,7 @@
 """Declares the package for ament_python (`colcon build`) and for pip."""
 
 import re
+import runpy
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -9,40 +10,9 @@ NAME = 'hdd_servo_ros'
 HERE = Path(__file__).parent
 VERSION = re.search(r"__version__ = '(.+)'", (HERE / NAME / 'version.py').read_text()).group(1)
 
-# Node executables: one module each in hdd_servo_ros/nodes.
-NODES = (
-    'vcm_plant',
-    'ldv_sensor',
-    'adaptive_nn_controller',
-    'pid_controller',
-    'open_loop_controller',
-    'outside_controller',
-    'reference_generator',
-    'deterministic_timer',
-    'signal_analyzer',
-    'playback',
-    'bag_recorder',
-    'rig',
-)
-# Commands: where their modules are is told in hdd_servo_ros/executables.py.
-COMMANDS = (
-    'simulate',
-    'study',
-    'report',
-    'compare',
-    'compare_bags',
-    'replay',
-    'recover',
-    'scope',
-    'identify',
-    'tune',
-    'stability_certificate',
-    'instruments',
-    'swept_sine',
-    'friction_curves',
-    'drive_response',
-)
-SCRIPTS = [f'{name} = {NAME}.executables:{name}' for name in (*NODES, *COMMANDS)]
+# Run alone, not imported: what the package needs may not be installed yet.
+EXECUTABLES = runpy.run_path(str(HERE / NAME / 'graph' / 'catalogue.py'))['EXECUTABLES']
+SCRIPTS = [f'{name} = {NAME}.executables:{name}' for name in EXECUTABLES]
 
 
 def files(pattern):

@@ -22,7 +22,7 @@ import yaml
 
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import parameter_sets
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.parameters.files import parse_ros_arguments
@@ -172,7 +172,7 @@ def simulate_figures(bench, repeats, ticks):
 def _parameters():
     parsed = parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)])
     names = ('reference_generator', 'vcm_plant', 'ldv_sensor', 'adaptive_nn_controller')
-    kinds = {name: NODE_PARAMETERS[name][-1] for name in names}
+    kinds = {name: parameter_sets(name)[-1] for name in names}
     from hdd_servo_ros.parameters import declarations
 
     known = {name: {d.name for d in declarations(kind)} for name, kind in kinds.items()}

@@ -10,36 +10,20 @@ import importlib
 import signal
 from collections.abc import Callable
 
-_ELSEWHERE = {
-    'simulate': 'simulation.simulate',
-    'study': 'studies.main',
-    'compare': 'studies.compare',
-    'report': 'reporting.report',
-    'compare_bags': 'recording.compare_bags',
-    'replay': 'tools.replay',
-    'recover': 'tools.recover',
-    'scope': 'tools.scope',
-    'identify': 'analysis.identify',
-    'tune': 'studies.tune',
-    'stability_certificate': 'studies.stability_certificate',
-    'instruments': 'studies.instruments',
-    'swept_sine': 'studies.swept_sine',
-    'friction_curves': 'studies.friction_curves',
-    'drive_response': 'studies.drive_response',
-}
-"""Modules of the commands; a node's executable has a module of its name in `nodes`."""
-
 
 def __getattr__(name: str) -> Callable[[], int]:
     """Return what runs an executable, by its name."""
     if name.startswith('_'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return functools.partial(_run, _ELSEWHERE.get(name, f'nodes.{name}'))
+    return functools.partial(_run, name)
 
 
-def _run(module: str) -> int:
+def _run(name: str) -> int:
     try:
-        code: int = importlib.import_module(f'hdd_servo_ros.{module}').main()
+        # Imported only here, where an interrupt is taken.
+        from hdd_servo_ros.graph.catalogue import executable_module
+
+        code: int = importlib.import_module(f'hdd_servo_ros.{executable_module(name)}').main()
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
     # It has done what it had to do; while Python ends, another one would take its exit code away.

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -23,9 +25,11 @@ def test_every_entry_point_leads_to_a_main():
     for name, target in entry_points().items():
         module, _, attribute = target.partition(':')
         run = getattr(importlib.import_module(module), attribute)
-        (target_module,) = run.args
+        assert run.args == (name,)
+        target_module = executable_module(name)
         assert callable(importlib.import_module(f'hdd_servo_ros.{target_module}').main), name
         assert target_module.rsplit('.', 1)[-1] in (name, 'main')
+    assert entry_points().keys() == set(EXECUTABLES)
     assert {'rig', 'simulate', 'scope', 'study', 'vcm_plant'} <= entry_points().keys()
 
 

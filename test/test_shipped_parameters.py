@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from hdd_servo_ros.analysis.metrics import tracking_metrics
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import parameter_sets
 from hdd_servo_ros.parameters import from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -16,7 +16,7 @@ PARAMS = Path(__file__).parents[1] / 'params'
 @pytest.mark.parametrize('file', sorted(PARAMS.glob('*.yaml')), ids=lambda file: file.stem)
 def test_every_key_of_the_shipped_files_is_known(file):
     for node, values in read_parameter_files([file]).items():
-        kinds = NODE_PARAMETERS[node]
+        kinds = parameter_sets(node)
         names = [set(to_mapping(kind())) for kind in kinds]
         for name in values:
             assert any(name in known for known in names), f'{node}: {name}'
@@ -26,7 +26,7 @@ def test_every_key_of_the_shipped_files_is_known(file):
 
 def test_the_drive_of_chapter_5_is_the_default():
     for node, values in read_parameter_files([PARAMS / 'seagate_7200_10.yaml']).items():
-        for kind in NODE_PARAMETERS[node]:
+        for kind in parameter_sets(node):
             default = to_mapping(kind())
             given = {name: value for name, value in values.items() if name in default}
             assert to_mapping(from_mapping(kind, given)) == default

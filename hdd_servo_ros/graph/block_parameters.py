@@ -5,7 +5,7 @@ from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
@@ -21,13 +21,9 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
     ParameterError
         If a value is refused or a name known to neither; the name is preceded by the node's.
     """
-    kind = NODE_PARAMETERS[node][-1]
-    other = {
-        declaration.name
-        for declared in NODE_PARAMETERS[node]
-        if declared is not kind
-        for declaration in declarations(declared)
-    }
+    kinds = NODES[node].parameter_sets
+    kind = kinds[-1]
+    other = {declaration.name for declared in kinds[:-1] for declaration in declarations(declared)}
     return _constructed(kind, node, {name: value for name, value in values.items() if name not in other})
 
 

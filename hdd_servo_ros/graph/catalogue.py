@@ -1,101 +1,312 @@
-"""Which parameters each node has: the one list for nodes, `simulate`, help texts and documents; no ROS import."""
+"""
+The catalogue of this package's executables: one row per node and one per command.
 
-import difflib
-from collections.abc import Iterable, Iterator, Mapping
+Help texts, launch files, `rig`, `simulate`, the executables that ``setup.py`` declares and the documents follow from
+these rows. The topics that a node reads and writes follow from its name and role, see
+:mod:`hdd_servo_ros.graph.connections`.
+
+This file imports the standard library alone, since ``setup.py`` runs it where nothing else is installed. A row
+therefore holds import paths, relative to the package, and resolves them when they are used.
+"""
+
+import dataclasses
+import functools
+import importlib
+from collections.abc import Mapping
 from typing import Any
 
-from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
-from hdd_servo_ros.bench.ldv import LdvParameters
-from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerParameters
-from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
-from hdd_servo_ros.control.open_loop import OpenLoopParameters
-from hdd_servo_ros.control.pid import PidParameters
-from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
-from hdd_servo_ros.parameters.run_parameters import (
-    DriveNameParameters,
-    PeerParameters,
-    PlaybackParameters,
-    RecorderParameters,
-    RigParameters,
-    SampleTimeParameters,
-    TimerParameters,
-)
-from hdd_servo_ros.signals.reference import ReferenceParameters
+CONTROLLER = 'controller'
+DISTURBANCE_SOURCE = 'disturbance source'
+"""The roles of these names in :mod:`hdd_servo_ros.messages.topics`."""
 
-CONTROLLERS = {
-    'adaptive_nn': 'adaptive_nn_controller',
-    'pid': 'pid_controller',
-    'open_loop': 'open_loop_controller',
-    'signal_analyzer': 'signal_analyzer',
-}
+
+@functools.cache
+def resolve(path: str) -> Any:
+    """Return what an import path ``module:name``, relative to the package, names."""
+    module, _, name = path.partition(':')
+    return getattr(importlib.import_module(f'hdd_servo_ros.{module}'), name)
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeRow:
+    """
+    A node that can take part in a run.
+
+    Attributes
+    ----------
+    name
+        Name of the node, of its executable and of its module in ``nodes``.
+    purpose
+        One sentence for help texts and documents.
+    parameters
+        Import paths of its parameter dataclasses, or the classes themselves, in this order: waiting for peers, sample
+        time, others, and last those of the block.
+    node
+        Import path of its class; empty for the plain node around a controller's block.
+    block
+        Import path of the class of its block, made from the block's parameters and T [s]; empty where none runs in the
+        compiled loop.
+    role
+        Role by which topics name their writers and readers; empty for a node that is in every run.
+    short_name
+        Value of the parameter ``controller`` that stands for it; empty for what is not a built-in controller.
+    """
+
+    name: str
+    purpose: str
+    parameters: tuple[str | type[Any], ...]
+    node: str = ''
+    block: str = ''
+    role: str = ''
+    short_name: str = ''
+
+    @property
+    def module(self) -> str:
+        """Module of the executable, relative to the package."""
+        return f'nodes.{self.name}'
+
+    @property
+    def parameter_sets(self) -> tuple[type[Any], ...]:
+        """Its parameter dataclasses."""
+        return _classes(self.parameters)
+
+    @property
+    def block_parameters(self) -> type[Any]:
+        """The parameter dataclass of its block."""
+        return self.parameter_sets[-1]
+
+
+@dataclasses.dataclass(frozen=True)
+class CommandRow:
+    """
+    An executable that is not a node of the loop.
+
+    Attributes
+    ----------
+    name
+        Name of the executable.
+    module
+        Its module, relative to the package.
+    purpose
+        One sentence for help texts and documents.
+    parameters
+        Import paths of its parameter dataclasses, for a command that takes ROS parameters.
+    """
+
+    name: str
+    module: str
+    purpose: str
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def parameter_sets(self) -> tuple[type[Any], ...]:
+        """Its parameter dataclasses."""
+        return _classes(self.parameters)
+
+
+def _classes(paths: tuple[str | type[Any], ...]) -> tuple[type[Any], ...]:
+    return tuple(resolve(path) if isinstance(path, str) else path for path in paths)
+
+
+_PEERS = 'parameters.run_parameters:PeerParameters'
+_EVERY_NODE = (_PEERS, 'parameters.run_parameters:SampleTimeParameters')
+_EVERY_CONTROLLER = (
+    *_EVERY_NODE,
+    'bench.dsp:ControllerInputParameters',
+    'bench.dsp:ControllerOutputParameters',
+)
+
+_NODE_ROWS = (
+    NodeRow(
+        'deterministic_timer',
+        'The only source of time: publishes the ticks on /clock, paces and ends the run.',
+        (_PEERS, 'parameters.run_parameters:TimerParameters'),
+        node='nodes.deterministic_timer:DeterministicTimer',
+    ),
+    NodeRow(
+        'reference_generator',
+        'Publishes the desired trajectory and its derivatives on /reference.',
+        (*_EVERY_NODE, 'signals.reference:ReferenceParameters'),
+        node='nodes.reference_generator:ReferenceGenerator',
+        block='signals.reference:Reference',
+    ),
+    NodeRow(
+        'playback',
+        'Publishes the optional topics of a recorded run, such as /disturbance, again in another run.',
+        (*_EVERY_NODE, 'parameters.run_parameters:PlaybackParameters'),
+        node='nodes.playback:PlaybackNode',
+        role=DISTURBANCE_SOURCE,
+    ),
+    NodeRow(
+        'vcm_plant',
+        'The drive: VCM actuator, pivot friction and resonances; publishes the truth on /head.',
+        (*_EVERY_NODE, 'parameters.run_parameters:DriveNameParameters', 'drive.plant:PlantParameters'),
+        node='nodes.vcm_plant:VcmPlant',
+        block='drive.plant:Plant',
+    ),
+    NodeRow(
+        'ldv_sensor',
+        'The laser Doppler vibrometer: publishes its two output voltages on /ldv.',
+        (*_EVERY_NODE, 'bench.ldv:LdvParameters'),
+        node='nodes.ldv_sensor:LdvSensor',
+        block='bench.ldv:Ldv',
+    ),
+    NodeRow(
+        'adaptive_nn_controller',
+        'The adaptive neural network controller, eqs. (4.10) to (4.21) of the thesis.',
+        (*_EVERY_CONTROLLER, 'control.adaptive_nn:AdaptiveNnParameters'),
+        node='nodes.adaptive_nn_controller:AdaptiveNnController',
+        block='control.adaptive_nn:AdaptiveNn',
+        role=CONTROLLER,
+        short_name='adaptive_nn',
+    ),
+    NodeRow(
+        'pid_controller',
+        'The conventional PID controller, the baseline.',
+        (*_EVERY_CONTROLLER, 'control.pid:PidParameters'),
+        block='control.pid:Pid',
+        role=CONTROLLER,
+        short_name='pid',
+    ),
+    NodeRow(
+        'open_loop_controller',
+        'Drives the plant open loop: the voltage is x of /reference.',
+        (*_EVERY_CONTROLLER, 'control.open_loop:OpenLoopParameters'),
+        block='control.open_loop:OpenLoop',
+        role=CONTROLLER,
+        short_name='open_loop',
+    ),
+    NodeRow(
+        'signal_analyzer',
+        "Sweeps a sine through the drive and writes its frequency response, in a controller's place.",
+        (*_EVERY_CONTROLLER, 'bench.signal_analyzer:SignalAnalyzerParameters'),
+        node='nodes.signal_analyzer:SignalAnalyzerNode',
+        block='bench.signal_analyzer:SignalAnalyzer',
+        role=CONTROLLER,
+        short_name='signal_analyzer',
+    ),
+    NodeRow(
+        'bag_recorder',
+        'Writes every topic of the run into a rosbag2 bag, and run.yaml beside it.',
+        (*_EVERY_NODE, 'parameters.run_parameters:RecorderParameters'),
+        node='nodes.bag_recorder:BagRecorder',
+    ),
+)
+
+NODES = {row.name: row for row in _NODE_ROWS}
+"""The nodes by name, in the order in which data flows through a tick; behind them registered custom controllers."""
+
+CONTROLLERS = {row.short_name: row.name for row in _NODE_ROWS if row.short_name}
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
 
-_EVERY_NODE = (PeerParameters, SampleTimeParameters)
-_EVERY_CONTROLLER = (*_EVERY_NODE, ControllerInputParameters, ControllerOutputParameters)
+_RIG_PARAMETERS = ('graph.rig_parameters:RigParameters',)
 
-NODE_PARAMETERS: dict[str, tuple[type[Any], ...]] = {
-    'deterministic_timer': (PeerParameters, TimerParameters),
-    'reference_generator': (*_EVERY_NODE, ReferenceParameters),
-    'vcm_plant': (*_EVERY_NODE, DriveNameParameters, PlantParameters),
-    'ldv_sensor': (*_EVERY_NODE, LdvParameters),
-    'adaptive_nn_controller': (*_EVERY_CONTROLLER, AdaptiveNnParameters),
-    'pid_controller': (*_EVERY_CONTROLLER, PidParameters),
-    'open_loop_controller': (*_EVERY_CONTROLLER, OpenLoopParameters),
-    'signal_analyzer': (*_EVERY_CONTROLLER, SignalAnalyzerParameters),
-    'playback': (*_EVERY_NODE, PlaybackParameters),
-    'bag_recorder': (*_EVERY_NODE, RecorderParameters),
-    'rig': (RigParameters,),
-    'simulate': (RigParameters,),
-}
+_COMMAND_ROWS = (
+    CommandRow(
+        'rig',
+        'nodes.rig',
+        'The whole graph in one process: runs the experiment, records it, sums it up and plots it.',
+        _RIG_PARAMETERS,
+    ),
+    CommandRow(
+        'simulate',
+        'simulation.simulate',
+        'The same experiment as rig without middleware: the same parameters, the same bag, much faster.',
+        _RIG_PARAMETERS,
+    ),
+    CommandRow(
+        'outside_controller',
+        'nodes.outside_controller',
+        'The node of a controller that is not of this package: a class by its import path or entry point.',
+    ),
+    CommandRow('study', 'studies.main', "Runs the thesis's experiments and makes its figures and tables."),
+    CommandRow('report', 'reporting.report', 'Writes metrics, plots and an HTML page of recorded runs.'),
+    CommandRow('compare', 'studies.compare', 'Compares several controllers on the same experiments.'),
+    CommandRow('compare_bags', 'recording.compare_bags', 'Compares the loop topics of two recorded runs byte by byte.'),
+    CommandRow('replay', 'tools.replay', 'Runs a recorded run again and compares the bits.'),
+    CommandRow('recover', 'tools.recover', 'Repairs a recorded run after a crash.'),
+    CommandRow('scope', 'tools.scope', 'Shows the signals of a run while it goes on.'),
+    CommandRow('identify', 'analysis.identify', 'Identifies gain and modes from a measured frequency response.'),
+    CommandRow('tune', 'studies.tune', 'Tunes the adaptive NN controller and the PID for a drive.'),
+    CommandRow(
+        'stability_certificate',
+        'studies.stability_certificate',
+        'Gives the stability certificate of theorem 4.1 for a recorded run.',
+    ),
+    CommandRow('instruments', 'studies.instruments', 'Tabulates what each instrument does to the tracking error.'),
+    CommandRow('swept_sine', 'studies.swept_sine', 'Measures the frequency response of the drive and identifies it.'),
+    CommandRow('friction_curves', 'studies.friction_curves', 'Draws the friction curves of figs. 2.1, 2.2 and 5.5.'),
+    CommandRow('drive_response', 'studies.drive_response', "Draws the default drive's frequency responses."),
+)
+
+COMMANDS = {row.name: row for row in _COMMAND_ROWS}
+"""The commands by name."""
+
+EXECUTABLES = (*NODES, *COMMANDS)
+"""Names of the package's executables."""
 
 
-def register_controller(node: str, kind: type[Any]) -> None:
+def executable_module(name: str) -> str:
+    """Return the module of an executable, relative to the package; raises KeyError if there is none of that name."""
+    return _row(name).module
+
+
+def purpose(name: str) -> str:
+    """Return the one sentence that describes a node or command."""
+    return _row(name).purpose
+
+
+def parameter_sets(name: str) -> tuple[type[Any], ...]:
+    """Return the parameter dataclasses of a node or command; raises KeyError if there is none of that name."""
+    return _row(name).parameter_sets
+
+
+def names_with_parameters() -> tuple[str, ...]:
+    """Return the names of all nodes and commands for which a parameter file may have a section."""
+    return (*NODES, *(row.name for row in COMMANDS.values() if row.parameters))
+
+
+def nodes_of_run(by_role: Mapping[str, str]) -> tuple[str, ...]:
     """
-    Add the node of a controller from outside: with the parameters that every controller's node has, and its own.
+    Return the names of a run's nodes, in the order in which data flows through a tick.
+
+    Parameters
+    ----------
+    by_role
+        Names of the nodes that fill the roles of this run.
+    """
+    order = dict.fromkeys(row.role or row.name for row in NODES.values())
+    roles = {row.role for row in NODES.values()} - by_role.keys()
+    return tuple(by_role.get(item, item) for item in order if item not in roles)
+
+
+def register_controller(node: str, kind: type[Any], description: str) -> None:
+    """
+    Add a row for a custom controller: with the parameters that every controller's node has, and its own.
 
     Parameters
     ----------
     node
-        Its name.
+        Name of its node.
     kind
         Its own parameters.
+    description
+        Its purpose in one sentence.
 
     Raises
     ------
     ValueError
         If another node has its name.
     """
-    if node in NODE_PARAMETERS and NODE_PARAMETERS[node][-1] is not kind:
+    if node in COMMANDS or (node in NODES and NODES[node].parameters[-1] is not kind):
         raise ValueError(f'there is another node {node}')
-    NODE_PARAMETERS[node] = (*NODE_PARAMETERS['pid_controller'][:-1], kind)
+    NODES[node] = NodeRow(node, description, (*_EVERY_CONTROLLER, kind), role=CONTROLLER)
 
 
-def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
-    """
-    Refuse parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must pass over what others have.
-
-    Parameters
-    ----------
-    given
-        Names and values.
-    own
-        Names that are known beside those of this package's nodes.
-
-    Raises
-    ------
-    ParameterError
-        If a name is known nowhere.
-    """
-    known = {declaration.name for node in NODE_PARAMETERS for declaration in node_declarations(node)}.union(own)
-    for name, value in given.items():
-        if name not in known:
-            similar = difflib.get_close_matches(name, known, n=1)
-            hint = f'; did you mean {similar[0]}?' if similar else ''
-            raise ParameterError(name, value, f'no such parameter{hint}')
+def common_controller_parameters() -> tuple[type[Any], ...]:
+    """Return the parameter dataclasses that the node of every controller has in addition to its own."""
+    return _classes(_EVERY_CONTROLLER)
 
 
-def node_declarations(node: str) -> Iterator[Declaration]:
-    """Iterate over the declarations of a node's parameters."""
-    for kind in NODE_PARAMETERS[node]:
-        yield from declarations(kind)
+def _row(name: str) -> NodeRow | CommandRow:
+    return NODES[name] if name in NODES else COMMANDS[name]

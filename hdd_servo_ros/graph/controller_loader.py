@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.control.outside import ControllerError, OutsideController, described
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, register_controller
-from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, common_controller_parameters, register_controller
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations
 
@@ -75,7 +74,7 @@ class ControllerKind:
 
 def load_controller(name: str) -> ControllerKind:
     """
-    Find a controller from outside, check it, and make its node and parameters known to the registry.
+    Find a controller from outside, check it, and make its node and parameters known to the catalogue.
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ def load_controller(name: str) -> ControllerKind:
 
 def checked_controller(kind: Any, name: str) -> ControllerKind:
     """
-    Check a class and make its node and parameters known to the registry.
+    Check a class and make its node and parameters known to the catalogue.
 
     Raises
     ------
@@ -123,11 +122,11 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
     node = getattr(kind, 'node_name', None) or snake_case(kind.__name__)
     if not isinstance(node, str) or not re.fullmatch(r'[A-Za-z_][A-Za-z0-9_]*', node):
         raise _refused(name, f'node name {node!r} is not made of letters, digits and underscores')
+    purpose = (inspect.getdoc(kind) or f'The controller {kind.__name__}.').partition('\n')[0]
     try:
-        register_controller(node, parameters)
+        register_controller(node, parameters, purpose)
     except ValueError as error:
         raise _refused(name, f'{error}; give class {kind.__name__} an attribute node_name') from None
-    PURPOSE[node] = (inspect.getdoc(kind) or f'The controller {kind.__name__}.').partition('\n')[0]
     return ControllerKind(name, node, kind, parameters)
 
 
@@ -215,9 +214,7 @@ def _check_parameters(parameters: Any, name: str) -> None:
         parameters()
     except ParameterError as error:
         raise _refused(name, f'the defaults of {parameters.__name__}: {error}') from None
-    taken = {
-        declaration.name for common in NODE_PARAMETERS['pid_controller'][:-1] for declaration in declarations(common)
-    }
+    taken = {declaration.name for common in common_controller_parameters() for declaration in declarations(common)}
     for declaration in declarations(parameters):
         if declaration.name in taken:
             raise _refused(name, f'{parameters.__name__}.{declaration.name}: every node has a parameter of that name')

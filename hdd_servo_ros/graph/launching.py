@@ -14,11 +14,11 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration, PathJ
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.messages.topics import RECORDER
 
 PACKAGE = 'hdd_servo_ros'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-NODES = ('deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor')
 WRONG_ARGUMENTS = 2
 """Exit code of an executable that refuses its arguments."""
 _LAST_WORDS = 10.0
@@ -116,14 +116,14 @@ def _refuse_unknown(context: LaunchContext, known: Sequence[str]) -> None:
 
 def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return every node of the graph as a process of its own."""
-    names = [*NODES, *(['bag_recorder'] if value(context, 'record') == 'true' else [])]
-    end = EndOfRun(len(names) + 1)
     controller = value(context, 'controller')
-    if controller in CONTROLLERS:
-        control = _node(context, CONTROLLERS[controller], [], end)
-    else:
-        control = _node(context, 'outside_controller', [], end, arguments=[controller])
-    return [*(_node(context, name, [], end) for name in names), control]
+    node = CONTROLLERS.get(controller, 'outside_controller')
+    names = [
+        name for name in nodes_of_run({CONTROLLER: node}) if name != RECORDER or value(context, 'record') == 'true'
+    ]
+    end = EndOfRun(len(names))
+    named = {'outside_controller': [controller]}
+    return [_node(context, name, [], end, arguments=named.get(name, [])) for name in names]
 
 
 def composed(context: LaunchContext) -> list[LaunchDescriptionEntity]:

@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
-from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets, purpose
 from hdd_servo_ros.parameters import Declaration, declarations
 
 _INTRODUCTION = """\
@@ -32,12 +31,13 @@ _HEADER = '| parameter | default | unit | allowed | meaning |\n|---|---|---|---|
 
 def document() -> str:
     """Return the whole document as Markdown."""
-    used = collections.Counter(kind for kinds in NODE_PARAMETERS.values() for kind in kinds)
+    used = collections.Counter(kind for name in names_with_parameters() for kind in parameter_sets(name))
     shared = [kind for kind, count in used.items() if count > 1]
     parts = [_INTRODUCTION]
-    for node, kinds in NODE_PARAMETERS.items():
+    for name in names_with_parameters():
+        kinds = parameter_sets(name)
         links = [_link(kind) for kind in kinds if kind in shared]
-        parts.append(f'## {node}\n\n{PURPOSE[node]}' + (f' Has {" and ".join(links)}.' if links else '') + '\n')
+        parts.append(f'## {name}\n\n{purpose(name)}' + (f' Has {" and ".join(links)}.' if links else '') + '\n')
         parts += _table(row for kind in kinds if kind not in shared for row in _rows(kind))
     for kind in shared:
         parts.append(f'## {_title(kind)}\n\n{inspect.getdoc(kind)}\n')

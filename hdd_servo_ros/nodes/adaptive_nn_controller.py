@@ -23,7 +23,7 @@ class AdaptiveNnController(ControllerNode):
     """The node around :class:`AdaptiveNn`."""
 
     def __init__(self) -> None:
-        super().__init__('adaptive_nn_controller', AdaptiveNnParameters, AdaptiveNn)
+        super().__init__('adaptive_nn_controller')
         self.create_service(Trigger, '~/reset', self._reset)
         self._at_start: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
         self._first_r = 0.0

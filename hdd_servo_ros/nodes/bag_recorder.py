@@ -13,14 +13,13 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.scope_blocks import Block, make_block
-from hdd_servo_ros.messages.topics import LOOP_TOPICS, OPTIONAL_TOPICS, PARAMETER_EVENTS, RECORDED, SCOPE
+from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -30,7 +29,7 @@ _REPORT_EVERY = 64
 """Ticks between two reports to the timer, far fewer than its window."""
 
 
-class BagRecorder(LoopNode):
+class BagRecorder(CatalogueNode):
     """
     Takes in all messages of a tick before those of the next one.
 
@@ -41,13 +40,7 @@ class BagRecorder(LoopNode):
     """
 
     def __init__(self, *, separate_process: bool = False) -> None:
-        super().__init__(
-            'bag_recorder',
-            [RecorderParameters],
-            [Input(topic) for topic in LOOP_TOPICS],
-            [RECORDED],
-            optional_inputs=[Input(topic) for topic in OPTIONAL_TOPICS],
-        )
+        super().__init__(RECORDER)
         self._separate_process = separate_process
         self._recorder: RunRecorder | None = None
         self._run: RunPlan | None = None

@@ -8,14 +8,14 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, sensor_scales
+from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import RunError
-from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, LDV, REFERENCE
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterSet, with_tuples
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _OFTEN = 0.5
@@ -28,7 +28,7 @@ def _block_parameters_of(run: RunPlan, name: str) -> Any:
     return None if found is None else block_parameters(name, with_tuples(found['parameters']))
 
 
-class ControllerNode(LoopNode):
+class ControllerNode(CatalogueNode):
     """
     Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`.
 
@@ -38,23 +38,17 @@ class ControllerNode(LoopNode):
     Parameters
     ----------
     name
-        Node name.
-    kind
-        Parameter dataclass of the controller.
+        Name of its row in the catalogue.
     make
-        Makes the controller from its parameters and T [s].
+        Makes the controller from its parameters and T [s]; the row's block if not given.
     """
 
-    def __init__(self, name: str, kind: type[ParameterSet], make: Callable[[Any, float], Controller]) -> None:
-        super().__init__(
-            name,
-            [ControllerInputParameters, ControllerOutputParameters, kind],
-            [Input(REFERENCE), Input(LDV)],
-            [CONTROL, ESTIMATES],
-        )
-        self._kind = kind
-        self._make = make
-        self._controller = self.trial(make, kind)
+    def __init__(self, name: str, make: Callable[[Any, float], Controller] | None = None) -> None:
+        super().__init__(name)
+        row = NODES[name]
+        self._kind: type[ParameterSet] = row.block_parameters
+        self._make: Callable[[Any, float], Controller] = make or resolve(row.block)
+        self._controller = self.trial(self._make, self._kind)
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, 1.0)
         self._dsp.step(*self._controller.step(NO_INPUTS))
         self._scales = SensorScales(0.0, 0.0)
@@ -121,3 +115,8 @@ class ControllerNode(LoopNode):
         else:
             level = ERROR if count > _OFTEN * ticks else WARN
             yield Diagnosis('control', level, f'at its limit in {count} of {ticks} ticks', values)
+
+
+def run_plain_controller(name: str, arguments: Sequence[str] | None) -> int:
+    """Run the node around the block of a controller's row until its run ends; exit codes as of :func:`run_node`."""
+    return run_node(name, lambda: ControllerNode(name), arguments)

@@ -10,13 +10,13 @@ from std_srvs.srv import Trigger
 from hdd_servo_ros.messages.cdr import ClockCodec
 from hdd_servo_ros.messages.errors import StopRequest
 from hdd_servo_ros.messages.outcome import Outcome
-from hdd_servo_ros.messages.topics import CLOCK, CONTROL, QUEUE_DEPTH, RECORDED
+from hdd_servo_ros.messages.topics import QUEUE_DEPTH
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 RECORDER_WINDOW = QUEUE_DEPTH // 2
@@ -27,7 +27,7 @@ _LATE = 0.95
 """Part of the rate asked for below which the diagnostics warn."""
 
 
-class DeterministicTimer(LoopNode):
+class DeterministicTimer(CatalogueNode):
     """
     Publishes `/clock`.
 
@@ -39,18 +39,10 @@ class DeterministicTimer(LoopNode):
     paced = True
 
     def __init__(self) -> None:
-        # `lookahead` is part of this input's delay: set below, as the base needs the input before it reads parameters.
-        control = Input(CONTROL, delay=1)
-        self._recorded_input = Input(RECORDED)
-        super().__init__(
-            'deterministic_timer',
-            [],
-            [control],
-            [CLOCK],
-            sample_time_kind=TimerParameters,
-            optional_inputs=[self._recorded_input],
-        )
-        control.delay = 1 + self.parameters[TimerParameters].lookahead
+        super().__init__('deterministic_timer')
+        (control,) = self.inputs
+        control.delay += self.parameters[TimerParameters].lookahead
+        (self._recorded_input,) = self.optional_inputs
         self._recorded = 0
         self._recorder_takes_part = False
         self._paced_from = (0.0, 0)

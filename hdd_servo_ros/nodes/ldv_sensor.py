@@ -5,19 +5,17 @@ from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
-from hdd_servo_ros.messages.topics import HEAD, LDV
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class LdvSensor(LoopNode):
+class LdvSensor(CatalogueNode):
     """Publishes `/ldv` for every `/head`; warns once for each output that saturates."""
 
     def __init__(self) -> None:
-        super().__init__('ldv_sensor', [LdvParameters], [Input(HEAD)], [LDV])
+        super().__init__('ldv_sensor')
         self._codec = VectorCodec('')
         self._ldv = self.trial(Ldv, LdvParameters)
         self._ldv.step(0, 0.0, 0.0)

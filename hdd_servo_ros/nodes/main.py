@@ -9,8 +9,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, refuse_unknown
+from hdd_servo_ros.graph.catalogue import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
+from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
@@ -93,11 +94,12 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
             # A node that is not here may run elsewhere, beside a timer alone even one from outside of this package; the
             # handshake will know.
             if len(nodes) > 1:
-                refuse_strangers(changes, [*(node.get_fully_qualified_name() for node in nodes), *NODE_PARAMETERS])
+                names = [node.get_fully_qualified_name() for node in nodes]
+                refuse_strangers(changes, [*names, *names_with_parameters()])
 
 
 def _refuse_unknown_nodes(name: str, arguments: RosArguments, nodes: Sequence[str]) -> None:
     """Refuse parameters for a node that there is not, which ROS would pass over; `simulate` refuses them as well."""
     if '__node' in arguments.remaps and len(nodes) > 1:
         raise ArgumentError(f'{name} is several nodes: __node:={arguments.remaps["__node"]} would give all one name')
-    arguments.check_nodes([*NODE_PARAMETERS, *nodes])
+    arguments.check_nodes([*names_with_parameters(), *nodes])

@@ -36,7 +36,7 @@ class OutsideControllerNode(ControllerNode):
     def __init__(self, kind: ControllerKind) -> None:
         self._outside = kind
         try:
-            super().__init__(kind.node, kind.parameters, kind.make)
+            super().__init__(kind.node, kind.make)
         except ControllerError as error:
             raise ParameterError('controller', kind.name, f'tried with zeros: {error}') from error
 

@@ -3,21 +3,12 @@
 import sys
 from collections.abc import Sequence
 
-from hdd_servo_ros.control.pid import Pid, PidParameters
-from hdd_servo_ros.nodes.controller_node import ControllerNode
-from hdd_servo_ros.nodes.main import run_node
-
-
-class PidController(ControllerNode):
-    """The node around :class:`Pid`."""
-
-    def __init__(self) -> None:
-        super().__init__('pid_controller', PidParameters, Pid)
+from hdd_servo_ros.nodes.controller_node import run_plain_controller
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node('pid_controller', PidController, arguments)
+    return run_plain_controller('pid_controller', arguments)
 
 
 if __name__ == '__main__':

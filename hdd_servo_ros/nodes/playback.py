@@ -4,17 +4,15 @@ import sys
 from collections.abc import Sequence
 
 from hdd_servo_ros.messages.errors import RunError
-from hdd_servo_ros.messages.topics import CLOCK
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.run_parameters import PlaybackParameters
 from hdd_servo_ros.recording.playback import PARAMETER, Playback
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class PlaybackNode(LoopNode):
+class PlaybackNode(CatalogueNode):
     """
     Publishes the recorded messages of every tick of `/clock`, byte for byte.
 
@@ -25,12 +23,12 @@ class PlaybackNode(LoopNode):
     """
 
     def __init__(self) -> None:
-        # Which topics it publishes is for the recorded run to say.
-        super().__init__('playback', [PlaybackParameters], [Input(CLOCK)], [])
+        super().__init__('playback')
         recorded_run = self.parameters[PlaybackParameters].recorded_run
         if not recorded_run:
             raise ParameterError(PARAMETER, recorded_run, 'the folder of a recorded run')
         self._playback = Playback(recorded_run)
+        # Of the topics that it may publish, those that the recorded run holds.
         self.outputs = self._playback.topics
 
     def prepare(self, run: RunPlan) -> None:

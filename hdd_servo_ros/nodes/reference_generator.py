@@ -4,19 +4,17 @@ import sys
 from collections.abc import Sequence
 
 from hdd_servo_ros.messages.cdr import VectorCodec
-from hdd_servo_ros.messages.topics import CLOCK, REFERENCE
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 
-class ReferenceGenerator(LoopNode):
+class ReferenceGenerator(CatalogueNode):
     """Publishes `/reference` for every tick of `/clock`."""
 
     def __init__(self) -> None:
-        super().__init__('reference_generator', [ReferenceParameters], [Input(CLOCK)], [REFERENCE])
+        super().__init__('reference_generator')
         self._codec = VectorCodec('')
         self._reference = self.trial(Reference, ReferenceParameters)
         self._reference.step(0)

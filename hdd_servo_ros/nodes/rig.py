@@ -1,50 +1,34 @@
 """`rig`: the whole graph composed in one process; the main job."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rclpy.node import Node
 
-from hdd_servo_ros.graph.catalogue import refuse_unknown
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, DISTURBANCE_SOURCE, NODES, nodes_of_run, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller
-from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
+from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.rig_parameters import RigParameters
+from hdd_servo_ros.messages.topics import RECORDER
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
-from hdd_servo_ros.nodes.deterministic_timer import DeterministicTimer
-from hdd_servo_ros.nodes.ldv_sensor import LdvSensor
 from hdd_servo_ros.nodes.main import run_nodes
-from hdd_servo_ros.nodes.open_loop_controller import OpenLoopController
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
-from hdd_servo_ros.nodes.pid_controller import PidController
-from hdd_servo_ros.nodes.playback import PlaybackNode
-from hdd_servo_ros.nodes.reference_generator import ReferenceGenerator
-from hdd_servo_ros.nodes.signal_analyzer import SignalAnalyzerNode
-from hdd_servo_ros.nodes.vcm_plant import VcmPlant
 from hdd_servo_ros.parameters.files import RosArguments
-from hdd_servo_ros.parameters.run_parameters import RigParameters, TimerParameters, last_tick_of_run
-from hdd_servo_ros.recording.playback import PARAMETER
+from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
+from hdd_servo_ros.recording.playback import PARAMETER, PLAYBACK
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 
-PLAYBACK = 'playback'
 
-CONTROLLER_NODES: dict[str, Callable[[], ControllerNode]] = {
-    'adaptive_nn': AdaptiveNnController,
-    'pid': PidController,
-    'open_loop': OpenLoopController,
-    'signal_analyzer': SignalAnalyzerNode,
-}
-
-
-def controller_node(name: str) -> Callable[[], ControllerNode]:
-    """Return what constructs the node of a controller; raises :class:`ParameterError` if there is none of that name."""
-    if name in CONTROLLER_NODES:
-        return CONTROLLER_NODES[name]
-    kind = load_controller(name)
-    return lambda: OutsideControllerNode(kind)
+def make_node(name: str) -> LoopNode:
+    """Return a new node of this package by its name in the catalogue."""
+    path = NODES[name].node
+    node: LoopNode = resolve(path)() if path else ControllerNode(name)
+    return node
 
 
 class Rig:
@@ -55,26 +39,25 @@ class Rig:
         self.node = ParameterNode('rig')
         given = NodeParameters(self.node, [RigParameters])
         self.parameters: RigParameters = given[RigParameters]
-        # Before names are refused, for it may bring parameters of its own.
-        controller = controller_node(self.parameters.controller)
+        controller, custom = self.parameters.controller, None
+        if controller not in CONTROLLERS:
+            # Before names are refused, for it may bring parameters of its own.
+            custom = load_controller(controller)
         refuse_unknown(given.unknown, given.as_mapping())
-        timer = DeterministicTimer()
-        self.nodes: list[LoopNode] = [
-            timer,
-            ReferenceGenerator(),
-            VcmPlant(),
-            LdvSensor(),
-            controller(),
-        ]
+        roles = {CONTROLLER: CONTROLLERS[controller] if custom is None else custom.node}
         if arguments.parameters_of(PLAYBACK).get(PARAMETER):
-            self.nodes.insert(1, PlaybackNode())
+            roles[DISTURBANCE_SOURCE] = PLAYBACK
+        names = nodes_of_run(roles)
+        self.nodes: list[LoopNode] = [
+            OutsideControllerNode(custom) if custom is not None and name == custom.node else make_node(name)
+            for name in names
+            if name != RECORDER
+        ]
+        timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
         # At once: the peers would find it out as well, but only when all are there.
-        last_tick_of_run(
-            timer.parameters[TimerParameters],
-            last_ticks_needed(self.nodes, timer.parameters[TimerParameters].sample_time),
-        )
+        last_tick_of_run(timer, last_ticks_needed(self.nodes, timer.sample_time))
         self.recorder: BagRecorder | None = None
-        if timer.parameters[TimerParameters].record:
+        if timer.record:
             self.recorder = BagRecorder(separate_process=True)
             self.nodes.append(self.recorder)
 

@@ -16,7 +16,7 @@ class SignalAnalyzerNode(ControllerNode):
     """The node around :class:`SignalAnalyzer`."""
 
     def __init__(self) -> None:
-        super().__init__('signal_analyzer', SignalAnalyzerParameters, SignalAnalyzer)
+        super().__init__('signal_analyzer')
 
     def trial(self, make: Callable[[Any, float], Any], kind: type[Any]) -> Any:
         # Whether the sweep goes too high is for the run's sample time to say.

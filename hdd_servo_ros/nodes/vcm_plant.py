@@ -7,26 +7,18 @@ from collections.abc import Sequence
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.messages.errors import NotFiniteError
-from hdd_servo_ros.messages.topics import CLOCK, CONTROL, DISTURBANCE, HEAD
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import DriveNameParameters
-from hdd_servo_ros.ros.loop_input import Input
-from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class VcmPlant(LoopNode):
+class VcmPlant(CatalogueNode):
     """Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before."""
 
     def __init__(self) -> None:
-        super().__init__(
-            'vcm_plant',
-            [DriveNameParameters, PlantParameters],
-            [Input(CLOCK), Input(CONTROL, delay=1)],
-            [HEAD],
-            optional_inputs=[Input(DISTURBANCE, delay=1)],
-        )
+        super().__init__('vcm_plant')
         self._codec = VectorCodec('')
         self._plant = self.trial(Plant, PlantParameters)
         self._plant.output()

@@ -173,16 +173,3 @@ class DriveNameParameters(ParameterSet):
     """The drive's name."""
 
     frame_id: str = parameter('seagate_7200_10', 'name of the drive, in the header of every message', read_only=True)
-
-
-@dataclasses.dataclass(frozen=True)
-class RigParameters(ParameterSet):
-    """Parameters of `rig` and `simulate`."""
-
-    controller: str = parameter(
-        'adaptive_nn',
-        'controller of the loop: adaptive_nn, pid, open_loop, signal_analyzer, the name of an entry point of the group '
-        'hdd_servo_ros.controllers, or the import path module:Class of your own',
-        read_only=True,
-    )
-    plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)

@@ -11,7 +11,7 @@ from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import DescriptionError
 
-PARAMETER = 'recorded_run'
+PLAYBACK, PARAMETER = 'playback', 'recorded_run'
 
 
 class Playback:

@@ -10,41 +10,26 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
-from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
-from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
-from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.bench.ldv import Ldv
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
-from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
-from hdd_servo_ros.control.pid import Pid, PidParameters
-from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
-from hdd_servo_ros.parameters import ParameterSet
-from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
+from hdd_servo_ros.signals.reference import Reference
 from hdd_servo_ros.simulation.closed_loop import Controllers, closed_loop
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
-
-BLOCKS: dict[str, tuple[type[Any], type[ParameterSet]]] = {
-    'reference_generator': (Reference, ReferenceParameters),
-    'vcm_plant': (Plant, PlantParameters),
-    'ldv_sensor': (Ldv, LdvParameters),
-    'adaptive_nn_controller': (AdaptiveNn, AdaptiveNnParameters),
-    'pid_controller': (Pid, PidParameters),
-    'open_loop_controller': (OpenLoop, OpenLoopParameters),
-    'signal_analyzer': (SignalAnalyzer, SignalAnalyzerParameters),
-}
-"""The block and the parameters behind each node's name."""
 
 
 @functools.cache
 def _arrays_of_default(node: str) -> tuple[NDArray[np.float64], ...]:
     """Return the arrays of a controller that does not run: the kernel wants them of the right kind, and leaves them."""
-    kind, parameters = BLOCKS[node]
-    arrays: tuple[NDArray[np.float64], ...] = kind(parameters(), 1e-4).arrays
+    row = NODES[node]
+    arrays: tuple[NDArray[np.float64], ...] = resolve(row.block)(row.block_parameters(), 1e-4).arrays
     return arrays
 
 
@@ -62,7 +47,7 @@ class Experiment:
         satisfies :class:`~hdd_servo_ros.control.controller.Controller`. The
         latter two are called from Python, tick by tick.
     parameters
-        For each node name of ``BLOCKS``, its parameters under dotted names; what is not named keeps its default.
+        For each node with a block, its parameters under dotted names; what is not named keeps its default.
         Sections of other nodes are passed over.
     dsp
         What lies between a controller that is given as an object and the drive; a named one has it in its section.
@@ -117,14 +102,15 @@ class Experiment:
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
-        self._blocks[name] = BLOCKS[name][0](block_parameters(name, sections.get(name, {})), self.sample_time)
+        make = resolve(NODES[name].block)
+        self._blocks[name] = make(block_parameters(name, sections.get(name, {})), self.sample_time)
         return self._blocks[name]
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
         if node not in self._blocks:
             return
-        self._blocks[node].update(sets[NODE_PARAMETERS[node][-1]])
+        self._blocks[node].update(sets[NODES[node].block_parameters])
         if ControllerOutputParameters in sets:
             self.dsp.update(sets[ControllerOutputParameters].dsp)
             if isinstance(self.controller, KnowsOutputLimit):

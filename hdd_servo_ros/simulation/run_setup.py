@@ -5,23 +5,24 @@ import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, refuse_unknown
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
+from hdd_servo_ros.graph.catalogue import (
+    CONTROLLER,
+    CONTROLLERS,
+    DISTURBANCE_SOURCE,
+    NODES,
+    names_with_parameters,
+    nodes_of_run,
+    parameter_sets,
+)
+from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
+from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import (
-    CLOCK,
-    CONTROL,
-    DISTURBANCE,
-    ESTIMATES,
-    HEAD,
-    LDV,
-    LOOP_TOPICS,
-    REFERENCE,
-    LoopTopic,
-)
+from hdd_servo_ros.messages.topics import DISTURBANCE, LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
@@ -29,27 +30,17 @@ from hdd_servo_ros.parameters.run_parameters import (
     DriveNameParameters,
     PlaybackParameters,
     RecorderParameters,
-    RigParameters,
     TimerParameters,
     last_tick_of_run,
 )
 from hdd_servo_ros.parameters.schedule import Step, plan, refuse_strangers
-from hdd_servo_ros.recording.playback import Playback
+from hdd_servo_ros.recording.playback import PLAYBACK, Playback
 from hdd_servo_ros.simulation.experiment import Experiment
 
 CHUNK = 4096
 """Ticks that are computed, packed and written in one piece."""
 PYTHON_CHUNK = 256
 """The same with a controller that is called from Python: signals are looked at between two pieces."""
-PLAYBACK = 'playback'
-
-_OUTPUTS: dict[str, tuple[LoopTopic, ...]] = {
-    'deterministic_timer': (CLOCK,),
-    'reference_generator': (REFERENCE,),
-    'vcm_plant': (HEAD,),
-    'ldv_sensor': (LDV,),
-    'bag_recorder': (),
-}
 
 
 class Simulation:
@@ -70,15 +61,14 @@ class Simulation:
     def __init__(self, arguments: RosArguments) -> None:
         # First of all, so that the parameters of a controller from outside are known ones.
         outside = _outside_controller(arguments)
-        arguments.check_nodes(list(NODE_PARAMETERS))
+        arguments.check_nodes(names_with_parameters())
         self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
         controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
         playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
         self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
         played = () if self.playback is None else self.playback.topics
-        outputs = {**_OUTPUTS, controller: (CONTROL, ESTIMATES), PLAYBACK: played}
-        names = ['deterministic_timer', 'reference_generator', 'vcm_plant', 'ldv_sensor', controller, 'bag_recorder']
-        names += [PLAYBACK] if played else []
+        roles = {CONTROLLER: controller, **({DISTURBANCE_SOURCE: PLAYBACK} if played else {})}
+        names = nodes_of_run(roles)
         sets = {name: self._sets(arguments, name) for name in names}
         self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
         self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
@@ -97,7 +87,7 @@ class Simulation:
         offers = {'vcm_plant': units, controller: {} if outside is None else outside.offers()}
         self.nodes: dict[str, dict[str, Any]] = {
             f'{self._namespace}/{name}': {
-                'outputs': [by_topic[topic] for topic in outputs[name]],
+                'outputs': [by_topic[topic] for topic in outputs_of(name) if topic in by_topic],
                 'offers': offers.get(name, {}),
                 'parameters': mappings[name],
             }
@@ -108,7 +98,7 @@ class Simulation:
             name: {
                 key: value
                 for kind, values in sets[name].items()
-                if kind in (NODE_PARAMETERS[name][-1], ControllerOutputParameters)
+                if kind in (NODES[name].block_parameters, ControllerInputParameters, ControllerOutputParameters)
                 for key, value in to_mapping(values).items()
             }
             for name in names
@@ -131,7 +121,7 @@ class Simulation:
             values.update(arguments.parameters_of(name))
         sets = {}
         try:
-            for kind in NODE_PARAMETERS[node]:
+            for kind in parameter_sets(node):
                 known = {declaration.name for declaration in declarations(kind)}
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
         except ParameterError as error:

@@ -20,8 +20,9 @@ from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.runner import run_cases
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, node_declarations
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, names_with_parameters
 from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -99,7 +100,7 @@ class Comparison:
 
     def _given(self, node: str) -> dict[str, object]:
         others = set(self.controllers.values()) - {node}
-        foreign = _known(others) - _known(NODE_PARAMETERS.keys() - others)
+        foreign = _known(others) - _known(set(names_with_parameters()) - others)
         return {
             name: value
             for name, value in self.overrides.items()
@@ -133,7 +134,7 @@ class Row:
 
 def _known(nodes: Iterable[str]) -> set[str]:
     """Return the names of all parameters of nodes."""
-    registered = NODE_PARAMETERS.keys() & set(nodes)
+    registered = set(names_with_parameters()).intersection(nodes)
     return {declaration.name for node in registered for declaration in node_declarations(node)}
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.control.outside import ControllerError
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, node_declarations, refuse_unknown
+from hdd_servo_ros.graph.catalogue import NODES, purpose
 from hdd_servo_ros.graph.controller_loader import load_controller, snake_case
-from hdd_servo_ros.graph.help import PURPOSE
+from hdd_servo_ros.graph.known_parameters import node_declarations, refuse_unknown
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -44,14 +44,13 @@ def nothing_stays(monkeypatch, tmp_path):
     """Run in an empty folder; take modules, nodes and path entries away again."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, 'path', [entry for entry in sys.path if entry])
-    modules, nodes, purposes = set(sys.modules), dict(NODE_PARAMETERS), dict(PURPOSE)
+    modules, nodes = set(sys.modules), dict(NODES)
     yield
     for name in set(sys.modules) - modules:
         if name.startswith('module_of_test'):
             del sys.modules[name]
-    for registry, before in ((NODE_PARAMETERS, nodes), (PURPOSE, purposes)):
-        registry.clear()
-        registry.update(before)
+    NODES.clear()
+    NODES.update(nodes)
 
 
 def write(tmp_path, source=GOOD, *changes):
@@ -84,7 +83,7 @@ def test_an_import_path_from_the_working_folder(tmp_path):
     assert found.node == 'spring'
     assert 'stiffness' in {declaration.name for declaration in node_declarations('spring')}
     assert {'sample_time', 'start_timeout'} <= {declaration.name for declaration in node_declarations('spring')}
-    assert PURPOSE['spring'] == 'Pulls back. And more.'
+    assert purpose('spring') == 'Pulls back. And more.'
     refuse_unknown({'stiffness': 1.0})
     with pytest.raises(ParameterError, match='did you mean stiffness'):
         refuse_unknown({'stifness': 1.0})
@@ -93,7 +92,7 @@ def test_an_import_path_from_the_working_folder(tmp_path):
 def test_a_node_name_of_its_own(tmp_path):
     module = write(tmp_path, GOOD, ("'Pulls back. And more.'", "node_name = 'puller'"))
     assert load_controller(f'{module}:Spring').node == 'puller'
-    assert PURPOSE['puller'] == 'The controller Spring.'
+    assert purpose('puller') == 'The controller Spring.'
 
 
 def entry_point(tmp_path, distribution, name, value):

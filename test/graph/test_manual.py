@@ -3,7 +3,8 @@ from pathlib import Path
 import pytest
 
 from hdd_servo_ros.graph import manual
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, node_declarations
+from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.known_parameters import node_declarations
 
 PUBLISHED = Path(__file__).parents[2] / 'docs' / 'parameters.md'
 
@@ -15,7 +16,7 @@ def test_the_published_document_is_what_the_declarations_say():
 def test_every_parameter_is_in_it_with_unit_and_meaning():
     sections = manual.document().split('\n## ')
     shared = [section for section in sections if 'Has [' not in section]
-    for node in NODE_PARAMETERS:
+    for node in names_with_parameters():
         (own,) = [section for section in sections if section.startswith(f'{node}\n')]
         text = own + ''.join(shared)
         for declaration in node_declarations(node):
@@ -23,7 +24,7 @@ def test_every_parameter_is_in_it_with_unit_and_meaning():
             assert any(f'| {declaration.unit} |' in row and declaration.description in row for row in rows)
 
 
-@pytest.mark.parametrize('node', NODE_PARAMETERS)
+@pytest.mark.parametrize('node', names_with_parameters())
 def test_every_declaration_is_complete(node):
     names = [declaration.name for declaration in node_declarations(node)]
     assert len(names) == len(set(names)), 'a name is declared twice'

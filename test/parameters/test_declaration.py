@@ -5,7 +5,8 @@ import pickle
 import numpy as np
 import pytest
 
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS, node_declarations, refuse_unknown
+from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.known_parameters import node_declarations, refuse_unknown
 from hdd_servo_ros.parameters import (
     ParameterError,
     ParameterSet,
@@ -96,7 +97,7 @@ def test_a_bad_value_is_refused_by_name_value_and_what_is_allowed(name, value, a
     assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
 
 
-@pytest.mark.parametrize('node', NODE_PARAMETERS)
+@pytest.mark.parametrize('node', names_with_parameters())
 def test_every_parameter_of_every_node_is_described(node):
     found = list(node_declarations(node))
     assert len({declaration.name for declaration in found}) == len(found)

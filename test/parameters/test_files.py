@@ -123,13 +123,13 @@ def test_a_parameter_for_no_node_is_refused():
 def test_as_rcl_reads_it(path):
     """The shipped files mean the same to ROS's own parser."""
     rclpy = pytest.importorskip('rclpy')
-    from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+    from hdd_servo_ros.graph.catalogue import names_with_parameters
 
     arguments = ['--ros-args', '--params-file', str(path)]
     context = rclpy.Context()
     rclpy.init(context=context, args=arguments)
     try:
-        for name in NODE_PARAMETERS:
+        for name in names_with_parameters():
             node = rclpy.create_node(name, context=context, automatically_declare_parameters_from_overrides=True)
             theirs = {
                 key: tuple(found.value)

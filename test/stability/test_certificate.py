@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hdd_servo_ros.recording.bag_reader import Signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
-from hdd_servo_ros.recording.bag_reader import Signals
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.simulation.run_setup import Simulation

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.studies.compare import Comparison, main
@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv('PYTHONPATH', str(ROOT))
     yield tmp_path
     sys.modules.pop('my_controller', None)
-    NODE_PARAMETERS.pop('my_controller', None)
+    NODES.pop('my_controller', None)
 
 
 def table():

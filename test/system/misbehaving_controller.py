@@ -6,6 +6,7 @@ import sys
 import time
 
 from hdd_servo_ros.control.pid import Pid, PidParameters
+from hdd_servo_ros.graph.catalogue import register_controller
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import parameter
@@ -35,7 +36,8 @@ class FaultyPid(Pid):
 
 class MisbehavingController(ControllerNode):
     def __init__(self):
-        super().__init__('misbehaving_controller', FaultyParameters, FaultyPid)
+        register_controller('misbehaving_controller', FaultyParameters, 'Does one thing wrong.')
+        super().__init__('misbehaving_controller', FaultyPid)
 
     def step(self, tick, stamp, messages):
         fault = self.parameters[FaultyParameters].fault

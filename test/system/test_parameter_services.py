@@ -16,11 +16,11 @@ from rcl_interfaces.srv import (
 from rclpy.serialization import deserialize_message
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS, node_declarations
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.recording.compare_bags import first_difference
 
-LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())]
-NODES = ['rig', *LOOP_NODES, CONTROLLERS['adaptive_nn']]
+NODES = ['rig', *nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})]
 RUN = ('-p', 'deterministic_timer:duration:=3.0', '-p', 'vcm_plant:substeps:=3')
 SCALARS = {
     bool: ParameterType.PARAMETER_BOOL,

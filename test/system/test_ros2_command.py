@@ -19,14 +19,14 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODE_PARAMETERS
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, EXECUTABLES, nodes_of_run
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.testing.domain import take_domain
 
 PACKAGE = 'hdd_servo_ros'
 CONTROLLER = CONTROLLERS['adaptive_nn']
-LOOP_NODES = [name for name in NODE_PARAMETERS if name not in ('rig', 'simulate', *CONTROLLERS.values())] + [CONTROLLER]
+LOOP_NODES = nodes_of_run({'controller': CONTROLLER})
 SLOW = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=3.0')
 """A run that goes on long enough to be looked at, and leaves the machine idle."""
 TIME_LIMIT = 40.0
@@ -195,7 +195,7 @@ def ros2(installed, bench):
 def test_every_executable_is_found_and_helps(ros2):
     lines = ros2.say(f'pkg executables {PACKAGE}')[0].splitlines()
     names = [line.removeprefix(f'{PACKAGE} ') for line in lines]
-    assert set(NODE_PARAMETERS) <= set(names)
+    assert set(EXECUTABLES) == set(names)
     for name, text in zip(names, ros2.say(*(f'run {PACKAGE} {name} --help' for name in names)), strict=True):
         assert text.startswith(f'usage: {name} '), text
 

@@ -1,0 +1,39 @@
+"""The declarations of all parameters of the catalogue, and the refusal of names that are not among them."""
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
+
+from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets
+from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
+
+
+def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
+    """
+    Refuse parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must ignore what others have.
+
+    Parameters
+    ----------
+    given
+        Names and values.
+    own
+        Names that are known in addition to those of the catalogue.
+
+    Raises
+    ------
+    ParameterError
+        If a name is known nowhere.
+    """
+    if not given:
+        return
+    known = {found.name for name in names_with_parameters() for found in node_declarations(name)}.union(own)
+    for name, value in given.items():
+        if name not in known:
+            similar = difflib.get_close_matches(name, known, n=1)
+            hint = f'; did you mean {similar[0]}?' if similar else ''
+            raise ParameterError(name, value, f'no such parameter{hint}')
+
+
+def node_declarations(name: str) -> Iterator[Declaration]:
+    """Iterate over the declarations of a node's or command's parameters."""
+    for kind in parameter_sets(name):
+        yield from declarations(kind)

@@ -1,0 +1,45 @@
+"""What each node reads and writes, against the sketch of the loop in docs/architecture.md."""
+
+import pytest
+
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES
+from hdd_servo_ros.graph.connections import TOPICS, inputs_of, optional_inputs_of, outputs_of
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROLLER, DISTURBANCE_SOURCE, RECORDER
+
+EXPECTED = {
+    'deterministic_timer': ([('control', 1)], [('recorded', 0)], ['clock']),
+    'reference_generator': ([('clock', 0)], [], ['reference']),
+    'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1)], ['head']),
+    'ldv_sensor': ([('head', 0)], [], ['ldv']),
+    **dict.fromkeys(CONTROLLERS.values(), ([('reference', 0), ('ldv', 0)], [], ['control', 'estimates'])),
+    'bag_recorder': (
+        [('clock', 0), ('reference', 0), ('head', 0), ('ldv', 0), ('control', 0), ('estimates', 0)],
+        [('disturbance', 0)],
+        ['recorded'],
+    ),
+}
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_inputs_and_outputs(node):
+    inputs, optional, outputs = EXPECTED[node]
+    assert [(found.topic.name, found.delay) for found in inputs_of(node)] == inputs
+    assert [(found.topic.name, found.delay) for found in optional_inputs_of(node)] == optional
+    assert [topic.name for topic in outputs_of(node)] == outputs
+
+
+def test_an_unknown_node_is_refused():
+    with pytest.raises(KeyError):
+        inputs_of('nobody')
+
+
+def test_every_writer_and_reader_is_a_node_or_a_role():
+    known = {*NODES, CONTROLLER, DISTURBANCE_SOURCE}
+    for topic in TOPICS:
+        assert topic.writer in known
+        assert {reader.node for reader in topic.readers} <= known
+    assert {row.role for row in NODES.values()} <= {'', CONTROLLER, DISTURBANCE_SOURCE}
+
+
+def test_every_topic_of_the_loop_is_recorded():
+    assert {found.topic for found in (*inputs_of(RECORDER), *optional_inputs_of(RECORDER))} == set(ALL_LOOP_TOPICS)
