@@ -30,7 +30,7 @@ help:
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff, mypy and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
-	@echo 'make docs      docs/parameters.md, from the declarations of the parameters'
+	@echo 'make docs      docs/parameters.md, docs/topics.md and the picture of the graph, from the declarations'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
 	@echo 'make clean     remove the environment and everything built'
 
@@ -56,7 +56,7 @@ bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
 
 docs: $(VENV)/.run
-	$(BIN)/python -m hdd_servo_ros.graph.manual docs/parameters.md
+	$(BIN)/python -m hdd_servo_ros.graph.manual docs
 
 ws: $(VENV)/.develop
 	AMENT_PREFIX_PATH= PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \

@@ -1,6 +1,5 @@
 """The commands in the documents run, and what they name exists."""
 
-import distutils.core
 import re
 import shlex
 import subprocess
@@ -8,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros import executables
+from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module, names_with_parameters
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
@@ -16,16 +16,7 @@ TEXTS = [*DOCUMENTS, *sorted((ROOT / 'params').glob('*.yaml')), *sorted((ROOT / 
 """Whatever may tell a user to run a command."""
 
 
-def executable_modules():
-    """Return the module of each executable of the package, without the package's name."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
-        scripts = distutils.core.run_setup('setup.py', stop_after='init').entry_points['console_scripts']
-    names = [script.partition(' = ')[0] for script in scripts]
-    return {name: getattr(executables, name).args[0] for name in names}
-
-
-MODULES = executable_modules()
+MODULES = {name: executable_module(name) for name in EXECUTABLES}
 OWN_TEST = ('write-your-own-controller',)
 """Documents whose commands have a test of their own."""
 BLOCKS = [
@@ -115,11 +106,21 @@ def test_commands_that_a_text_names_are_executables(path):
     assert set(re.findall(r'python -m\s+hdd_servo_ros\.([\w.]+)', text)) <= {'graph.manual'}
 
 
-@pytest.mark.parametrize(
-    'name', sorted(re.findall(r"^    '(\w+)': '", (ROOT / 'hdd_servo_ros' / 'graph' / 'help.py').read_text(), re.M))
-)
+def first_column(header):
+    """Return what the first column of README's table with this header names."""
+    table = (ROOT / 'README.md').read_text('utf8').partition(f'\n{header}\n')[2].partition('\n\n')[0]
+    cells = [line.split('|')[1] for line in table.splitlines()[1:]]
+    return [name for cell in cells for name in re.findall(r'`(.+?)`', cell)]
+
+
+def test_readme_names_every_executable_and_every_topic_of_the_loop():
+    assert sorted(first_column('| executable | what it is |')) == sorted(EXECUTABLES)
+    assert first_column('| topic | type | x, y, z |') == [f'/{topic.name}' for topic in LOOP_TOPICS]
+
+
+@pytest.mark.parametrize('name', names_with_parameters())
 def test_every_executable_has_a_help(bench, name):
-    module = 'hdd_servo_ros.simulation.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
+    module = f'hdd_servo_ros.{executable_module(name)}'
     answer = bench.python('-m', module, '--help')
     assert answer.returncode == 0
     assert f'parameters of {name}' in answer.stdout

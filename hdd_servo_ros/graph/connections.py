@@ -4,10 +4,12 @@ import dataclasses
 from collections.abc import Iterator
 
 from hdd_servo_ros.graph.catalogue import NODES
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, RECORDED, RECORDER, LoopTopic
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROL, RECORDED, RECORDER, LoopTopic, Reader
 
 TOPICS = (*ALL_LOOP_TOPICS, RECORDED)
 """The topics that nodes of the graph wait for, in the contract's order."""
+_ADDED_DELAY = {(CONTROL.name, 'deterministic_timer'): 'lookahead'}
+"""Parameters by which a reader adds to its delay."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +42,17 @@ def optional_inputs_of(node: str) -> tuple[TopicInput, ...]:
 def outputs_of(node: str) -> tuple[LoopTopic, ...]:
     """Return the topics that a node of the catalogue publishes, in the contract's order."""
     return tuple(topic for topic in TOPICS if topic.writer in _names(node))
+
+
+def readers_of(topic: LoopTopic) -> tuple[Reader, ...]:
+    """Return all who read a topic, the recorder among them."""
+    return topic.readers if topic is RECORDED else (*topic.readers, Reader(RECORDER))
+
+
+def shown_delay(topic: LoopTopic, reader: Reader) -> str:
+    """Return a reader's delay as a person reads it, such as ``1 + lookahead``; empty for none."""
+    added = _ADDED_DELAY.get((topic.name, reader.node))
+    return ' + '.join(filter(None, (str(reader.delay or ''), added)))
 
 
 def _names(node: str) -> tuple[str, str]:

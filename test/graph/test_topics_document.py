@@ -1,0 +1,60 @@
+"""`docs/topics.md` against what is written out here of the contract."""
+
+import re
+
+import pytest
+
+from hdd_servo_ros.graph import topics_document
+from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.connections import TOPICS
+
+
+@pytest.fixture(scope='module')
+def text():
+    return topics_document.document()
+
+
+def section(text, name):
+    (found,) = [part for part in text.split('\n## ') if part.startswith(f'{name}\n')]
+    return found
+
+
+@pytest.mark.parametrize('topic', TOPICS, ids=lambda topic: topic.name)
+def test_every_field_has_its_unit_and_meaning(text, topic):
+    rows = re.findall(r'^\| (\w+) \| `(\w+)` \| (.+) \| (.+) \|$', section(text, topic.name), re.MULTILINE)
+    expected = [(field.name, field.unit.replace('um', 'µm') or '-', field.meaning) for field in topic.fields]
+    assert [row[1:] for row in rows] == expected
+
+
+@pytest.mark.parametrize(
+    ('topic', 'row'),
+    [
+        (
+            'control',
+            '| [/control](#control) | `geometry_msgs/Vector3Stamped` | the controller | `vcm_plant` (delay 1 tick), '
+            '`deterministic_timer` (delay 1 + lookahead ticks), `bag_recorder` |',
+        ),
+        (
+            'disturbance',
+            '| [/disturbance](#disturbance), optional | `geometry_msgs/Vector3Stamped` | a disturbance source | '
+            '`vcm_plant` (delay 1 tick), `bag_recorder` |',
+        ),
+        (
+            'recorded',
+            '| [/recorded](#recorded), optional | `std_msgs/UInt64` | `bag_recorder` | `deterministic_timer` |',
+        ),
+    ],
+)
+def test_who_writes_and_reads(text, topic, row):
+    assert row in text.splitlines(), topic
+
+
+def test_what_is_not_declared_of_a_vector_is_zero(text):
+    assert '| z | - | - | 0 |' in section(text, 'ldv')
+
+
+def test_the_estimates_of_each_controller(text):
+    found = section(text, 'estimates')
+    assert '| `pid_controller` | `t`, `e`, `integral`, `derivative` |' in found
+    for node in CONTROLLERS.values():
+        assert f'| `{node}` | `t`' in found
