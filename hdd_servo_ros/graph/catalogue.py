@@ -194,7 +194,7 @@ _NODE_ROWS = (
 )
 
 NODES = {row.name: row for row in _NODE_ROWS}
-"""The nodes by name, in the order in which data flows through a tick; behind them registered custom controllers."""
+"""The nodes by name, in the order in which data flows through a tick; after them registered custom controllers."""
 
 CONTROLLERS = {row.short_name: row.name for row in _NODE_ROWS if row.short_name}
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
