@@ -6,7 +6,10 @@ import shutil
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from hdd_servo_ros import Run
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = (ROOT / 'docs' / 'write-your-own-controller.md').read_text('utf8')
@@ -28,6 +31,21 @@ def test_the_code_is_the_file():
 def test_its_class_is_short():
     lines = [line for line in EXAMPLE.read_text('utf8').splitlines() if line.strip() and '"""' not in line]
     assert len(lines) <= 25
+
+
+def test_it_tracks_alike_with_another_sensor(bench):
+    """Its error is that of the loop, whatever a volt of the sensor stands for."""
+    shutil.copy(EXAMPLE, bench.directory)
+    sensors = {'usual': (), 'other': ('ldv_sensor:displacement_scale:=4.0', 'ldv_sensor:velocity_scale:=2000.0')}
+    found = {}
+    for name, values in sensors.items():
+        given = [word for value in values for word in ('-p', value)]
+        run = ('-p', f'controller:={PATH}', '-p', f'run_dir:={name}', '-p', 'duration:=0.5', '-p', 'plot:=false')
+        bench.run('simulate', *run, *given)
+        signals = Run.open(bench.directory / name)
+        found[name] = np.sqrt(np.mean(signals.error[signals.since(0.1)] ** 2))
+    assert found['other'] == pytest.approx(found['usual'], rel=0.02)
+    assert found['usual'] < 0.05
 
 
 @pytest.mark.parametrize('command', COMMANDS)

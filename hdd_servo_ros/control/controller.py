@@ -1,6 +1,7 @@
-"""What every controller offers: the protocol that lets a new one into the loop without inheritance."""
+"""What every controller offers, and what some do: protocols that let a new one into the loop without inheritance."""
 
 import math
+from collections.abc import Iterable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -52,7 +53,48 @@ class KnowsOutputLimit(Protocol):
     """A controller that wants to know what comes out behind it, so that integrals and estimates rest in time."""
 
     def limit_output(self, limit: float) -> None:
-        """Take note that at most +-``limit`` [V] comes out; called before tick 0 and after changes."""
+        """
+        Take note that at most +-``limit`` [V] comes out of the DSP behind the controller.
+
+        The node and `simulate` call it before tick 0, and after every change of the DSP's parameters.
+        """
+
+
+@runtime_checkable
+class WarnsBeforeRun(Protocol):
+    """A controller that may have something to tell its user before a run."""
+
+    def warnings(self) -> Iterable[str]:
+        """
+        Return a line for each thing to tell, none if all is well.
+
+        The node and `simulate` call it once before tick 0, after ``limit_output``, and log the lines.
+        """
+
+
+@runtime_checkable
+class ReportsFault(Protocol):
+    """A controller that ends a run by a voltage that is not finite, and can say why."""
+
+    def fault(self) -> str:
+        """
+        Return why the run cannot go on, in one line, empty if it can.
+
+        The node and `simulate` call it once a message was not finite; the line is then the reason of the failed run.
+        """
+
+
+@runtime_checkable
+class HasPlan(Protocol):
+    """A controller with a plan for a certain number of ticks, such as a sweep."""
+
+    @property
+    def last_tick(self) -> int:
+        """
+        The last tick of the plan.
+
+        The node and `simulate` read it before the run: one without a duration ends there, a shorter one is refused.
+        """
 
 
 @compiled

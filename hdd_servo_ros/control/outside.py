@@ -1,12 +1,12 @@
 """A controller from outside this package, seen as one of its own: what it answers is checked, and its faults named."""
 
 import traceback
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.control.controller import KnowsOutputLimit, WarnsBeforeRun
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.parameters import ParameterError
 
@@ -25,9 +25,11 @@ class OutsideController:
     """
     The adapter between a user's class and the protocol :class:`~hdd_servo_ros.control.controller.Controller`.
 
-    The class is constructed with its parameters and T [s], and has ``update(parameters)`` and a ``step`` with the
-    protocol's arguments that returns u [V], or the three voltages of the protocol. It may name further signals in
-    ``estimate_names`` and keep them in ``estimates``; the time of the tick is put in front of them if it is not there.
+    The class is constructed with its parameters and T [s], and has ``update(parameters)`` and ``step(inputs)``, which
+    returns u [V], or the three voltages of the protocol. It may name further signals in ``estimate_names`` and keep
+    them in ``estimates``; the time of the tick is put in front of them if it is not there. It may satisfy
+    :class:`~hdd_servo_ros.control.controller.KnowsOutputLimit` and
+    :class:`~hdd_servo_ros.control.controller.WarnsBeforeRun`; the adapter then satisfies them too, and else does not.
 
     Parameters
     ----------
@@ -56,6 +58,11 @@ class OutsideController:
             raise
         except Exception as error:
             raise ParameterError('controller', name, f'its __init__ raised {described(error)}') from error
+        # Attributes of the adapter, not of its class: it is to have these only where the user's class has them.
+        if isinstance(self._block, KnowsOutputLimit):
+            self.limit_output = self._limit_output
+        if isinstance(self._block, WarnsBeforeRun):
+            self.warnings = self._block.warnings
         names = getattr(self._block, 'estimate_names', ())
         if isinstance(names, str) or not all(isinstance(element, str) for element in names):
             raise ParameterError('controller', name, f'its estimate_names = {names!r} are no tuple of texts')
@@ -64,19 +71,11 @@ class OutsideController:
         self.estimate_names: tuple[str, ...] = (TIME,) * self._first_own + tuple(names)
         self.estimates: NDArray[np.float64] = np.zeros(len(self.estimate_names))
 
-    def warnings(self) -> Sequence[str]:
-        """Return what the controller wants its user to know before a run, if it has ``warnings``."""
-        found: Sequence[str] = getattr(self._block, 'warnings', tuple)()
-        return found
-
-    def limit_output(self, limit: float) -> None:
-        """Tell the controller that at most +-``limit`` [V] comes out behind it, if it has ``limit_output``."""
-        tell = getattr(self._block, 'limit_output', None)
-        if tell is not None:
-            try:
-                tell(limit)
-            except Exception as error:
-                raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
+    def _limit_output(self, limit: float) -> None:
+        try:
+            self._block.limit_output(limit)
+        except Exception as error:
+            raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
 
     def update(self, parameters: Any) -> None:
         """Take other parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""

@@ -25,6 +25,7 @@ ENTRY_POINTS = 'hdd_servo_ros.controllers'
 """Group of the entry points by which an installed package offers controllers."""
 
 _STEP_ARGUMENTS = ('inputs',)
+_FORMER_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,6 +116,8 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
     for method, arguments in (('step', _STEP_ARGUMENTS), ('update', ('parameters',))):
         if not callable(getattr(kind, method, None)):
             raise _refused(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
+        if method == 'step':
+            _refuse_former_step(name, kind)
         _check_call(name, getattr(kind, method), f'{kind.__name__}.{method}', ('self', *arguments))
     _check_call(name, kind, kind.__name__, ('parameters', 'sample_time'))
     parameters = _parameters_of(kind, name)
@@ -170,17 +173,40 @@ def _import(name: str, module: str) -> Any:
         raise _refused(name, f'importing {module} raised {described(error)}') from error
 
 
+def _refuse_former_step(name: str, kind: type[Any]) -> None:
+    """Refuse a class whose ``step`` takes the six arguments that it took once, and say what to change."""
+    try:
+        signature = inspect.signature(kind.step)
+    except ValueError:  # of a compiled one nothing is known
+        return
+    if list(signature.parameters)[1:2] == ['tick'] or (
+        _takes(signature, ('self', *_FORMER_STEP_ARGUMENTS)) and not _takes(signature, ('self', *_STEP_ARGUMENTS))
+    ):
+        raise _refused(
+            name,
+            f'{kind.__name__}.step takes one argument now: inputs, with inputs.tick, inputs.position [um] and '
+            'inputs.velocity [um/s] (or inputs.displacement_volts and inputs.velocity_volts [V]), '
+            'inputs.desired_position [um], inputs.desired_velocity [um/s] and inputs.desired_acceleration [um/s^2]; '
+            'see docs/write-your-own-controller.md',
+        )
+
+
+def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
+    try:
+        signature.bind(*arguments)
+    except TypeError:
+        return False
+    return True
+
+
 def _check_call(name: str, function: Any, shown: str, arguments: Sequence[str]) -> None:
     """Refuse a function that cannot be called with so many arguments."""
     try:
         signature = inspect.signature(function)
     except ValueError:  # of a compiled one nothing is known
         return
-    try:
-        signature.bind(*arguments)
-    except TypeError:
-        wanted = ', '.join(arguments)
-        raise _refused(name, f'{shown}{signature} cannot be called with ({wanted})') from None
+    if not _takes(signature, arguments):
+        raise _refused(name, f'{shown}{signature} cannot be called with ({", ".join(arguments)})')
 
 
 def _parameters_of(kind: type[Any], name: str) -> Any:

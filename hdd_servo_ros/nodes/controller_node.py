@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
-from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
-from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterSet, with_tuples
@@ -57,6 +57,13 @@ class ControllerNode(CatalogueNode):
         self._diagnosed = (0, 0)
         self._drive: PlantParameters | None = None
 
+    def last_tick_needed(self, sample_time: float) -> int:
+        if not isinstance(self._controller, HasPlan):
+            return 0
+        planned = self._make(self.parameters[self._kind], sample_time)
+        assert isinstance(planned, HasPlan)
+        return planned.last_tick
+
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
@@ -84,8 +91,7 @@ class ControllerNode(CatalogueNode):
 
     def _warnings(self) -> Iterable[str]:
         """Return what a user should be told before the run."""
-        found: Iterable[str] = getattr(self._controller, 'warnings', tuple)()
-        return found
+        return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])
@@ -93,7 +99,13 @@ class ControllerNode(CatalogueNode):
         u, unsaturated, feedback = self._dsp.step(
             *controller.step(self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[0])))
         )
-        self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
+        try:
+            self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
+        except NotFiniteError:
+            fault = controller.fault() if isinstance(controller, ReportsFault) else ''
+            if fault:
+                raise RunError(fault) from None
+            raise
         self.publish_bytes(1, self._estimates.pack(controller.estimates.tolist()))
 
     def update(self) -> None:

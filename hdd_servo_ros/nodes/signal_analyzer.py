@@ -4,8 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters, plan
-from hdd_servo_ros.messages.errors import NotFiniteError, RunError
+from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
@@ -22,16 +21,6 @@ class SignalAnalyzerNode(ControllerNode):
         # Whether the sweep goes too high is for the run's sample time to say.
         parameters: SignalAnalyzerParameters = self.parameters[kind]
         return make(parameters, 0.1 / parameters.stop_frequency)
-
-    def last_tick_needed(self, sample_time: float) -> int:
-        return sum(point.ticks for point in plan(self.parameters[SignalAnalyzerParameters], sample_time)) - 1
-
-    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
-        try:
-            super().step(tick, stamp, messages)
-        except NotFiniteError as error:
-            assert isinstance(self._controller, SignalAnalyzer)
-            raise RunError(self._controller.fault() or str(error)) from None
 
     def finish(self, outcome: Outcome) -> None:
         assert isinstance(self._controller, SignalAnalyzer)

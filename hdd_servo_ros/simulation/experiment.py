@@ -12,7 +12,7 @@ from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
-from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit, WarnsBeforeRun
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
@@ -120,7 +120,7 @@ class Experiment:
         """Return what a user should be told of the controller before a run."""
         if isinstance(self.controller, AdaptiveNn):
             return fragility.warnings(self.controller, self.plant.parameters, self.dsp.parameters.computation_delay)
-        return tuple(getattr(self.controller, 'warnings', tuple)())
+        return tuple(self.controller.warnings()) if isinstance(self.controller, WarnsBeforeRun) else ()
 
     @property
     def is_compiled(self) -> bool:

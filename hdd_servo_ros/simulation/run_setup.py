@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
+from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.graph.catalogue import (
     CONTROLLER,
     CONTROLLERS,
@@ -108,7 +109,8 @@ class Simulation:
         if self.playback is not None and DISTURBANCE in self.playback.topics:
             disturbance = _PlayedDisturbance(self.playback)
         self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance)
-        needed: int = getattr(self.experiment.controller, 'last_tick', 0)
+        law = self.experiment.controller
+        needed = law.last_tick if isinstance(law, HasPlan) else 0
         self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
         if self.playback is not None:
             self.playback.check(self.timer.sample_time, self.last_tick)

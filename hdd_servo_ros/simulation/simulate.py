@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
+from hdd_servo_ros.control.controller import ReportsFault
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
@@ -91,7 +92,8 @@ class SimulatedRun:
         self._warn_of_saturation()
         invalid = first_not_finite(rows)
         if invalid is not None:
-            fault = getattr(self._experiment.controller, 'fault', str)()
+            law = self._experiment.controller
+            fault = law.fault() if isinstance(law, ReportsFault) else ''
             outcome, rows = failed(fault or self._simulation.not_finite(*invalid)), rows.before(invalid[1])
         return outcome, rows
 

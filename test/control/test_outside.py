@@ -6,12 +6,14 @@ import math
 import numpy as np
 import pytest
 
+from hdd_servo_ros.control.controller import HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.control.outside import ControllerError, OutsideController
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 T = 2.5e-4
+CAPABILITIES = (WarnsBeforeRun, KnowsOutputLimit, ReportsFault, HasPlan)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,7 +159,27 @@ def test_the_limit_behind_it_is_told_to_those_who_want_to_know():
     assert step(controller)[0] == 2.0
     with pytest.raises(ControllerError, match=r'mine: limit_output raised ZeroDivisionError.* at tick 0'):
         controller.limit_output(0.0)
-    OutsideController('mine', Proportional, Gain(), T).limit_output(1.0)
+
+
+def test_it_can_do_what_the_class_can_do_and_no_more():
+    class Cautious(Proportional):
+        def warnings(self):
+            return ('mind the gain',)
+
+    class Knowing(Proportional):
+        def limit_output(self, limit):
+            pass
+
+    found = {
+        kind: [isinstance(OutsideController('mine', kind, Gain(), T), protocol) for protocol in CAPABILITIES]
+        for kind in (Proportional, Cautious, Knowing)
+    }
+    assert found == {
+        Proportional: [False, False, False, False],
+        Cautious: [True, False, False, False],
+        Knowing: [False, True, False, False],
+    }
+    assert OutsideController('mine', Cautious, Gain(), T).warnings() == ('mind the gain',)
 
 
 def test_a_controller_of_the_full_protocol_goes_through_unchanged():

@@ -1,6 +1,7 @@
 """Controllers from outside: where they are found, what is refused, and that they run as the built-in ones do."""
 
 import itertools
+import re
 import sys
 import textwrap
 
@@ -15,7 +16,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.simulation.run_setup import Simulation
-from hdd_servo_ros.simulation.simulate import simulate
+from hdd_servo_ros.simulation.simulate import main, simulate
 
 T = 1e-4
 MODULE = (f'module_of_test_controllers_{number}' for number in itertools.count())
@@ -144,6 +145,34 @@ def test_what_is_refused(tmp_path, changes, said):
         load_controller(f'{module}:Spring')
     assert str(refused.value).startswith(f"parameter controller = '{module}:Spring' is refused: ")
     assert '\n' not in str(refused.value)
+
+
+FORMER = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [FORMER, ('k', 'x', 'v', 'x_d', 'dx_d', 'ddx_d'), ('k', 'x', 'v', '*reference'), ('tick', '*signals'), ('tick',)],
+    ids=', '.join,
+)
+def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, capsys, arguments):
+    module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {", ".join(arguments)})'))
+    said = (
+        'Spring.step takes one argument now: inputs, with inputs.tick, inputs.position [um] and inputs.velocity [um/s]'
+    )
+    with pytest.raises(ParameterError, match=re.escape(said)):
+        load_controller(f'{module}:Spring')
+    assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run']) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith(f"simulate: parameter controller = '{module}:Spring' is refused: {said}")
+    assert errors.endswith('; see docs/write-your-own-controller.md\n')
+    assert errors.count('\n') == 1
+
+
+@pytest.mark.parametrize('arguments', ['inputs', 'measured', '*arguments', 'inputs, gain=1.0'])
+def test_step_with_one_argument_of_any_name(tmp_path, arguments):
+    module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {arguments})'))
+    assert load_controller(f'{module}:Spring').node == 'spring'
 
 
 @pytest.mark.parametrize('name', ['no_such_module:Spring', 'no_such_package.module:Spring'])

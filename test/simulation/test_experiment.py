@@ -38,6 +38,31 @@ def test_a_controller_from_outside():
     np.testing.assert_array_equal(rows.estimates['t'], np.arange(1500) * T)
 
 
+OTHER_SENSOR = {'displacement_scale': 4.0, 'velocity_scale': 2000.0}
+
+
+def test_a_controller_reads_the_sensor_by_its_own_scales_or_else_by_the_sensors():
+    """To the bit with a power of two, as long as neither the noise nor the converter knows volts."""
+    sections = {'ldv_sensor': {'noise': False, 'adc_bits': 0, 'output_range': 0.0}}
+    other = {'ldv_sensor': {**sections['ldv_sensor'], 'displacement_scale': 4.0, 'velocity_scale': 2500.0}}
+    for controller in ('adaptive_nn', 'pid'):
+        usual, found = (Experiment(T, controller, each).run(0, 1000) for each in (sections, other))
+        assert found['head'].tobytes() == usual['head'].tobytes()
+        assert (found.ldv[1:, 0] == 2.0 * usual.ldv[1:, 0]).all()
+        # Told of the usual scales it takes the motion for twice as large.
+        wrong = {f'{controller}_controller': {'displacement_scale': 8.0, 'velocity_scale': 5000.0}}
+        misread = Experiment(T, controller, {**other, **wrong}).run(0, 1000)
+        assert misread['head'].tobytes() != usual['head'].tobytes()
+        assert misread['control'].tobytes() != usual['control'].tobytes()
+
+
+def test_a_controller_from_outside_tracks_alike_with_another_sensor():
+    usual, other = (
+        metrics(Experiment(T, Outside(), {'ldv_sensor': sensor}).run(0, 3000), 0.1) for sensor in ({}, OTHER_SENSOR)
+    )
+    assert other.rms_error == pytest.approx(usual.rms_error, rel=0.02)
+
+
 class Absurd:
     """Asks for more than any drive takes."""
 

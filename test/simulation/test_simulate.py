@@ -8,6 +8,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.run_setup import CHUNK, Simulation
 
+SCALES = ('displacement_scale', 'velocity_scale')
 CHANGE = '{:.4f} ldv_sensor noise false'
 
 
@@ -36,3 +37,11 @@ def test_a_run_of_many_years_begins_at_once():
 def test_a_run_that_no_stamp_can_count_is_refused(overrides):
     with pytest.raises(ParameterError, match=r'duration = .* is refused: .*at most 2e\+09'):
         simulation(*overrides)
+
+
+@pytest.mark.parametrize('scale', SCALES)
+@pytest.mark.parametrize('node', ['ldv_sensor', 'adaptive_nn_controller'])
+def test_a_scale_is_fixed_during_a_run(node, scale):
+    """The controllers have taken it before tick 0."""
+    with pytest.raises(ParameterError, match=f'{scale} is read-only'):
+        simulation(f"schedule:=['0.01 {node} {scale} 4.0']")

@@ -147,6 +147,30 @@ def test_an_ordinary_ros_node_as_controller(bench):
     controller.signal(signal.SIGKILL)
 
 
+@pytest.mark.parametrize(
+    'scales', [{}, {'displacement_scale': 4.0, 'velocity_scale': 2000.0}], ids=['unknown', 'given']
+)
+def test_an_ordinary_ros_node_as_sensor(bench, scales):
+    """Nothing but the controller's own parameters says by how much its voltages are to be multiplied."""
+    sensor = bench.start('ordinary_sensor', script=HERE / 'ordinary_sensor.py')
+    nodes = ('bag_recorder', 'pid_controller', 'vcm_plant', 'reference_generator', 'deterministic_timer')
+    given = [word for name, value in scales.items() for word in ('-p', f'pid_controller:{name}:={value}')]
+    processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.05', *given, nodes=nodes)
+    codes = {name: process.wait() for name, process in processes.items()}
+    sensor.signal(signal.SIGKILL)
+    if scales:
+        assert set(codes.values()) == {0}, [process.output for process in processes.values()]
+        signals = Run.open(bench.directory / 'run')
+        e = signals.head[:, 0] - signals.reference[:, 0]
+        assert np.abs(e[200:]).max() < 0.1
+        return
+    assert codes['pid_controller'] == 1
+    output = processes['pid_controller'].output
+    reason = 'parameter displacement_scale = 0.0 is refused: above 0, since there is no ldv_sensor in this run'
+    assert sum(reason in line for line in output.splitlines()) == 1, output
+    assert 'Traceback' not in output
+
+
 def test_disturbance_joins_when_its_node_runs(bench):
     arguments = ('-p', 'deterministic_timer:duration:=0.05')
     disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')

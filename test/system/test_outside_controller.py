@@ -88,12 +88,12 @@ def test_by_its_own_executable_with_a_live_change(example):
     ('fault', 'beginning', 'end'),
     [
         (
-            '(1.0 / (tick - 77) if tick else 0.0)',
+            '(1.0 / (inputs.tick - 77) if inputs.tick else 0.0)',
             'my_controller: step raised ZeroDivisionError: float division by zero (',
             'failing.py:33) at tick 77',
         ),
         (
-            "(float('nan') if tick == 77 else 0.0)",
+            "(float('nan') if inputs.tick == 77 else 0.0)",
             '/control: not finite at tick 77: (nan, nan, nan)',
             '; published by my_controller',
         ),
@@ -125,6 +125,22 @@ def test_what_cannot_be_found_is_one_line(bench, name):
     reason = f'there is no module no_such_module on sys.path or in {here}'
     expected = f"{name}: parameter controller = 'no_such_module:MyController' is refused: {reason}\n"
     assert process.output.endswith(expected)
+
+
+@pytest.mark.parametrize('name', ['rig', 'simulate'])
+def test_the_former_arguments_of_step_are_one_line(bench, name):
+    source = EXAMPLE.read_text().replace(
+        'step(self, inputs)', 'step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)'
+    )
+    (bench.directory / 'former.py').write_text(source)
+    process = bench.start(name, '-p', 'controller:=former:MyController')
+    assert process.wait() == 2
+    (line,) = [line for line in process.output.splitlines() if 'former:MyController' in line]
+    assert line.startswith(
+        f"{name}: parameter controller = 'former:MyController' is refused: MyController.step takes one"
+    )
+    assert line.endswith('; see docs/write-your-own-controller.md')
+    assert 'Traceback' not in process.output
 
 
 def test_help(example):
