@@ -179,7 +179,7 @@ _NODE_ROWS = (
     NodeRow(
         'signal_analyzer',
         "Sweeps a sine through the drive and writes its frequency response, in a controller's place.",
-        (*_EVERY_CONTROLLER, 'bench.signal_analyzer:SignalAnalyzerParameters'),
+        (*_EVERY_CONTROLLER, 'bench.signal_analyzer_parameters:SignalAnalyzerParameters'),
         node='nodes.signal_analyzer:SignalAnalyzerNode',
         block='bench.signal_analyzer:SignalAnalyzer',
         role=CONTROLLER,

@@ -23,9 +23,9 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
     """
     response = analyzer.response()
     lines = []
-    spoilt = analyzer.spoilt()
-    if spoilt:
-        frequencies = ', '.join(f'{frequency:.5g}' for frequency in spoilt)
+    overloaded = analyzer.overloaded_frequencies()
+    if overloaded:
+        frequencies = ', '.join(f'{frequency:.5g}' for frequency in overloaded)
         lines.append(f'left out, since the vibrometer was overloaded: {frequencies} Hz')
     if len(response.frequency) == 0:
         return lines
