@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from hdd_servo_ros.control.controller import all_finite, saturated
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
-OpenLoopArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+OpenLoopArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-TIME_STEP, CONTROL_LIMIT = range(2)
+CONSTANTS = layout('time_step', 'control_limit')
 
 ESTIMATE_NAMES = ('t',)
+ESTIMATES = layout(*ESTIMATE_NAMES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +31,6 @@ class OpenLoopParameters(ParameterSet):
 @compiled
 def open_loop_step(
     constants: NDArray[np.float64],
-    state: NDArray[np.float64],
     estimates: NDArray[np.float64],
     *values: Any,
 ) -> tuple[float, float, float]:
@@ -37,9 +38,10 @@ def open_loop_step(
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    estimates[0] = float(inputs.tick) * constants[TIME_STEP]
+    c = constants.view(CONSTANTS)[0]
+    estimates.view(ESTIMATES)[0].t = float(inputs.tick) * c.time_step
     u = inputs.desired_position
-    return saturated(u, constants[CONTROL_LIMIT]), u, 0.0
+    return saturated(u, c.control_limit), u, 0.0
 
 
 class OpenLoop:
@@ -61,8 +63,8 @@ class OpenLoop:
     def __init__(self, parameters: OpenLoopParameters, sample_time: float) -> None:
         self.sample_time = sample_time
         self._output_limit = math.inf
-        self.state: NDArray[np.float64] = np.zeros(1)
-        self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
+        self.constants = zeros(CONSTANTS)
+        self.estimates = zeros(ESTIMATES)
         self.update(parameters)
 
     def update(self, parameters: OpenLoopParameters) -> None:
@@ -76,13 +78,14 @@ class OpenLoop:
 
     def _take(self, parameters: OpenLoopParameters) -> None:
         self.parameters = parameters
-        limit = min(parameters.control_limit, self._output_limit)
-        self.constants: NDArray[np.float64] = np.array([self.sample_time, limit])
+        c = record(self.constants, CONSTANTS)
+        c.time_step = self.sample_time
+        c.control_limit = min(parameters.control_limit, self._output_limit)
 
     @property
     def arrays(self) -> OpenLoopArrays:
-        """The arrays that the kernel takes first: constants, state, estimates."""
-        return self.constants, self.state, self.estimates
+        """The arrays that the kernel takes first: constants, estimates."""
+        return self.constants, self.estimates
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part (0) [V]; see :class:`Controller`."""

@@ -11,28 +11,47 @@ from hdd_servo_ros.control.controller import all_finite, saturated
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
 PidArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 VELOCITY_SOURCES = ('sensor', 'difference')
-SENSOR, DIFFERENCE = range(len(VELOCITY_SOURCES))
 # Not 'off', which YAML reads as false.
 ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
-CLAMPING, BACK_CALCULATION, NONE = range(len(ANTI_WINDUP))
 
-# Where the constants of pid_step stand.
-TIME_STEP, VELOCITY_SOURCE, PROPORTIONAL, INTEGRAL_STEP, DERIVATIVE, SMOOTHING = range(6)
-WINDUP, TRACKING, CONTROL_LIMIT, VELOCITY_FEEDFORWARD, ACCELERATION_FEEDFORWARD, FILTER_REFERENCE = range(6, 12)
-FADING = 12
-CONSTANTS = 13
+# The array of constants; 1 for yes where a choice is made.
+CONSTANTS = layout(
+    'time_step',
+    'uses_difference',
+    'filters_reference',
+    'smoothing',
+    'proportional_gain',
+    'integral_step',
+    'derivative_gain',
+    'clamps',
+    'calculates_back',
+    'tracking',
+    'fading',
+    'velocity_feedforward',
+    'acceleration_feedforward',
+    'control_limit',
+)
 
-# Where its state stands.
-INTEGRAL, FILTERED, LAST_ERROR, STARTED, LAST_POSITION, MEASURED_VELOCITY = range(6)
-BUMP, LAST_REFERENCE_VELOCITY, LAST_REFERENCE_ACCELERATION = range(6, 9)
-STATES = 9
+STATE = layout(
+    'integral',
+    'bump',
+    'slope',
+    'last_error',
+    'last_position',
+    'measured_velocity',
+    'last_reference_velocity',
+    'last_reference_acceleration',
+    'started',
+)
 
 ESTIMATE_NAMES = ('t', 'e', 'integral', 'derivative')
+ESTIMATES = layout(*ESTIMATE_NAMES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,58 +104,59 @@ def pid_step(
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    time_step = constants[TIME_STEP]
+    c, s = constants.view(CONSTANTS)[0], state.view(STATE)[0]
     position = inputs.position
     dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
     error = position - inputs.desired_position
-    if constants[FILTER_REFERENCE] != 0.0:
-        if constants[VELOCITY_SOURCE] == SENSOR:
+    if c.filters_reference != 0.0:
+        if c.uses_difference == 0.0:
             slope = inputs.velocity - dx_d
-        elif state[STARTED] != 0.0:
-            slope = (error - state[LAST_ERROR]) / time_step
+        elif s.started != 0.0:
+            slope = (error - s.last_error) / c.time_step
         else:
             slope = 0.0
-        if state[STARTED] != 0.0:
-            slope = state[FILTERED] + constants[SMOOTHING] * (slope - state[FILTERED])
+        if s.started != 0.0:
+            slope = s.slope + c.smoothing * (slope - s.slope)
     else:
         velocity = dx_d
-        if constants[VELOCITY_SOURCE] == SENSOR:
+        if c.uses_difference == 0.0:
             velocity = inputs.velocity
-        elif state[STARTED] != 0.0:
-            velocity = (position - state[LAST_POSITION]) / time_step
-        if state[STARTED] != 0.0:
-            velocity = state[MEASURED_VELOCITY] + constants[SMOOTHING] * (velocity - state[MEASURED_VELOCITY])
-        state[MEASURED_VELOCITY] = velocity
+        elif s.started != 0.0:
+            velocity = (position - s.last_position) / c.time_step
+        if s.started != 0.0:
+            velocity = s.measured_velocity + c.smoothing * (velocity - s.measured_velocity)
+        s.measured_velocity = velocity
         slope = velocity - dx_d
-    state[LAST_POSITION] = position
-    integral = state[INTEGRAL] - constants[INTEGRAL_STEP] * error
-    derivative = -constants[DERIVATIVE] * slope
-    compensation = constants[VELOCITY_FEEDFORWARD] * dx_d + constants[ACCELERATION_FEEDFORWARD] * ddx_d
-    limit = constants[CONTROL_LIMIT]
-    feedback = derivative + integral + state[BUMP] - constants[PROPORTIONAL] * error
+    integral = s.integral - c.integral_step * error
+    derivative = -c.derivative_gain * slope
+    compensation = c.velocity_feedforward * dx_d + c.acceleration_feedforward * ddx_d
+    limit = c.control_limit
+    feedback = derivative + integral + s.bump - c.proportional_gain * error
     unsaturated = feedback + compensation
     # Clamping takes back what the integral's own step does beyond the limit.
-    if constants[WINDUP] == CLAMPING:
+    if c.clamps != 0.0:
         if unsaturated > limit and error < 0.0:
-            integral = max(state[INTEGRAL], integral - (unsaturated - limit))
+            integral = max(s.integral, integral - (unsaturated - limit))
         elif unsaturated < -limit and error > 0.0:
-            integral = min(state[INTEGRAL], integral - (unsaturated + limit))
-        feedback = derivative + integral + state[BUMP] - constants[PROPORTIONAL] * error
+            integral = min(s.integral, integral - (unsaturated + limit))
+        feedback = derivative + integral + s.bump - c.proportional_gain * error
         unsaturated = feedback + compensation
     u = saturated(unsaturated, limit)
-    estimates[0] = float(inputs.tick) * time_step
-    estimates[1] = error
-    estimates[2] = integral
-    estimates[3] = derivative
-    if constants[WINDUP] == BACK_CALCULATION:
-        integral += constants[TRACKING] * (u - unsaturated)
-    state[INTEGRAL] = integral
-    state[BUMP] *= constants[FADING]
-    state[LAST_REFERENCE_VELOCITY] = dx_d
-    state[LAST_REFERENCE_ACCELERATION] = ddx_d
-    state[FILTERED] = slope
-    state[LAST_ERROR] = error
-    state[STARTED] = 1.0
+    found = estimates.view(ESTIMATES)[0]
+    found.t = float(inputs.tick) * c.time_step
+    found.e = error
+    found.integral = integral
+    found.derivative = derivative
+    if c.calculates_back != 0.0:
+        integral += c.tracking * (u - unsaturated)
+    s.integral = integral
+    s.bump *= c.fading
+    s.slope = slope
+    s.last_error = error
+    s.last_position = position
+    s.last_reference_velocity = dx_d
+    s.last_reference_acceleration = ddx_d
+    s.started = 1.0
     return u, unsaturated, feedback
 
 
@@ -168,8 +188,9 @@ class Pid:
     def __init__(self, parameters: PidParameters, sample_time: float) -> None:
         self.sample_time = sample_time
         self._output_limit = math.inf
-        self.state: NDArray[np.float64] = np.zeros(STATES)
-        self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
+        self.constants = zeros(CONSTANTS)
+        self.state = zeros(STATE)
+        self.estimates = zeros(ESTIMATES)
         self._take(parameters)
 
     def update(self, parameters: PidParameters) -> None:
@@ -181,16 +202,16 @@ class Pid:
         ``transfer_time``. So does the difference that a new feedforward would make.
         """
         old = self.parameters
-        difference = (parameters.proportional_gain - old.proportional_gain) * self.state[LAST_ERROR]
-        difference += (parameters.derivative_gain - old.derivative_gain) * self.state[FILTERED]
+        s = record(self.state, STATE)
+        difference = (parameters.proportional_gain - old.proportional_gain) * s.last_error
+        difference += (parameters.derivative_gain - old.derivative_gain) * s.slope
         if parameters.integral_gain > 0.0:
-            self.state[INTEGRAL] += difference
+            s.integral += difference
         else:
-            self.state[BUMP] += self.state[INTEGRAL] + difference
-            self.state[INTEGRAL] = 0.0
-        velocity, acceleration = self.state[[LAST_REFERENCE_VELOCITY, LAST_REFERENCE_ACCELERATION]]
-        self.state[BUMP] -= (parameters.velocity_feedforward - old.velocity_feedforward) * velocity
-        self.state[BUMP] -= (parameters.acceleration_feedforward - old.acceleration_feedforward) * acceleration
+            s.bump += s.integral + difference
+            s.integral = 0.0
+        s.bump -= (parameters.velocity_feedforward - old.velocity_feedforward) * s.last_reference_velocity
+        s.bump -= (parameters.acceleration_feedforward - old.acceleration_feedforward) * s.last_reference_acceleration
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
@@ -200,23 +221,23 @@ class Pid:
 
     def _take(self, parameters: PidParameters) -> None:
         self.parameters = parameters
-        constants = np.zeros(CONSTANTS)
-        constants[TIME_STEP] = self.sample_time
-        constants[VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
-        constants[FILTER_REFERENCE] = float(parameters.filter_reference)
-        constants[PROPORTIONAL] = parameters.proportional_gain
-        constants[INTEGRAL_STEP] = parameters.integral_gain * self.sample_time
-        constants[DERIVATIVE] = parameters.derivative_gain
-        constants[SMOOTHING] = 1.0
+        c = record(self.constants, CONSTANTS)
+        c.time_step = self.sample_time
+        c.uses_difference = parameters.velocity_source == 'difference'
+        c.filters_reference = parameters.filter_reference
+        c.smoothing = 1.0
         if parameters.derivative_bandwidth > 0.0:
-            constants[SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.derivative_bandwidth * self.sample_time)
-        constants[WINDUP] = ANTI_WINDUP.index(parameters.anti_windup)
-        constants[TRACKING] = 1.0 - exp(-self.sample_time / parameters.tracking_time)
-        constants[FADING] = exp(-self.sample_time / parameters.transfer_time)
-        constants[CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)
-        constants[VELOCITY_FEEDFORWARD] = parameters.velocity_feedforward
-        constants[ACCELERATION_FEEDFORWARD] = parameters.acceleration_feedforward
-        self.constants: NDArray[np.float64] = constants
+            c.smoothing = 1.0 - exp(-TWO_PI * parameters.derivative_bandwidth * self.sample_time)
+        c.proportional_gain = parameters.proportional_gain
+        c.integral_step = parameters.integral_gain * self.sample_time
+        c.derivative_gain = parameters.derivative_gain
+        c.clamps = parameters.anti_windup == 'clamping'
+        c.calculates_back = parameters.anti_windup == 'back_calculation'
+        c.tracking = 1.0 - exp(-self.sample_time / parameters.tracking_time)
+        c.fading = exp(-self.sample_time / parameters.transfer_time)
+        c.velocity_feedforward = parameters.velocity_feedforward
+        c.acceleration_feedforward = parameters.acceleration_feedforward
+        c.control_limit = min(parameters.control_limit, self._output_limit)
 
     @property
     def arrays(self) -> PidArrays:
