@@ -1,37 +1,41 @@
 """The adaptive neural network controller of chapter 4, (4.10)-(4.21)."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.control import adaptive_nn_kernel as kernel
 from hdd_servo_ros.control.adaptation import decay_and_step
-from hdd_servo_ros.control.adaptive_nn_kernel import adaptive_nn_step
-from hdd_servo_ros.control.adaptive_nn_parameters import NETWORK_INPUTS, VELOCITY_SOURCES, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_kernel import (
+    CONSTANTS,
+    ESTIMATE_NAMES,
+    ESTIMATES,
+    STATE,
+    WEIGHT_LAW,
+    adaptive_nn_step,
+)
+from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters
 from hdd_servo_ros.control.rbf import largest_square_sum, lattice
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
+from hdd_servo_ros.numerics.records import record, zeros
 from hdd_servo_ros.parameters import ParameterError
 
-AdaptiveNnArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+AdaptiveNnArrays = tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+]
 
 __all__ = ['AdaptiveNn', 'AdaptiveNnParameters', 'adaptive_nn_step']
-
-ESTIMATE_NAMES = (
-    't',
-    'r',
-    'sigma_hat',
-    'm_hat',
-    'phi_hat',
-    'W_norm',
-    'e',
-    'network',
-    'integral',
-    'position_width',
-    'velocity_width',
-    'compensator',
-)
 
 
 class AdaptiveNn:
@@ -68,34 +72,39 @@ class AdaptiveNn:
     def __init__(self, parameters: AdaptiveNnParameters, sample_time: float) -> None:
         self.sample_time = sample_time
         self._output_limit = math.inf
-        self.estimates: NDArray[np.float64] = np.zeros(len(ESTIMATE_NAMES))
-        self._nodes = parameters.network.nodes
-        self._compensator_nodes = parameters.compensator.nodes
-        n, m = self._nodes, self._compensator_nodes
-        self.state: NDArray[np.float64] = np.zeros(kernel.ACTIVATIONS + 2 * n + n * n + 2 * m + m * m)
-        self._forget(parameters)
+        n, m = parameters.network.nodes, parameters.compensator.nodes
+        self.constants = zeros(CONSTANTS)
+        self.state = zeros(STATE)
+        self.estimates = zeros(ESTIMATES)
+        self._centres: NDArray[np.float64] = np.zeros((2, n))
+        self._weight_laws = np.tile(zeros(WEIGHT_LAW), (n, n, 1))
+        self._activations: NDArray[np.float64] = np.zeros((2, n))
+        self._weights: NDArray[np.float64] = np.zeros((n, n))
+        self._compensator_centres: NDArray[np.float64] = np.zeros((2, m))
+        self._compensator_activations: NDArray[np.float64] = np.zeros((2, m))
+        self._compensator_weights: NDArray[np.float64] = np.zeros((m, m))
+        self._reset(parameters)
         self._take(parameters)
 
-    def _forget(self, parameters: AdaptiveNnParameters) -> None:
+    def _reset(self, parameters: AdaptiveNnParameters) -> None:
         """Set what is learnt to its initial values: the estimates, both networks' weights, the widths."""
-        self.state[kernel.SIGMA] = parameters.sigma.initial
-        self.state[kernel.MASS] = parameters.mass.initial
-        self.state[kernel.PHI] = parameters.phi.initial
-        self.state[kernel.POSITION_WIDTH] = self.state[kernel.VELOCITY_WIDTH] = 0.0
+        s = record(self.state, STATE)
+        s.sigma_hat = parameters.sigma.initial
+        s.m_hat = parameters.mass.initial
+        s.phi_hat = parameters.phi.initial
+        s.log_position_width = s.log_velocity_width = 0.0
         self.weights[:] = parameters.network.initial
         self.compensator_weights[:] = 0.0
 
     @property
     def weights(self) -> NDArray[np.float64]:
         """W_hat [V], a view of shape (n n,), position index first."""
-        start = kernel.ACTIVATIONS + 2 * self._nodes
-        return self.state[start : start + self._nodes * self._nodes]
+        return self._weights.reshape(-1)
 
     @property
     def compensator_weights(self) -> NDArray[np.float64]:
         """W_c [V], a view of shape (m m,), position index first."""
-        start = kernel.ACTIVATIONS + 2 * self._nodes + self._nodes * self._nodes + 2 * self._compensator_nodes
-        return self.state[start : start + self._compensator_nodes * self._compensator_nodes]
+        return self._compensator_weights.reshape(-1)
 
     @property
     def gain_on_r(self) -> float:
@@ -112,8 +121,8 @@ class AdaptiveNn:
         if p.network.enabled and max(p.network.gain) > 0.0:
             factor = p.width.factor if p.width.enabled else 1.0
             position_width, velocity_width = p.network.axis_widths
-            squares = largest_square_sum(self._position_centres, factor * position_width)
-            squares *= largest_square_sum(self._velocity_centres, factor * velocity_width)
+            squares = largest_square_sum(self._centres[0], factor * position_width)
+            squares *= largest_square_sum(self._centres[1], factor * velocity_width)
             gain += squares / p.network.leakage if p.network.leakage > 0.0 else math.inf
         return gain
 
@@ -154,13 +163,13 @@ class AdaptiveNn:
             If the number of nodes differs: the weights would have no meaning.
         """
         for name, new, old in (
-            ('network.nodes', parameters.network.nodes, self._nodes),
-            ('compensator.nodes', parameters.compensator.nodes, self._compensator_nodes),
+            ('network.nodes', parameters.network.nodes, len(self._weights)),
+            ('compensator.nodes', parameters.compensator.nodes, len(self._compensator_weights)),
         ):
             if new != old:
                 raise ParameterError(name, new, f'fixed at {old} for this run')
         if parameters.reset_count != self.parameters.reset_count:
-            self._forget(parameters)
+            self._reset(parameters)
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
@@ -170,87 +179,83 @@ class AdaptiveNn:
 
     def _take(self, parameters: AdaptiveNnParameters) -> None:
         self.parameters = parameters
-        network, compensator = parameters.network, parameters.compensator
-        self._position_centres = lattice(network.position_minimum, network.position_maximum, network.nodes)
-        self._velocity_centres = lattice(network.velocity_minimum, network.velocity_maximum, network.nodes)
-        size = kernel.CENTRES + 2 * network.nodes + 2 * network.nodes**2 + 2 * compensator.nodes
-        constants: NDArray[np.float64] = np.zeros(size)
-        self._fill_signals(constants)
-        self._fill_laws(constants)
-        self._fill_network(constants)
-        self._fill_compensator(constants)
-        self.constants = constants
+        c = record(self.constants, CONSTANTS)
+        self._fill_signals(c)
+        self._fill_laws(c)
+        self._fill_network(c.network)
+        self._fill_compensator(c.compensator)
 
-    def _fill_signals(self, constants: NDArray[np.float64]) -> None:
+    def _fill_signals(self, c: Any) -> None:
         parameters = self.parameters
-        constants[kernel.TIME_STEP] = self.sample_time
-        constants[kernel.VELOCITY_SOURCE] = VELOCITY_SOURCES.index(parameters.velocity_source)
-        constants[kernel.FILTER_REFERENCE] = float(parameters.filter_reference)
-        constants[kernel.SMOOTHING] = 1.0
+        c.time_step = self.sample_time
+        c.uses_difference = parameters.velocity_source == 'difference'
+        c.filters_reference = parameters.filter_reference
+        c.smoothing = 1.0
         if parameters.velocity_bandwidth > 0.0:
-            constants[kernel.SMOOTHING] = 1.0 - exp(-TWO_PI * parameters.velocity_bandwidth * self.sample_time)
-        constants[kernel.LAMBDA] = parameters.error_filter_lambda
-        constants[kernel.INTEGRAL_GAIN] = parameters.integral_gain
-        constants[kernel.SHAPING_SHARE] = parameters.shaping.share
-        constants[kernel.SHAPING_TICKS] = parameters.shaping.ticks(self.sample_time)
-        constants[kernel.FEEDBACK_GAIN] = parameters.feedback_gain
-        constants[kernel.BOUNDARY_LAYER] = parameters.boundary_layer
-        constants[kernel.CONTROL_LIMIT] = min(parameters.control_limit, self._output_limit)
-        constants[kernel.FREEZE] = float(parameters.freeze_when_saturated)
-        constants[kernel.R_LIMIT] = parameters.r_limit
+            c.smoothing = 1.0 - exp(-TWO_PI * parameters.velocity_bandwidth * self.sample_time)
+        c.shaping_share = parameters.shaping.share
+        c.shaping_ticks = parameters.shaping.ticks(self.sample_time)
+        c.error_filter_lambda = parameters.error_filter_lambda
+        c.integral_gain = parameters.integral_gain
+        c.feedback_gain = parameters.feedback_gain
+        c.boundary_layer = parameters.boundary_layer
+        c.control_limit = min(parameters.control_limit, self._output_limit)
+        c.freezes_when_saturated = parameters.freeze_when_saturated
+        c.r_limit = parameters.r_limit
 
-    def _fill_laws(self, constants: NDArray[np.float64]) -> None:
+    def _fill_laws(self, c: Any) -> None:
         parameters = self.parameters
-        for at, law in (
-            (kernel.SIGMA_LAW, parameters.sigma),
-            (kernel.MASS_LAW, parameters.mass),
-            (kernel.PHI_LAW, parameters.phi),
-        ):
-            bounds = (law.minimum, law.maximum) if parameters.projection else (-math.inf, math.inf)
-            a, b = decay_and_step(law.gain, law.leakage, self.sample_time)
-            constants[at : at + kernel.LAW_SIZE] = float(law.enabled), a, b, *bounds
+        for law, own in ((c.sigma, parameters.sigma), (c.mass, parameters.mass), (c.phi, parameters.phi)):
+            law.enabled = own.enabled
+            law.decay, law.step = decay_and_step(own.gain, own.leakage, self.sample_time)
+            law.minimum, law.maximum = (own.minimum, own.maximum) if parameters.projection else (-math.inf, math.inf)
         width = parameters.width
-        a, b = decay_and_step(width.gain, width.leakage, self.sample_time)
         reach = log(width.factor)
-        constants[kernel.WIDTH_LAW : kernel.WIDTH_LAW + kernel.LAW_SIZE] = float(width.enabled), a, b, -reach, reach
+        c.width.enabled = width.enabled
+        c.width.decay, c.width.step = decay_and_step(width.gain, width.leakage, self.sample_time)
+        c.width.minimum, c.width.maximum = -reach, reach
 
-    def _fill_network(self, constants: NDArray[np.float64]) -> None:
+    def _fill_network(self, c: Any) -> None:
         network = self.parameters.network
-        n = network.nodes
-        constants[kernel.NETWORK] = float(network.enabled)
-        constants[kernel.NODES] = n
-        constants[kernel.NETWORK_INPUT] = NETWORK_INPUTS.index(network.input)
+        c.enabled = network.enabled
+        c.reads_reference = network.input == 'reference'
         position_width, velocity_width = network.axis_widths
-        constants[kernel.POSITION_INVERSE] = 1.0 / (position_width * position_width)
-        constants[kernel.VELOCITY_INVERSE] = 1.0 / (velocity_width * velocity_width)
-        constants[kernel.WEIGHT_LIMIT] = network.maximum if self.parameters.projection else math.inf
-        constants[kernel.CENTRES : kernel.CENTRES + n] = self._position_centres
-        constants[kernel.CENTRES + n : kernel.CENTRES + 2 * n] = self._velocity_centres
-        laws = np.array([decay_and_step(gain, network.leakage, self.sample_time) for gain in network.gain])
-        decay = kernel.CENTRES + 2 * n
-        constants[decay : decay + n * n] = laws[:, 0]
-        constants[decay + n * n : decay + 2 * n * n] = laws[:, 1]
+        c.position_inverse_square = 1.0 / (position_width * position_width)
+        c.velocity_inverse_square = 1.0 / (velocity_width * velocity_width)
+        c.weight_limit = network.maximum if self.parameters.projection else math.inf
+        self._centres[0] = lattice(network.position_minimum, network.position_maximum, network.nodes)
+        self._centres[1] = lattice(network.velocity_minimum, network.velocity_maximum, network.nodes)
+        laws = self._weight_laws.reshape(-1, 2)
+        laws[:] = [decay_and_step(gain, network.leakage, self.sample_time) for gain in network.gain]
 
-    def _fill_compensator(self, constants: NDArray[np.float64]) -> None:
+    def _fill_compensator(self, c: Any) -> None:
         compensator = self.parameters.compensator
         m = compensator.nodes
-        constants[kernel.COMPENSATOR] = float(compensator.enabled)
-        constants[kernel.COMPENSATOR_NODES] = m
+        c.enabled = compensator.enabled
         position = 0.5 * compensator.width * (compensator.position_maximum - compensator.position_minimum)
         velocity = 0.5 * compensator.width * (compensator.velocity_maximum - compensator.velocity_minimum)
-        constants[kernel.COMPENSATOR_POSITION] = 1.0 / (position * position)
-        constants[kernel.COMPENSATOR_VELOCITY] = 1.0 / (velocity * velocity)
-        a, b = decay_and_step(compensator.gain, compensator.leakage, self.sample_time)
-        constants[kernel.COMPENSATOR_DECAY], constants[kernel.COMPENSATOR_STEP] = a, b
-        centres = len(constants) - 2 * m
-        constants[kernel.COMPENSATOR_LAG] = compensator.lag
-        constants[centres : centres + m] = lattice(compensator.position_minimum, compensator.position_maximum, m)
-        constants[centres + m :] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
+        c.position_inverse_square = 1.0 / (position * position)
+        c.velocity_inverse_square = 1.0 / (velocity * velocity)
+        c.decay, c.step = decay_and_step(compensator.gain, compensator.leakage, self.sample_time)
+        c.lag = compensator.lag
+        self._compensator_centres[0] = lattice(compensator.position_minimum, compensator.position_maximum, m)
+        self._compensator_centres[1] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
 
     @property
     def arrays(self) -> AdaptiveNnArrays:
-        """The arrays that the kernel takes first: constants, state, estimates."""
-        return self.constants, self.state, self.estimates
+        """The arrays that the kernel takes first; the estimates are the last."""
+        return (
+            self.constants,
+            self.state,
+            self._centres,
+            self._weight_laws,
+            self._activations,
+            self._weights,
+            self._compensator_centres,
+            self._compensator_activations,
+            self._compensator_weights,
+            self.estimates,
+        )
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part -k r [V]; see :class:`Controller`."""

@@ -6,72 +6,107 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.control.adaptive_nn_parameters import NETWORK_INPUTS, VELOCITY_SOURCES
 from hdd_servo_ros.control.controller import all_finite, saturated
-from hdd_servo_ros.control.input_shaping import STATE_SIZE, shaped
-from hdd_servo_ros.control.rbf import fill_axis, lattice_sum
+from hdd_servo_ros.control.input_shaping import SHAPING_STATE, shaped
+from hdd_servo_ros.control.rbf import activate, lattice_sum
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
+from hdd_servo_ros.numerics.records import layout
 
-SENSOR = VELOCITY_SOURCES.index('sensor')
-REFERENCE = NETWORK_INPUTS.index('reference')
+# One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate.
+LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum')
 
-# Where the constants of adaptive_nn_step stand. A law has five: switch, a, b, smallest and largest estimate.
-TIME_STEP, VELOCITY_SOURCE, SMOOTHING, _UNUSED_1, _UNUSED_2 = range(5)
-LAMBDA, INTEGRAL_GAIN, FEEDBACK_GAIN, BOUNDARY_LAYER, CONTROL_LIMIT, FREEZE, R_LIMIT = range(5, 12)
-LAW_SIZE = 5
-SIGMA_LAW, MASS_LAW, PHI_LAW, WIDTH_LAW = range(12, 12 + 4 * LAW_SIZE, LAW_SIZE)
-NETWORK, NODES, NETWORK_INPUT, POSITION_INVERSE, VELOCITY_INVERSE, WEIGHT_LIMIT = range(32, 38)
-COMPENSATOR, COMPENSATOR_NODES, COMPENSATOR_POSITION, COMPENSATOR_VELOCITY = range(38, 42)
-COMPENSATOR_DECAY, COMPENSATOR_STEP, COMPENSATOR_LAG, FILTER_REFERENCE = range(42, 46)
-SHAPING_SHARE, SHAPING_TICKS = range(46, 48)
-CENTRES = 48
-# From CENTRES on: n position and n velocity centres, n^2 decays and n^2 steps of W, then the compensator's centres.
+# The law of one weight of the network; they share their bounds.
+WEIGHT_LAW = layout('decay', 'step')
 
-# Where its state stands; then n + n activations, n^2 weights, and the same of the compensator.
-SIGMA, MASS, PHI, POSITION_WIDTH, VELOCITY_WIDTH, INTEGRAL = range(6)
-LAST_POSITION, LAST_REFERENCE, MEASURED_VELOCITY, REFERENCE_VELOCITY, STARTED = range(6, 11)
-SHAPING = 11
-ACTIVATIONS = SHAPING + STATE_SIZE
+NETWORK = layout('enabled', 'reads_reference', 'position_inverse_square', 'velocity_inverse_square', 'weight_limit')
+
+COMPENSATOR = layout('enabled', 'position_inverse_square', 'velocity_inverse_square', 'decay', 'step', 'lag')
+
+CONSTANTS = layout(
+    'time_step',
+    'uses_difference',
+    'filters_reference',
+    'smoothing',
+    'shaping_share',
+    'shaping_ticks',
+    'error_filter_lambda',
+    'integral_gain',
+    'feedback_gain',
+    'boundary_layer',
+    'control_limit',
+    'freezes_when_saturated',
+    'r_limit',
+    ('sigma', LAW),
+    ('mass', LAW),
+    ('phi', LAW),
+    ('width', LAW),
+    ('network', NETWORK),
+    ('compensator', COMPENSATOR),
+)
+
+STATE = layout(
+    'sigma_hat',
+    'm_hat',
+    'phi_hat',
+    'log_position_width',
+    'log_velocity_width',
+    'integral',
+    'last_position',
+    'last_reference',
+    'measured_velocity',
+    'reference_velocity',
+    'started',
+    ('shaping', SHAPING_STATE),
+)
+
+ESTIMATE_NAMES = (
+    't',
+    'r',
+    'sigma_hat',
+    'm_hat',
+    'phi_hat',
+    'W_norm',
+    'e',
+    'network',
+    'integral',
+    'position_width',
+    'velocity_width',
+    'compensator',
+)
+ESTIMATES = layout(*ESTIMATE_NAMES)
 
 
 @compiled
-def _adapted(constants: NDArray[np.float64], law: int, estimate: float, drive: float) -> float:
+def _adapted(law: Any, estimate: float, drive: float) -> float:
     """Return the next value of an estimate under one law: exact exponential, then its bounds."""
-    value = constants[law + 1] * estimate + constants[law + 2] * drive
-    if value < constants[law + 3]:
-        return constants[law + 3]  # type: ignore[no-any-return]
-    if value > constants[law + 4]:
-        return constants[law + 4]  # type: ignore[no-any-return]
-    return value  # type: ignore[no-any-return]
+    value: float = law.decay * estimate + law.step * drive
+    if value < law.minimum:
+        return law.minimum  # type: ignore[no-any-return]
+    if value > law.maximum:
+        return law.maximum  # type: ignore[no-any-return]
+    return value
 
 
 @compiled
-def _tracking(
-    constants: NDArray[np.float64],
-    state: NDArray[np.float64],
-    position: float,
-    measured_velocity: float,
-    x_d: float,
-    dx_d: float,
-) -> tuple[float, float]:
+def _tracking(c: Any, s: Any, inputs: ControllerInputs, x_d: float) -> tuple[float, float]:
     """Return the velocity [um/s] by the chosen source, and the reference velocity on the same path."""
-    if constants[VELOCITY_SOURCE] == SENSOR:
-        return measured_velocity, dx_d
+    x, dx_d = inputs.position, inputs.desired_velocity
+    if c.uses_difference == 0.0:
+        return inputs.velocity, dx_d
     velocity, reference = dx_d, dx_d
-    if state[STARTED] != 0.0:
-        smoothing = constants[SMOOTHING]
-        velocity = state[MEASURED_VELOCITY]
-        velocity += smoothing * ((position - state[LAST_POSITION]) / constants[TIME_STEP] - velocity)
-        reference = state[REFERENCE_VELOCITY]
-        reference += smoothing * ((x_d - state[LAST_REFERENCE]) / constants[TIME_STEP] - reference)
-    state[STARTED] = 1.0
-    state[LAST_POSITION] = position
-    state[LAST_REFERENCE] = x_d
-    state[MEASURED_VELOCITY] = velocity
-    state[REFERENCE_VELOCITY] = reference
-    if constants[FILTER_REFERENCE] == 0.0:
+    if s.started != 0.0:
+        velocity = s.measured_velocity
+        velocity += c.smoothing * ((x - s.last_position) / c.time_step - velocity)
+        reference = s.reference_velocity
+        reference += c.smoothing * ((x_d - s.last_reference) / c.time_step - reference)
+    s.started = 1.0
+    s.last_position = x
+    s.last_reference = x_d
+    s.measured_velocity = velocity
+    s.reference_velocity = reference
+    if c.filters_reference == 0.0:
         return velocity, dx_d
     return velocity, reference
 
@@ -89,186 +124,214 @@ def _sign(r: float, boundary_layer: float) -> float:
 
 
 @compiled
-def _network_output(constants: NDArray[np.float64], state: NDArray[np.float64], x: float, v: float) -> float:
-    """Fill the activations of the network and return W_hat'S."""
-    n = int(constants[NODES])
-    position_inverse = constants[POSITION_INVERSE]
-    velocity_inverse = constants[VELOCITY_INVERSE]
-    if constants[WIDTH_LAW] != 0.0:
-        position_inverse *= exp(-2.0 * state[POSITION_WIDTH])
-        velocity_inverse *= exp(-2.0 * state[VELOCITY_WIDTH])
-    fill_axis(constants, CENTRES, n, position_inverse, x, state, ACTIVATIONS)
-    fill_axis(constants, CENTRES + n, n, velocity_inverse, v, state, ACTIVATIONS + n)
-    return lattice_sum(state, ACTIVATIONS + 2 * n, ACTIVATIONS, n)
+def _activate_network(
+    c: Any, s: Any, centres: NDArray[np.float64], x: float, v: float, activations: NDArray[np.float64]
+) -> None:
+    """Fill the network's activations S at its present widths."""
+    position_inverse_square = c.network.position_inverse_square
+    velocity_inverse_square = c.network.velocity_inverse_square
+    if c.width.enabled != 0.0:
+        position_inverse_square *= exp(-2.0 * s.log_position_width)
+        velocity_inverse_square *= exp(-2.0 * s.log_velocity_width)
+    activate(centres, position_inverse_square, velocity_inverse_square, x, v, activations)
 
 
 @compiled
-def _weight_norm(constants: NDArray[np.float64], state: NDArray[np.float64]) -> float:
+def _norm(weights: NDArray[np.float64]) -> float:
     """Return the Euclidean norm of W_hat."""
-    n = int(constants[NODES])
+    n = len(weights)
     total = 0.0
-    for i in range(ACTIVATIONS + 2 * n, ACTIVATIONS + 2 * n + n * n):
-        total += state[i] * state[i]
+    for i in range(n):
+        for j in range(n):
+            total += weights[i, j] * weights[i, j]
     return math.sqrt(total)
 
 
 @compiled
-def _adapt_widths(constants: NDArray[np.float64], state: NDArray[np.float64], x: float, v: float, r: float) -> None:
+def _adapt_widths(
+    c: Any,
+    s: Any,
+    centres: NDArray[np.float64],
+    activations: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    x: float,
+    v: float,
+    r: float,
+) -> None:
     """Adapt the logarithms of the widths relative to their initial ones; uses W_hat before its own adaptation."""
-    n = int(constants[NODES])
-    weights = ACTIVATIONS + 2 * n
+    n = len(weights)
     position_slope = 0.0
     velocity_slope = 0.0
     for i in range(n):
         row = 0.0
         row_slope = 0.0
         for j in range(n):
-            s = state[weights + i * n + j] * state[ACTIVATIONS + n + j]
-            distance = v - constants[CENTRES + n + j]
-            row += s
-            row_slope += s * distance * distance
-        distance = x - constants[CENTRES + i]
-        position_slope += row * state[ACTIVATIONS + i] * distance * distance
-        velocity_slope += row_slope * state[ACTIVATIONS + i]
-    theta = state[POSITION_WIDTH]
-    slope = 2.0 * constants[POSITION_INVERSE] * exp(-2.0 * theta) * position_slope
-    state[POSITION_WIDTH] = _adapted(constants, WIDTH_LAW, theta, slope * abs(r))
-    theta = state[VELOCITY_WIDTH]
-    slope = 2.0 * constants[VELOCITY_INVERSE] * exp(-2.0 * theta) * velocity_slope
-    state[VELOCITY_WIDTH] = _adapted(constants, WIDTH_LAW, theta, slope * abs(r))
+            term = weights[i, j] * activations[1, j]
+            distance = v - centres[1, j]
+            row += term
+            row_slope += term * distance * distance
+        distance = x - centres[0, i]
+        position_slope += row * activations[0, i] * distance * distance
+        velocity_slope += row_slope * activations[0, i]
+    theta = s.log_position_width
+    slope = 2.0 * c.network.position_inverse_square * exp(-2.0 * theta) * position_slope
+    s.log_position_width = _adapted(c.width, theta, slope * abs(r))
+    theta = s.log_velocity_width
+    slope = 2.0 * c.network.velocity_inverse_square * exp(-2.0 * theta) * velocity_slope
+    s.log_velocity_width = _adapted(c.width, theta, slope * abs(r))
 
 
 @compiled
-def _adapt_weights(constants: NDArray[np.float64], state: NDArray[np.float64], r: float) -> None:
+def _adapt_weights(
+    laws: NDArray[np.float64],
+    limit: float,
+    activations: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    r: float,
+) -> None:
     """Adapt W_hat by (4.21)."""
-    n = int(constants[NODES])
-    weights = ACTIVATIONS + 2 * n
-    decay = CENTRES + 2 * n
-    step = decay + n * n
-    limit = constants[WEIGHT_LIMIT]
+    n = len(weights)
+    law = laws.view(WEIGHT_LAW)
     for i in range(n):
-        drive = state[ACTIVATIONS + i] * abs(r)
+        drive = activations[0, i] * abs(r)
         for j in range(n):
-            at = i * n + j
-            w = constants[decay + at] * state[weights + at]
-            w += constants[step + at] * (drive * state[ACTIVATIONS + n + j])
-            state[weights + at] = max(-limit, min(limit, w))
+            w = law[i, j, 0].decay * weights[i, j]
+            w += law[i, j, 0].step * (drive * activations[1, j])
+            weights[i, j] = max(-limit, min(limit, w))
 
 
 @compiled
-def _activate_compensator(constants: NDArray[np.float64], state: NDArray[np.float64], x_d: float, dx_d: float) -> None:
-    """Fill the compensator's activations S_c at a point of the reference."""
-    n = int(constants[NODES])
-    m = int(constants[COMPENSATOR_NODES])
-    centres = CENTRES + 2 * n + 2 * n * n
-    activations = ACTIVATIONS + 2 * n + n * n
-    fill_axis(constants, centres, m, constants[COMPENSATOR_POSITION], x_d, state, activations)
-    fill_axis(constants, centres + m, m, constants[COMPENSATOR_VELOCITY], dx_d, state, activations + m)
-
-
-@compiled
-def _compensator_output(constants: NDArray[np.float64], state: NDArray[np.float64]) -> float:
-    """Return W_c'S_c."""
-    n = int(constants[NODES])
-    m = int(constants[COMPENSATOR_NODES])
-    activations = ACTIVATIONS + 2 * n + n * n
-    return lattice_sum(state, activations + 2 * m, activations, m)
-
-
-@compiled
-def _adapt_compensator(constants: NDArray[np.float64], state: NDArray[np.float64], r: float) -> None:
+def _adapt_compensator(law: Any, activations: NDArray[np.float64], weights: NDArray[np.float64], r: float) -> None:
     """Adapt W_c' = -Gamma_c (S_c r + sigma_c W_c)."""
-    n = int(constants[NODES])
-    m = int(constants[COMPENSATOR_NODES])
-    activations = ACTIVATIONS + 2 * n + n * n
-    weights = activations + 2 * m
+    m = len(weights)
     for i in range(m):
-        drive = -constants[COMPENSATOR_STEP] * r * state[activations + i]
+        drive = -law.step * r * activations[0, i]
         for j in range(m):
-            at = weights + i * m + j
-            state[at] = constants[COMPENSATOR_DECAY] * state[at] + drive * state[activations + m + j]
+            weights[i, j] = law.decay * weights[i, j] + drive * activations[1, j]
 
 
 @compiled
 def adaptive_nn_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
+    centres: NDArray[np.float64],
+    weight_laws: NDArray[np.float64],
+    activations: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    compensator_centres: NDArray[np.float64],
+    compensator_activations: NDArray[np.float64],
+    compensator_weights: NDArray[np.float64],
     estimates: NDArray[np.float64],
     *values: Any,
 ) -> tuple[float, float, float]:
-    """Return u, u before the limit and -k r [V]; see :class:`AdaptiveNn`."""
+    """
+    Return u, u before the limit and -k r [V]; see :class:`AdaptiveNn`.
+
+    Parameters
+    ----------
+    constants, state, estimates
+        Laid out as ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
+    centres, activations
+        Of the network with n x n nodes: those of the position axis, then those of the velocity axis, shape (2, n).
+    weight_laws
+        ``WEIGHT_LAW`` of each node, shape (n, n, 2).
+    weights
+        W_hat [V], shape (n, n), position index first.
+    compensator_centres, compensator_activations, compensator_weights
+        The same of the compensator with m x m nodes.
+    *values
+        The fields of :class:`ControllerInputs`.
+    """
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
+    c, s = constants.view(CONSTANTS)[0], state.view(STATE)[0]
     x = inputs.position
     dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
-    x_d = shaped(state, SHAPING, inputs.desired_position, dx_d, constants[SHAPING_SHARE], constants[SHAPING_TICKS])
-    v, reference_velocity = _tracking(constants, state, x, inputs.velocity, x_d, dx_d)
+    x_d = shaped(s.shaping, inputs.desired_position, dx_d, c.shaping_share, c.shaping_ticks)
+    v, reference_velocity = _tracking(c, s, inputs, x_d)
     # (4.10), (4.11), with the integral of the option.
+    lambda_, lambda_i = c.error_filter_lambda, c.integral_gain
     e = x - x_d
     e_rate = v - reference_velocity
-    integral = state[INTEGRAL]
-    if constants[INTEGRAL_GAIN] > 0.0:
-        integral += constants[TIME_STEP] * e
-    r = e_rate + constants[LAMBDA] * e + constants[INTEGRAL_GAIN] * integral
-    a_r = ddx_d - constants[LAMBDA] * e_rate - constants[INTEGRAL_GAIN] * e
+    integral = s.integral
+    if lambda_i > 0.0:
+        integral += c.time_step * e
+    r = e_rate + lambda_ * e + lambda_i * integral
+    a_r = ddx_d - lambda_ * e_rate - lambda_i * e
     # (4.16)
-    feedback = -constants[FEEDBACK_GAIN] * r
-    sign = _sign(r, constants[BOUNDARY_LAYER])
+    feedback = -c.feedback_gain * r
+    sign = _sign(r, c.boundary_layer)
     u = feedback
-    if constants[SIGMA_LAW] != 0.0:
-        u += state[SIGMA] * v
-    if constants[MASS_LAW] != 0.0:
-        u += state[MASS] * a_r
+    if c.sigma.enabled != 0.0:
+        u += s.sigma_hat * v
+    if c.mass.enabled != 0.0:
+        u += s.m_hat * a_r
     network = 0.0
     network_x, network_v = x, v
-    if constants[NETWORK] != 0.0:
-        if constants[NETWORK_INPUT] == REFERENCE:
+    if c.network.enabled != 0.0:
+        if c.network.reads_reference != 0.0:
             network_x, network_v = x_d, dx_d
-        network = _network_output(constants, state, network_x, network_v)
+        _activate_network(c, s, centres, network_x, network_v, activations)
+        network = lattice_sum(weights, activations)
         u -= network * sign
-    if constants[PHI_LAW] != 0.0:
-        u -= state[PHI] * sign
+    if c.phi.enabled != 0.0:
+        u -= s.phi_hat * sign
     compensator = 0.0
-    if constants[COMPENSATOR] != 0.0:
-        _activate_compensator(constants, state, x_d, dx_d)
-        compensator = _compensator_output(constants, state)
+    own = c.compensator
+    if own.enabled != 0.0:
+        activate(
+            compensator_centres,
+            own.position_inverse_square,
+            own.velocity_inverse_square,
+            x_d,
+            dx_d,
+            compensator_activations,
+        )
+        compensator = lattice_sum(compensator_weights, compensator_activations)
         u += compensator
-    limited = saturated(u, constants[CONTROL_LIMIT])
+    limited = saturated(u, c.control_limit)
 
-    estimates[0] = float(inputs.tick) * constants[TIME_STEP]
-    estimates[1] = r
-    estimates[2] = state[SIGMA]
-    estimates[3] = state[MASS]
-    estimates[4] = state[PHI]
-    estimates[5] = _weight_norm(constants, state)
-    estimates[6] = e
-    estimates[7] = network
-    estimates[8] = integral
-    estimates[9] = exp(state[POSITION_WIDTH]) / math.sqrt(constants[POSITION_INVERSE])
-    estimates[10] = exp(state[VELOCITY_WIDTH]) / math.sqrt(constants[VELOCITY_INVERSE])
-    estimates[11] = compensator
+    found = estimates.view(ESTIMATES)[0]
+    found.t = float(inputs.tick) * c.time_step
+    found.r = r
+    found.sigma_hat = s.sigma_hat
+    found.m_hat = s.m_hat
+    found.phi_hat = s.phi_hat
+    found.W_norm = _norm(weights)
+    found.e = e
+    found.network = network
+    found.integral = integral
+    found.position_width = exp(s.log_position_width) / math.sqrt(c.network.position_inverse_square)
+    found.velocity_width = exp(s.log_velocity_width) / math.sqrt(c.network.velocity_inverse_square)
+    found.compensator = compensator
 
-    if limited != u and constants[FREEZE] != 0.0:
+    if limited != u and c.freezes_when_saturated != 0.0:
         return limited, u, feedback
-    state[INTEGRAL] = integral
+    s.integral = integral
+    if c.r_limit > 0.0:
+        r = max(-c.r_limit, min(c.r_limit, r))
     # (4.18)-(4.21)
-    if constants[R_LIMIT] > 0.0:
-        r = max(-constants[R_LIMIT], min(constants[R_LIMIT], r))
-    if constants[SIGMA_LAW] != 0.0:
-        state[SIGMA] = _adapted(constants, SIGMA_LAW, state[SIGMA], -v * r)
-    if constants[MASS_LAW] != 0.0:
-        state[MASS] = _adapted(constants, MASS_LAW, state[MASS], -a_r * r)
-    if constants[PHI_LAW] != 0.0:
-        state[PHI] = _adapted(constants, PHI_LAW, state[PHI], abs(r))
-    if constants[NETWORK] != 0.0:
-        if constants[WIDTH_LAW] != 0.0:
-            _adapt_widths(constants, state, network_x, network_v, r)
-        _adapt_weights(constants, state, r)
-    if constants[COMPENSATOR] != 0.0:
-        lag = constants[COMPENSATOR_LAG]
-        if lag > 0.0:
+    if c.sigma.enabled != 0.0:
+        s.sigma_hat = _adapted(c.sigma, s.sigma_hat, -v * r)
+    if c.mass.enabled != 0.0:
+        s.m_hat = _adapted(c.mass, s.m_hat, -a_r * r)
+    if c.phi.enabled != 0.0:
+        s.phi_hat = _adapted(c.phi, s.phi_hat, abs(r))
+    if c.network.enabled != 0.0:
+        if c.width.enabled != 0.0:
+            _adapt_widths(c, s, centres, activations, weights, network_x, network_v, r)
+        _adapt_weights(weight_laws, c.network.weight_limit, activations, weights, r)
+    if own.enabled != 0.0:
+        if own.lag > 0.0:
             # r answers to what the compensator did a lag ago.
-            _activate_compensator(constants, state, x_d - lag * dx_d, dx_d - lag * ddx_d)
-        _adapt_compensator(constants, state, r)
+            activate(
+                compensator_centres,
+                own.position_inverse_square,
+                own.velocity_inverse_square,
+                x_d - own.lag * dx_d,
+                dx_d - own.lag * ddx_d,
+                compensator_activations,
+            )
+        _adapt_compensator(own, compensator_activations, compensator_weights, r)
     return limited, u, feedback

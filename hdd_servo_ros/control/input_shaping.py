@@ -1,17 +1,19 @@
 """Input shaping of a reference's jumps (Singer and Seering, ASME J. Dyn. Syst. Meas. Control 112, 1990)."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import layout
 
-STATE_SIZE = 4
-# Where its state stands, from a start on: the last reference and its velocity, what is held back, for how many ticks.
-LAST_POSITION, LAST_VELOCITY, HELD, TICKS = range(STATE_SIZE)
+# The last reference and its velocity, what is held back, and for how many ticks; zeros at first.
+SHAPING_STATE = layout('last_position', 'last_velocity', 'held', 'ticks')
 
 
 @compiled
-def shaped(state: NDArray[np.float64], start: int, x_d: float, dx_d: float, share: float, ticks: float) -> float:
+def shaped(s: Any, x_d: float, dx_d: float, share: float, ticks: float) -> float:
     """
     Return the reference of a tick without the part of its last jumps that is still held back.
 
@@ -20,10 +22,8 @@ def shaped(state: NDArray[np.float64], start: int, x_d: float, dx_d: float, shar
 
     Parameters
     ----------
-    state
-        Holds the four numbers of this filter from ``start`` on; zeros at first.
-    start
-        Where they stand.
+    s
+        The filter's state, a record of ``SHAPING_STATE``.
     x_d, dx_d
         Reference [um] and its velocity [um/s].
     share
@@ -32,25 +32,26 @@ def shaped(state: NDArray[np.float64], start: int, x_d: float, dx_d: float, shar
         For how many ticks.
     """
     jump = 0.0
-    if dx_d == 0.0 and state[start + LAST_VELOCITY] == 0.0:
-        jump = x_d - state[start + LAST_POSITION]
-    state[start + LAST_POSITION] = x_d
-    state[start + LAST_VELOCITY] = dx_d
-    if state[start + TICKS] > 0.0:
-        state[start + TICKS] -= 1.0
+    if dx_d == 0.0 and s.last_velocity == 0.0:
+        jump = x_d - s.last_position
+    s.last_position = x_d
+    s.last_velocity = dx_d
+    if s.ticks > 0.0:
+        s.ticks -= 1.0
     if jump != 0.0 and share > 0.0:
-        state[start + HELD] += share * jump
-        state[start + TICKS] = ticks
-    if state[start + TICKS] == 0.0 or share == 0.0:
-        state[start + HELD] = 0.0
+        s.held += share * jump
+        s.ticks = ticks
+    if s.ticks == 0.0 or share == 0.0:
+        s.held = 0.0
         return x_d
-    return x_d - state[start + HELD]  # type: ignore[no-any-return]
+    return x_d - s.held  # type: ignore[no-any-return]
 
 
 @compiled
 def fill_shaped(
     state: NDArray[np.float64], x_d: NDArray[np.float64], dx_d: NDArray[np.float64], share: float, ticks: float
 ) -> None:
-    """Replace x_d (n,) of consecutive ticks by what :func:`shaped` makes of it."""
+    """Replace x_d (n,) of consecutive ticks by what :func:`shaped` makes of it; ``state`` is of ``SHAPING_STATE``."""
+    s = state.view(SHAPING_STATE)[0]
     for row in range(len(x_d)):
-        x_d[row] = shaped(state, 0, x_d[row], dx_d[row], share, ticks)
+        x_d[row] = shaped(s, x_d[row], dx_d[row], share, ticks)

@@ -8,61 +8,57 @@ from hdd_servo_ros.numerics.elementary import exp
 
 
 @compiled
-def fill_axis(
+def activate(
     centres: NDArray[np.float64],
-    at: int,
-    count: int,
-    inverse_square: float,
-    z: float,
-    out: NDArray[np.float64],
-    to: int,
+    position_inverse_square: float,
+    velocity_inverse_square: float,
+    x: float,
+    v: float,
+    activations: NDArray[np.float64],
 ) -> None:
     """
-    Write exp(-(z - mu_i)^2 / eta^2) of one axis for ``count`` centres.
+    Write the activations exp(-(z - mu_i)^2 / eta^2) of both axes of a lattice.
 
-    On a lattice, and with one width an axis, the Gaussian of node (i, j) is the product of one of position and one of
+    On a lattice, and with one width per axis, the Gaussian of node (i, j) is the product of one of position and one of
     velocity: 2 n exponentials give all n x n nodes.
 
     Parameters
     ----------
-    centres, at
-        Array that holds mu_1 ... mu_count from index ``at`` on.
-    count
-        Number of centres.
-    inverse_square
-        1 / eta^2.
-    z
-        The input of this axis.
-    out, to
-        Array that takes the result from index ``to`` on.
+    centres
+        mu_1 ... mu_n of position and of velocity, shape (2, n).
+    position_inverse_square, velocity_inverse_square
+        1 / eta^2 of each axis.
+    x, v
+        The inputs of the axes.
+    activations
+        Takes the result, shape (2, n).
     """
-    for i in range(count):
-        distance = z - centres[at + i]
-        out[to + i] = exp(-(distance * distance * inverse_square))
+    for i in range(centres.shape[1]):
+        distance = x - centres[0, i]
+        activations[0, i] = exp(-(distance * distance * position_inverse_square))
+    for j in range(centres.shape[1]):
+        distance = v - centres[1, j]
+        activations[1, j] = exp(-(distance * distance * velocity_inverse_square))
 
 
 @compiled
-def lattice_sum(values: NDArray[np.float64], weights: int, activations: int, count: int) -> float:
+def lattice_sum(weights: NDArray[np.float64], activations: NDArray[np.float64]) -> float:
     """
     Return W'S over a lattice, S the product of the two axes' activations.
 
     Parameters
     ----------
-    values
-        Array that holds everything.
     weights
-        Index from which the count x count weights stand, position index first.
+        Shape (n, n), position index first.
     activations
-        Index from which the activations of the position axis stand, those of the velocity axis behind them.
-    count
-        Nodes an axis.
+        Those of the position and of the velocity axis, shape (2, n).
     """
     total = 0.0
-    for i in range(count):
+    for i in range(weights.shape[0]):
         row = 0.0
-        for j in range(count):
-            row += values[weights + i * count + j] * values[activations + count + j]
-        total += row * values[activations + i]
+        for j in range(weights.shape[1]):
+            row += weights[i, j] * activations[1, j]
+        total += row * activations[0, i]
     return total
 
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
-from hdd_servo_ros.control.input_shaping import STATE_SIZE, fill_shaped
+from hdd_servo_ros.control.input_shaping import SHAPING_STATE, fill_shaped
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.numerics.records import zeros
 from hdd_servo_ros.stability.bounds import (
     Bounds,
     Check,
@@ -185,7 +186,7 @@ def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample
     x_d: Array = signals.reference[:, 0].copy()
     dx_d: Array = signals.reference[:, 1].copy()
     shaping = controller.shaping
-    fill_shaped(np.zeros(STATE_SIZE), x_d, dx_d, shaping.share, shaping.ticks(sample_time))
+    fill_shaped(zeros(SHAPING_STATE), x_d, dx_d, shaping.share, shaping.ticks(sample_time))
     return x_d
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
-from hdd_servo_ros.control.adaptive_nn import ESTIMATE_NAMES, AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 Array = NDArray[np.float64]
@@ -59,11 +59,12 @@ def replay_weights(
     controller = AdaptiveNn(parameters, sample_time)
     output = Dsp(dsp, sample_time, drive_limit)
     controller.limit_output(output.limit)
-    replayed = np.empty((min(_PIECE, len(ldv)), len(ESTIMATE_NAMES) + 3))
+    names = controller.estimate_names
+    replayed = np.empty((min(_PIECE, len(ldv)), len(names) + 3))
     recorded = np.column_stack((estimates, control))
     inputs = np.column_stack((ldv[:, :2], reference))
     if recorded.shape[1] != replayed.shape[1]:
-        raise ReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(ESTIMATE_NAMES)}')
+        raise ReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(names)}')
     for start in range(0, len(inputs), _PIECE):
         piece = slice(start, min(start + _PIECE, len(inputs)))
         weights = np.empty((piece.stop - start, len(controller.weights)))
@@ -76,7 +77,7 @@ def replay_weights(
         wrong = np.argwhere(replayed[: piece.stop - start] != recorded[piece])
         if len(wrong):
             row, column = (int(index) for index in wrong[0])
-            name = (*ESTIMATE_NAMES, 'u', 'u before the limit', '-k r')[column]
+            name = (*names, 'u', 'u before the limit', '-k r')[column]
             raise ReplayError(
                 f'replayed from the bag, the controller does not do what was recorded: at tick {start + row} {name} is '
                 f'{float(replayed[row, column])!r}, but {float(recorded[start + row, column])!r} was recorded'

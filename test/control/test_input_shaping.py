@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdd_servo_ros.control.input_shaping import STATE_SIZE, fill_shaped, shaped
+from hdd_servo_ros.control.input_shaping import SHAPING_STATE, fill_shaped, shaped
+from hdd_servo_ros.numerics.records import record, zeros
 
 SHARE, TICKS = 0.25, 3
 
@@ -13,7 +14,7 @@ SHARE, TICKS = 0.25, 3
 def of(x_d, dx_d=None, share=SHARE, ticks=TICKS):
     out = np.array(x_d, dtype=float)
     velocity = np.zeros(len(out)) if dx_d is None else np.array(dx_d, dtype=float)
-    fill_shaped(np.zeros(STATE_SIZE), out, velocity, share, float(ticks))
+    fill_shaped(zeros(SHAPING_STATE), out, velocity, share, float(ticks))
     return out.tolist()
 
 
@@ -32,10 +33,10 @@ def test_without_share_or_delay_nothing_changes():
 
 
 def test_switched_off_it_gives_all_at_once_and_does_not_come_back():
-    state = np.zeros(STATE_SIZE)
-    assert shaped(state, 0, 4.0, 0.0, SHARE, 3.0) == 3.0
-    assert shaped(state, 0, 4.0, 0.0, 0.0, 3.0) == 4.0
-    assert shaped(state, 0, 4.0, 0.0, SHARE, 3.0) == 4.0
+    state = record(zeros(SHAPING_STATE), SHAPING_STATE)
+    assert shaped(state, 4.0, 0.0, SHARE, 3.0) == 3.0
+    assert shaped(state, 4.0, 0.0, 0.0, 3.0) == 4.0
+    assert shaped(state, 4.0, 0.0, SHARE, 3.0) == 4.0
 
 
 @given(st.lists(st.tuples(st.floats(-10, 10), st.sampled_from([0.0, 1.0, -5.0])), min_size=1, max_size=40))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdd_servo_ros.control.rbf import fill_axis, largest_square_sum, lattice, lattice_sum
+from hdd_servo_ros.control.rbf import activate, largest_square_sum, lattice, lattice_sum
 
 
 def test_lattice_is_even_and_ends_on_its_ends():
@@ -17,16 +17,15 @@ def test_lattice_is_even_and_ends_on_its_ends():
 def test_products_of_the_axes_are_the_gaussians_of_4_7(x, v, width, n):
     positions, velocities = lattice(-1.0, 1.0, n), lattice(-5.0, 5.0, n)
     weights = np.random.default_rng(n).normal(size=(n, n))
-    values = np.concatenate([np.zeros(2 * n), weights.ravel()])
-    fill_axis(positions, 0, n, 1.0 / width**2, x, values, 0)
-    fill_axis(velocities, 0, n, 1.0 / width**2, v, values, n)
+    activations = np.zeros((2, n))
+    activate(np.stack([positions, velocities]), 1.0 / width**2, 1.0 / width**2, x, v, activations)
     # (4.7): s_i = exp(-(Z - mu_i)'(Z - mu_i) / eta_i^2)
     expected = 0.0
     for i in range(n):
         for j in range(n):
             square = (x - positions[i]) ** 2 + (v - velocities[j]) ** 2
             expected += weights[i, j] * np.exp(-square / width**2)
-    assert lattice_sum(values, 2 * n, 0, n) == pytest.approx(expected, rel=1e-12, abs=1e-13)
+    assert lattice_sum(weights, activations) == pytest.approx(expected, rel=1e-12, abs=1e-13)
 
 
 def test_largest_square_sum():

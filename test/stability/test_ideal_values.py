@@ -81,7 +81,9 @@ def test_network_output_is_that_of_the_controller():
     controller = AdaptiveNn(p, 1e-4)
     controller.step(SensorScales(1.0, 1.0).inputs(0, 0.2, -0.7, 0.0, 0.0, 0.0))
     network = NetworkAt(p, (np.array([0.2]), np.array([-0.7])))
-    assert network.output(weights)[0] == pytest.approx(controller.estimates[7], rel=1e-12)
+    assert network.output(weights)[0] == pytest.approx(
+        controller.estimates[controller.estimate_names.index('network')], rel=1e-12
+    )
     assert network.activations(np.array([0])) @ weights == pytest.approx(network.output(weights), rel=1e-12)
 
 
