@@ -6,9 +6,11 @@ length makes a page of about five megabytes.
 """
 
 import base64
+import dataclasses
 import datetime as dt
 import html
 import json
+import math
 import string
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -19,10 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from hdd_servo_ros.reporting.panels import Panel
+from hdd_servo_ros.reporting.panel import Panel, Trace
 
 _PANEL_HEIGHT = 260
 _TALL_HEIGHT = 420
+_SPLIT = (0.63, 0.7)
+"""Where the whole ends and its close-up begins, as fractions of the figure's width."""
+_MANY_POINTS = 20_000
+_MARK = '! '
+"""Begins a cell of a table that is to be seen."""
 
 
 def write_page(
@@ -42,11 +49,11 @@ def write_page(
     path
         File to write; it lands by rename.
     title, subtitle
-        What stands at the top.
+        What is written at the top.
     table
         Head and lines of the table of metrics.
     panels
-        The diagrams; those over time share one axis.
+        The diagrams; those over time share one axis, and their close-ups another.
     sample_time
         T [s], the step of the times.
     details
@@ -70,72 +77,110 @@ def write_page(
 def _figures(panels: Sequence[Panel], sample_time: float) -> list[dict[str, Any]]:
     """Return what plotly.js draws: one figure of all panels over time, one of each other panel."""
     over_time = [panel for panel in panels if panel.over_time]
-    figures = [_time_figure(over_time, sample_time)] if over_time else []
-    return figures + [_figure(panel) for panel in panels if not panel.over_time]
+    figures = [_figure(over_time, sample_time)] if over_time else []
+    return figures + [_figure([panel], sample_time) for panel in panels if not panel.over_time]
 
 
-def _time_figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
+def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
+    """Return panels below each other, which share their horizontal axis, with their close-ups to the right."""
     count = len(panels)
     gap = 0.28 / count
     height = (1.0 - gap * (count - 1)) / count
-    layout: dict[str, Any] = {'height': _PANEL_HEIGHT * count + 60, 'annotations': []}
-    data = []
-    for place, panel in enumerate(panels):
-        number = '' if place == 0 else str(place + 1)
-        top = 1.0 - place * (height + gap)
-        layout[f'xaxis{number}'] = {
-            'anchor': f'y{number}',
-            'title': {'text': panel.x_label, 'standoff': 4},
-            **({'matches': 'x'} if place else {}),
-        }
-        layout[f'yaxis{number}'] = {
-            'anchor': f'x{number}',
-            'domain': [max(0.0, top - height), top],
-            'title': {'text': panel.y_label},
-        }
-        layout[f'legend{number}'] = {'y': top, 'yanchor': 'top'}
-        layout['annotations'].append(_title(panel.title, top))
-        for trace in panel.traces:
-            ticks = {'scale': sample_time, 'i4': _base64(np.rint(trace.x / sample_time), '<i4')}
-            line = _line(trace, ticks)
-            line |= {'xaxis': f'x{number}', 'yaxis': f'y{number}', 'legend': f'legend{number}'}
-            data.append(line)
+    total = _PANEL_HEIGHT * count + 60 if panels[0].over_time else _TALL_HEIGHT
+    layout: dict[str, Any] = {'height': total, 'annotations': []}
+    data: list[dict[str, Any]] = []
+    has_close_up = any(panel.close_up is not None for panel in panels)
+    for index, panel in enumerate(panels):
+        top = 1.0 - index * (height + gap)
+        vertical = [max(0.0, top - height), top]
+        whole = _Axes(_number(index), _number(0), [0.0, _SPLIT[0]] if has_close_up else [0.0, 1.0], vertical)
+        layout |= whole.layout(panel, panel.traces) | {f'legend{whole.number}': {'y': top, 'yanchor': 'top'}}
+        layout[f'yaxis{whole.number}']['title'] = {'text': panel.y_label}
+        layout['annotations'].append(_title(panel.title, 0.0, top))
+        data += whole.lines(panel, panel.traces, sample_time, legend=f'legend{whole.number}')
+        if panel.close_up is not None:
+            first = next(place for place, other in enumerate(panels) if other.close_up is not None)
+            close_up = _Axes(_number(count + index), _number(count + first), [_SPLIT[1], 1.0], vertical)
+            layout |= close_up.layout(panel, panel.in_close_up())
+            layout[f'xaxis{close_up.number}']['range'] = [panel.close_up.start, panel.close_up.end]
+            layout['annotations'].append(_title(panel.close_up.title, _SPLIT[1], top))
+            data += close_up.lines(panel, panel.in_close_up(), sample_time, legend=None)
     return {'data': data, 'layout': layout}
 
 
-def _figure(panel: Panel) -> dict[str, Any]:
-    log = {'type': 'log', 'dtick': 1}
-    x_kind = log if panel.logarithmic or panel.logarithmic_x else {}
-    y_kind: dict[str, Any] = {'exponentformat': 'power', **(log if panel.logarithmic else {})}
-    if panel.y_range is not None:
-        y_kind['range'] = panel.y_range
-    return {
-        'data': [_line(trace, {'f4': _base64(trace.x, '<f4')}) for trace in panel.traces],
-        'layout': {
-            'height': _TALL_HEIGHT,
-            'annotations': [_title(panel.title, 1.0)],
-            'xaxis': {'title': {'text': panel.x_label}, **x_kind},
-            'yaxis': {'title': {'text': panel.y_label}, **y_kind},
-        },
-    }
+def _number(index: int) -> str:
+    """Return what plotly.js writes behind the name of an axis."""
+    return '' if index == 0 else str(index + 1)
 
 
-def _line(trace: Any, x: dict[str, Any]) -> dict[str, Any]:
-    return {
-        'type': 'scattergl' if len(trace.x) > 20_000 else 'scatter',
-        'mode': 'lines',
-        'name': trace.name,
-        'line': {'color': trace.colour, 'width': 4 if trace.wide else 1.2},
-        'opacity': 0.6 if trace.wide else 1.0,
-        'showlegend': True,
-        'x': x,
-        'y': {'f4': _base64(trace.y, '<f4')},
-    }
+@dataclasses.dataclass(frozen=True)
+class _Axes:
+    """A pair of axes of a figure: its number, that of the one whose zoom it follows, and where it is drawn."""
+
+    number: str
+    followed: str
+    horizontal: list[float]
+    vertical: list[float]
+
+    def layout(self, panel: Panel, traces: Sequence[Trace]) -> dict[str, Any]:
+        """Return the description of the axes."""
+        log = {'type': 'log', 'dtick': 1}
+        x: dict[str, Any] = {'anchor': f'y{self.number}', 'domain': self.horizontal}
+        x['title'] = {'text': panel.x_label, 'standoff': 4}
+        if self.followed != self.number:
+            x['matches'] = f'x{self.followed}'
+        y: dict[str, Any] = {'anchor': f'x{self.number}', 'domain': self.vertical, 'exponentformat': 'power'}
+        limits = panel.range_of(tuple(traces))
+        if limits is not None:
+            # On a logarithmic axis plotly.js takes the exponents.
+            y['range'] = [math.log10(limit) for limit in limits] if panel.has_logarithmic_y else list(limits)
+        return {
+            f'xaxis{self.number}': x | (log if panel.has_logarithmic_x else {}),
+            f'yaxis{self.number}': y | (log if panel.has_logarithmic_y else {}),
+        }
+
+    def lines(
+        self, panel: Panel, traces: Sequence[Trace], sample_time: float, legend: str | None
+    ) -> list[dict[str, Any]]:
+        """Return lines in the order of drawing; a click in the legend hides a line in its close-up as well."""
+        return [
+            {
+                'type': 'scattergl' if len(traces[index].x) > _MANY_POINTS else 'scatter',
+                'name': traces[index].name,
+                **_style(traces[index]),
+                'legendrank': index + 1,
+                'legendgroup': f'{panel.name}, {index}',
+                'showlegend': legend is not None,
+                'x': _coded_times(traces[index].x, sample_time) if panel.over_time else _coded(traces[index].x),
+                'y': _coded(traces[index].y),
+                'xaxis': f'x{self.number}',
+                'yaxis': f'y{self.number}',
+                **({} if legend is None else {'legend': legend}),
+            }
+            for index in panel.drawing_order()
+        ]
 
 
-def _title(text: str, top: float) -> dict[str, Any]:
-    place = {'x': 0.0, 'xref': 'paper', 'xanchor': 'left', 'y': top, 'yref': 'paper', 'yanchor': 'bottom'}
-    return {'text': f'<b>{html.escape(text)}</b>', 'showarrow': False, **place}
+def _style(trace: Trace) -> dict[str, Any]:
+    """Return how a line looks."""
+    if trace.marked:
+        drawn: dict[str, Any] = {'mode': 'markers', 'marker': {'color': trace.colour}}
+    else:
+        drawn = {'mode': 'lines', 'line': {'color': trace.colour, 'width': 4 if trace.wide else 1.2}}
+    return drawn | {'opacity': trace.opacity}
+
+
+def _title(text: str, left: float, top: float) -> dict[str, Any]:
+    position = {'x': left, 'xref': 'paper', 'xanchor': 'left', 'y': top, 'yref': 'paper', 'yanchor': 'bottom'}
+    return {'text': f'<b>{html.escape(text)}</b>', 'showarrow': False, **position}
+
+
+def _coded(values: NDArray[np.float64]) -> dict[str, Any]:
+    return {'f4': _base64(values, '<f4')}
+
+
+def _coded_times(values: NDArray[np.float64], sample_time: float) -> dict[str, Any]:
+    return {'scale': sample_time, 'i4': _base64(np.rint(values / sample_time), '<i4')}
 
 
 def _base64(values: NDArray[np.float64], kind: str) -> str:
@@ -154,6 +199,10 @@ def _details(name: str, lines: Sequence[Sequence[str]]) -> str:
 def _rows(lines: Sequence[Sequence[str]]) -> str:
     """Return the lines of a table; the first cell of each names it."""
     return ''.join(
-        f'<tr><th>{html.escape(line[0])}</th>{"".join(f"<td>{html.escape(text)}</td>" for text in line[1:])}</tr>'
-        for line in lines
+        f'<tr><th>{html.escape(line[0])}</th>{"".join(_cell(text) for text in line[1:])}</tr>' for line in lines
     )
+
+
+def _cell(text: str) -> str:
+    kind = ' class="marked"' if text.startswith(_MARK) else ''
+    return f'<td{kind}>{html.escape(text)}</td>'

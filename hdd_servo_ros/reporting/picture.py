@@ -1,74 +1,147 @@
-"""Diagrams as a picture."""
+"""Diagrams drawn by matplotlib: as a picture in a file, and into a figure that is drawn again and again."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 
-from hdd_servo_ros.reporting.panels import Panel
+from hdd_servo_ros.reporting.panel import Panel
 
-_COLUMNS = 2
-_LEGEND_LINES = 8
+_COLUMNS = 6
+"""Of the grid: a close-up takes two of them, one of two panels in a row three."""
+_CLOSE_UP_COLUMNS = 2
+_FULL_ROW, _HALVES_ROW = 2.5, 3.3
+"""Heights of a row with one panel, and with two [inch]."""
+_LEGEND_LINES = 9
 _LEGEND_COLUMNS = 3
 
 
 def write_picture(panels: Sequence[Panel], title: str, path: Path) -> None:
-    """Draw diagrams, two a line, into a PNG file."""
-    lines = -(-len(panels) // _COLUMNS)
+    """
+    Draw diagrams into a PNG file.
+
+    Those over time and those with a close-up have a row of their own, the others two a row.
+    """
+    rows = list(_rows(panels))
+    heights = [_FULL_ROW if _needs_row(row[0]) else _HALVES_ROW for row in rows]
     # Not pyplot: a picture into a file needs no display, and no choice of one for the whole process.
-    figure = Figure(figsize=(13, 3.3 * lines + 0.4), layout='constrained')
+    figure = Figure(figsize=(13, sum(heights) + 0.4 + 0.2 * title.count('\n')), layout='constrained')
     FigureCanvasAgg(figure)
-    axes = figure.subplots(lines, _COLUMNS, squeeze=False).ravel()
-    for axis, panel in zip(axes, panels, strict=False):
-        _draw(axis, panel)
-    for axis in axes[len(panels) :]:
-        axis.set_visible(False)
+    grid = figure.add_gridspec(len(rows), _COLUMNS, height_ratios=heights)
+    for index, row in enumerate(rows):
+        below = rows[index + 1][0] if index + 1 < len(rows) else None
+        # Panels over time are stacked: the last one of a stack states what is on their axis.
+        _draw_row(figure, grid, index, row, shows_x=not (row[0].over_time and below is not None and below.over_time))
     figure.suptitle(title)
     figure.savefig(path, dpi=100)
 
 
-def _draw(axis: Axes, panel: Panel) -> None:
-    order = _order(panel)
-    for trace, rank in zip(panel.traces, order, strict=True):
-        x, y = trace.x, trace.y
-        if panel.close_up is not None:
-            inside = (x >= panel.close_up[0]) & (x <= panel.close_up[1])
-            x, y = x[inside], y[inside]
-        width, alpha = (2.6, 0.6) if trace.wide else (0.9, 1.0)
+def _needs_row(panel: Panel) -> bool:
+    return panel.over_time or panel.close_up is not None
+
+
+def _rows(panels: Sequence[Panel]) -> Iterator[list[Panel]]:
+    """Iterate over the panels of each row."""
+    waiting: list[Panel] = []
+    for panel in panels:
+        if waiting and (_needs_row(panel) or len(waiting) == 2):
+            yield waiting
+            waiting = []
+        if _needs_row(panel):
+            yield [panel]
+        else:
+            waiting.append(panel)
+    if waiting:
+        yield waiting
+
+
+def _draw_row(figure: Figure, grid: GridSpec, index: int, row: Sequence[Panel], *, shows_x: bool) -> None:
+    if len(row) == 2:
+        half = _COLUMNS // 2
+        for panel, columns in zip(row, (slice(0, half), slice(half, None)), strict=True):
+            draw_panel(figure.add_subplot(grid[index, columns]), panel)
+        return
+    (panel,) = row
+    split = _COLUMNS if panel.close_up is None else _COLUMNS - _CLOSE_UP_COLUMNS
+    draw_panel(figure.add_subplot(grid[index, :split]), panel, shows_x=shows_x, title_beside_legend=True)
+    if panel.close_up is not None:
+        draw_panel(figure.add_subplot(grid[index, split:]), panel, close_up=True, shows_x=shows_x)
+
+
+def draw_panel(
+    axis: Axes,
+    panel: Panel,
+    *,
+    close_up: bool = False,
+    shows_x: bool = True,
+    title_beside_legend: bool = False,
+    is_alone: bool = False,
+) -> None:
+    """
+    Draw one diagram.
+
+    Parameters
+    ----------
+    axis
+        Where to draw.
+    panel
+        What to draw.
+    close_up
+        Whether to draw its close-up instead of the whole.
+    shows_x
+        Whether to write what is on the horizontal axis.
+    title_beside_legend
+        Whether there is room for title and legend on one line.
+    is_alone
+        Whether a close-up has a legend and what is on the vertical axis written at it, since the whole is not next to
+        it.
+    """
+    traces = panel.in_close_up() if close_up else panel.traces
+    handles = {}
+    for rank, index in enumerate(panel.drawing_order()):
+        trace = traces[index]
         line, marker = ('', 'o') if trace.marked else ('-', '')
-        axis.plot(
-            *(x, y, line),
+        (handles[index],) = axis.plot(
+            *(trace.x, trace.y, line),
             marker=marker,
             color=trace.colour,
             label=trace.name,
-            linewidth=width,
-            alpha=alpha,
-            zorder=2.0 + rank / len(order),
+            linewidth=2.6 if trace.wide else 0.9,
+            alpha=trace.opacity,
+            zorder=2.0 + rank / len(traces),
         )
-    # An error of exactly nothing has no logarithm.
-    if panel.logarithmic and any((trace.y > 0.0).any() for trace in panel.traces):
+    if panel.has_logarithmic_x:
         axis.set_xscale('log')
+    if panel.has_logarithmic_y:
         axis.set_yscale('log')
-    elif panel.logarithmic_x:
-        axis.set_xscale('log')
-    if panel.y_range is not None:
-        axis.set_ylim(panel.y_range)
-    named = 1 < len(panel.traces) <= _LEGEND_LINES
-    # The legend stands between title and frame, where it hides nothing.
-    lines = -(-len(panel.traces) // _LEGEND_COLUMNS) if named else 0
-    axis.set_title(panel.title + (', last periods' if panel.close_up else ''), fontsize=10, pad=6.0 + 11.0 * lines)
-    axis.set_xlabel(panel.x_label, fontsize=9)
-    axis.set_ylabel(panel.y_label, fontsize=9)
     axis.tick_params(labelsize=8)
     axis.grid(alpha=0.3)
     axis.margins(x=0.01)
+    limits = panel.range_of(traces)
+    if limits is not None:
+        axis.set_ylim(limits)
+    if shows_x:
+        axis.set_xlabel(panel.x_label, fontsize=9)
+    title = panel.title
+    if close_up and panel.close_up is not None:
+        title = f'{title}, {panel.close_up.title}' if is_alone else panel.close_up.title
+        if not is_alone:
+            axis.set_title(title, fontsize=10)
+            return
+    axis.set_ylabel(panel.y_label, fontsize=9)
+    named = 1 < len(traces) <= _LEGEND_LINES
+    # The legend is between title and frame, or next to the title, where it hides nothing.
+    lines = -(-len(traces) // _LEGEND_COLUMNS) if named and not title_beside_legend else 0
+    axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_beside_legend else 'center')
     if named:
         axis.legend(
-            loc='lower center',
-            bbox_to_anchor=(0.5, 1.0),
+            handles=[handles[index] for index in range(len(traces))],
+            loc='lower right' if title_beside_legend else 'lower center',
+            bbox_to_anchor=(1.0 if title_beside_legend else 0.5, 1.0),
             borderaxespad=0.2,
             ncols=_LEGEND_COLUMNS,
             fontsize=7,
@@ -76,11 +149,27 @@ def _draw(axis: Axes, panel: Panel) -> None:
         )
 
 
-def _order(panel: Panel) -> list[int]:
-    """Return when to draw each line: the largest first, or as they come."""
-    if not panel.largest_first:
-        return list(range(len(panel.traces)))
-    # By its middle half, which is small for a line that is large at the start alone.
-    sizes = [float(np.subtract(*np.percentile(trace.y, (75, 25)))) for trace in panel.traces]
-    largest_first = np.argsort(sizes, kind='stable')[::-1].tolist()
-    return [largest_first.index(place) for place in range(len(panel.traces))]
+class Stack:
+    """
+    Diagrams over time below each other in a figure, without close-ups, which can be drawn again and again.
+
+    Parameters
+    ----------
+    figure
+        Where to draw.
+    """
+
+    def __init__(self, figure: Figure) -> None:
+        self._figure = figure
+        self._axes: list[Axes] = []
+        figure.set_layout_engine('constrained')
+
+    def draw(self, panels: Sequence[Panel]) -> None:
+        """Draw panels in the stead of those before."""
+        if len(panels) != len(self._axes):
+            self._figure.clear()
+            column = self._figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
+            self._axes = list(np.ravel(column))[: len(panels)]
+        for axis, panel in zip(self._axes, panels, strict=True):
+            axis.clear()
+            draw_panel(axis, panel, shows_x=axis is self._axes[-1], title_beside_legend=True)

@@ -21,11 +21,15 @@ from tqdm import tqdm
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.panels import comparison_panels, run_name, run_names, run_panels
-from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics, shown_unit, steady_start
-from hdd_servo_ros.reporting.saturation import in_one_line, saturation_of
-from hdd_servo_ros.reporting.summary import SIGNAL_ANALYZER
+from hdd_servo_ros.reporting.comparison_panels import comparison_panels
+from hdd_servo_ros.reporting.evaluation import SIGNAL_ANALYZER, steady_start
+from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics
+from hdd_servo_ros.reporting.run_names import run_name, run_names
+from hdd_servo_ros.reporting.run_panels import run_panels
+from hdd_servo_ros.reporting.saturation import saturation_line, saturation_of
+from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
 _TITLE_WIDTH = 150
 """Characters that fit over a picture."""
@@ -49,14 +53,14 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
     written : list of Path
         What was written.
     remarks : list of str
-        Why the run did not finish, if so, and what the report leaves out and why, a line each.
+        Why the run did not finish or does not track, if so, and what the report leaves out and why, a line each.
 
     Raises
     ------
     ValueError
         If the bag holds nothing to report, or nothing lies after that time.
     """
-    # Late: an error in the arguments is told before matplotlib is there.
+    # Late: an error in the arguments is reported before matplotlib is imported.
     from hdd_servo_ros.reporting.page import write_page
     from hdd_servo_ros.reporting.picture import write_picture
 
@@ -69,21 +73,24 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
     title = f'{run.controller} on {run.frame_id}: {run_name(run)}' if run.description else run_name(run)
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
-    clipped = saturation_of(run)
+    clipped, judged = saturation_of(run), verdict_of(run, after)
     content = {
         'status': run.status,
         'reason': run.reason,
+        'verdict': None if judged is None else {'text': judged.text, 'detail': judged.detail},
         'saturated_samples': None if clipped is None else {name: len(ticks) for name, ticks in clipped.items()},
         'left_out': missing,
         'errors_from': float(run.time[steady_start(run, after)]),
         'metrics': {metric.name: {'value': metric.value, 'unit': metric.unit} for metric in metrics},
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
-    write_picture(panels, '\n'.join([title, *textwrap.wrap(_ended(run), _TITLE_WIDTH)]), written[1])
-    lines = [(metric.label, f'{_number(metric.value)} {shown_unit(metric.unit)}') for metric in metrics]
-    subtitle = '; '.join([_subtitle(run, after, clipped), *missing])
+    caveats = '; '.join(_caveats(run, judged))
+    write_picture(panels, '\n'.join([title, *textwrap.wrap(caveats, _TITLE_WIDTH)]), written[1])
+    lines = [('verdict', _in_table(judged))] if judged is not None else []
+    lines += [(metric.label, f'{_number(metric.value)} {shown(metric.unit)}') for metric in metrics]
+    subtitle = '; '.join([_subtitle(run, after, judged, clipped), *missing])
     write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, _details(run))
-    return written, [_ended(run), *missing] if _ended(run) else missing
+    return written, [*_caveats(run, judged), *missing]
 
 
 def _measured_response(run: RecordedRun) -> tuple[FrequencyResponse | None, list[str]]:
@@ -107,6 +114,15 @@ def _ended(run: RecordedRun) -> str:
     return f'{run.status}: {run.reason}' if run.reason else run.status
 
 
+def _caveats(run: RecordedRun, judged: Verdict | None) -> list[str]:
+    """Return why a run did not finish, and why it does not track, a line each."""
+    return [*filter(None, [_ended(run)]), *([] if judged is None or judged.tracks else [judged.in_words])]
+
+
+def _in_table(judged: Verdict | None) -> str:
+    return '' if judged is None else judged.in_table
+
+
 def compare_runs(runs: Sequence[RecordedRun], directory: Path, after: float | None = None) -> list[Path]:
     """
     Write one table and overlay of several runs: ``comparison.html``, ``comparison.png``.
@@ -123,7 +139,7 @@ def compare_runs(runs: Sequence[RecordedRun], directory: Path, after: float | No
     directory.mkdir(parents=True, exist_ok=True)
     picture, page = directory / 'comparison.png', directory / 'comparison.html'
     names = run_names(runs)
-    title = ', '.join(f'{name} ({run.status})' if _ended(run) else name for name, run in zip(names, runs, strict=True))
+    title = ', '.join(_marked_name(name, run, verdict_of(run, after)) for name, run in zip(names, runs, strict=True))
     write_picture(panels, textwrap.fill(title, _TITLE_WIDTH), picture)
     details = {'what differs in run.yaml': _differences(runs)}
     table = comparison_table(runs, after)
@@ -131,10 +147,17 @@ def compare_runs(runs: Sequence[RecordedRun], directory: Path, after: float | No
     return [picture, page]
 
 
+def _marked_name(name: str, run: RecordedRun, judged: Verdict | None) -> str:
+    """Return the name of a run, with what is wrong with it."""
+    marks = [run.status] if _ended(run) else []
+    marks += [] if judged is None or judged.tracks else [judged.text]
+    return f'{name} ({", ".join(marks)})' if marks else name
+
+
 def _refuse_different_units(runs: Sequence[RecordedRun]) -> None:
     if len({(run.length_unit, run.control_unit) for run in runs}) > 1:
-        said = ', '.join(f'{run.path}: {run.length_unit} and {run.control_unit}' for run in runs)
-        raise ValueError(f'runs in different units cannot be compared: {said}')
+        units = ', '.join(f'{run.path}: {run.length_unit} and {run.control_unit}' for run in runs)
+        raise ValueError(f'runs in different units cannot be compared: {units}')
 
 
 def comparison_table(runs: Sequence[RecordedRun], after: float | None = None) -> tuple[list[str], list[list[str]]]:
@@ -147,14 +170,15 @@ def comparison_table(runs: Sequence[RecordedRun], after: float | None = None) ->
             first.setdefault(name, metric)
     lines = [
         [
-            f'{metric.label} [{shown_unit(metric.unit)}]' if metric.unit else metric.label,
+            f'{metric.label} [{shown(metric.unit)}]' if metric.unit else metric.label,
             *(_number(metrics[name].value) if name in metrics else '' for metrics in by_run),
         ]
         for name, metric in first.items()
     ]
     lines.insert(0, ['controller', *(run.controller for run in runs)])
     lines.insert(1, ['status', *(run.status for run in runs)])
-    lines.insert(2, ['errors from [s]', *(_number(float(run.time[steady_start(run, after)])) for run in runs)])
+    lines.insert(2, ['verdict', *(_in_table(verdict_of(run, after)) for run in runs)])
+    lines.insert(3, ['errors from [s]', *(_number(float(run.time[steady_start(run, after)])) for run in runs)])
     clipped = [saturation_of(run) for run in runs]
     for name in dict.fromkeys(name for found in clipped if found is not None for name in found):
         counts = ('' if found is None else str(len(found.get(name, ()))) for found in clipped)
@@ -166,21 +190,25 @@ def _number(value: float) -> str:
     return f'{value:.4g}'
 
 
-def _subtitle(run: RecordedRun, after: float | None, clipped: Mapping[str, NDArray[np.int64]] | None) -> str:
+def _subtitle(
+    run: RecordedRun, after: float | None, judged: Verdict | None, clipped: Mapping[str, NDArray[np.int64]] | None
+) -> str:
     since = float(run.time[steady_start(run, after)])
-    said = f'; clipped: {in_one_line(clipped, len(run.ticks))}' if clipped else ''
+    counts = {name: (len(rows), int(run.ticks[rows[0]])) for name, rows in (clipped or {}).items()}
+    saturated = f'; clipped: {saturation_line(counts, len(run.ticks))}' if counts else ''
+    how = [_ended(run) or run.status, *([] if judged is None else [judged.in_words])]
     return (
-        f'{_ended(run) or run.status}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
-        f'errors and spectrum from {since:g} s on{said}'
+        f'{"; ".join(how)}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
+        f'errors and spectrum from {since:g} s on{saturated}'
     )
 
 
 def _details(run: RecordedRun) -> dict[str, list[tuple[str, str]]]:
-    """Return everything that ``run.yaml`` says, and the parameters that were changed, as tables of two columns."""
+    """Return everything that ``run.yaml`` records, and the parameters that were changed, as tables of two columns."""
     description: dict[str, Any] = {name: value for name, value in run.description.items() if name != 'nodes'}
     details = {'run': list(_flat(description, ''))} if description else {}
-    for node, said in run.description.get('nodes', {}).items():
-        details[f'parameters of {node}'] = list(_flat(said['parameters'], ''))
+    for node, entries in run.description.get('nodes', {}).items():
+        details[f'parameters of {node}'] = list(_flat(entries['parameters'], ''))
     changes = [
         (f'tick {change.tick}', f'{change.node} {change.name} = {change.value}') for change in run.parameter_changes
     ]
@@ -190,15 +218,15 @@ def _details(run: RecordedRun) -> dict[str, list[tuple[str, str]]]:
 
 
 def _differences(runs: Sequence[RecordedRun]) -> list[list[str]]:
-    """Return what ``run.yaml`` says differently of the runs, a line each; nodes go by their names without namespace."""
-    said = []
+    """Return what differs between the runs' ``run.yaml``, a line each; nodes go by their names without namespace."""
+    contents = []
     for run in runs:
         flat = dict(_flat({name: value for name, value in run.description.items() if name != 'nodes'}, ''))
         for node, entries in run.description.get('nodes', {}).items():
             flat.update(_flat(entries['parameters'], f'{node.rsplit("/", 1)[-1]} '))
-        said.append(flat)
-    names = dict.fromkeys(name for flat in said for name in flat)
-    lines = [[name, *(flat.get(name, '') for flat in said)] for name in names]
+        contents.append(flat)
+    names = dict.fromkeys(name for flat in contents for name in flat)
+    lines = [[name, *(flat.get(name, '') for flat in contents)] for name in names]
     return [['', *run_names(runs)], *(line for line in lines if len(set(line[1:])) > 1)]
 
 

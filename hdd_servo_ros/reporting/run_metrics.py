@@ -1,9 +1,6 @@
-"""The figures that a report gives of a run, from its bag."""
+"""The metrics of a run, from its bag."""
 
 import dataclasses
-import math
-from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -17,87 +14,19 @@ from hdd_servo_ros.analysis.metrics import (
     tracking_metrics,
 )
 from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
-from hdd_servo_ros.analysis.period import repeat, sine_period
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.summary import OPEN_LOOP, SIGNAL_ANALYZER, transient_of
-
-REFERENCE_GENERATOR = 'reference_generator'
+from hdd_servo_ros.reporting.evaluation import OPEN_LOOP, follows_reference, steady_start
+from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 
 
 @dataclasses.dataclass(frozen=True)
 class Metric:
-    """One figure of a run."""
+    """One metric of a run."""
 
     name: str
     label: str
     value: float
     unit: str
-
-
-def shown_unit(unit: str) -> str:
-    """Return a unit as it is written for people."""
-    return unit.replace('um', 'µm')
-
-
-def tracks(run: RecordedRun) -> bool:
-    """Return whether the run has an error: a head that was to follow a reference."""
-    return 'reference' in run and 'head' in run and run.controller not in OPEN_LOOP
-
-
-def reference_period(run: RecordedRun) -> float | None:
-    """
-    Return the period of the reference at the end of the run [samples], None if it is not periodic or not known.
-
-    The reference's parameters tell it; without ``run.yaml``, or with a reference from a node that is not ours, the
-    samples of `/reference` in the part of the run that counts do.
-    """
-    if run.controller == SIGNAL_ANALYZER:
-        return None
-
-    def said(name: str) -> Any:
-        return run.parameter(REFERENCE_GENERATOR, name)
-
-    try:
-        waveform, frequency = said('waveform'), float(said('frequency'))
-        if waveform == 'multisine':
-            ratios = [Fraction(ratio).limit_denominator(1000) for ratio in said('component_frequencies') if ratio > 0.0]
-            # The greatest common divisor of fractions.
-            frequency *= math.gcd(*(ratio.numerator for ratio in ratios)) / math.lcm(
-                *(ratio.denominator for ratio in ratios)
-            )
-        elif waveform not in ('sine', 'square'):
-            return None
-    except LookupError:
-        return _period_of_samples(run)
-    return 1.0 / (frequency * run.sample_time) if frequency > 0.0 else None
-
-
-def _period_of_samples(run: RecordedRun) -> float | None:
-    seconds = _sine_of_samples(run)
-    if seconds is not None:
-        return seconds / run.sample_time
-    if 'reference' not in run:
-        return None
-    samples = repeat(run.desired_position[steady_start(run) :])
-    return None if samples is None else float(samples)
-
-
-def _sine_of_samples(run: RecordedRun) -> float | None:
-    """Return the period of the sine that `/reference` is [s], None if it is none."""
-    if 'reference' not in run:
-        return None
-    rows = run.reference[steady_start(run) :]
-    return sine_period(rows[:, 0], rows[:, 2])
-
-
-def follows_sine(run: RecordedRun) -> bool:
-    """Return whether the reference at the end of the run is a sine."""
-    if run.controller == SIGNAL_ANALYZER:
-        return False
-    try:
-        return bool(run.parameter(REFERENCE_GENERATOR, 'waveform') == 'sine')
-    except LookupError:
-        return _sine_of_samples(run) is not None
 
 
 def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
@@ -112,12 +41,12 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
         lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
     if 'control' not in run:
         lines.append('no figures of the control: the bag holds no /control')
-    if tracks(run) and not is_stepwise(run.desired_position):
+    if follows_reference(run) and not is_stepwise(run.desired_position):
         period = reference_period(run)
         if period is None:
             lines.append('no repeatable parts, areas and hysteresis: no period of the reference is known')
             return lines
-        samples, whole = len(run.ticks) - steady_start(run, after), _whole_periods(period).numerator
+        samples, whole = len(run.ticks) - steady_start(run, after), whole_periods(period).numerator
         if samples < 2 * whole:
             what = 'repeatable parts and areas' if samples < whole and follows_sine(run) else 'repeatable parts'
             lines.append(
@@ -125,28 +54,6 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
                 f'samples take {whole * run.sample_time:g} s'
             )
     return lines
-
-
-def _whole_periods(period: float) -> Fraction:
-    """Return a period as whole samples over the fewest periods that make them."""
-    return Fraction(period).limit_denominator(1000)
-
-
-def steady_start(run: RecordedRun, after: float | None = None) -> int:
-    """
-    Return the row from which the run counts as steady.
-
-    Parameters
-    ----------
-    run
-        The run.
-    after
-        Time before which nothing counts [s]; None for the first half of the run, 2 s at most.
-    """
-    start = run.since(transient_of(run.duration) if after is None else after).start
-    changes = [change.tick for change in run.parameter_changes if change.node.endswith(f'/{REFERENCE_GENERATOR}')]
-    # A reference that was changed later starts anew then.
-    return max(start, int(np.searchsorted(run.ticks, changes[-1]))) if changes and after is None else int(start)
 
 
 def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
@@ -158,7 +65,7 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
     run
         The run.
     after
-        As of :func:`steady_start`.
+        Time before which nothing counts [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
 
     Raises
     ------
@@ -169,7 +76,7 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
     if start >= len(run.ticks):
         raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
     found: list[Metric] = []
-    if tracks(run):
+    if follows_reference(run):
         found += _tracking(run, start)
         if is_stepwise(run.desired_position):
             found += _steps(run)
@@ -236,7 +143,7 @@ def _control(run: RecordedRun, start: int) -> list[Metric]:
     ]
     period = reference_period(run)
     if period is not None and 'head' in run and follows_sine(run):
-        samples = _whole_periods(period)
+        samples = whole_periods(period)
         cycles = (len(run.ticks) - start) // samples.numerator * samples.denominator
         if cycles:
             rows = slice(len(run.ticks) - cycles // samples.denominator * samples.numerator, None)

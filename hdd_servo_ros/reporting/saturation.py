@@ -1,5 +1,6 @@
-"""What a bag tells of saturation: the samples that lie at the end of what an instrument can give."""
+"""Saturation as a run's signals show it: the samples at the end of an instrument's range."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,55 +10,85 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
 from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.messages.topics import CONTROL, LDV
 from hdd_servo_ros.parameters import declarations, from_mapping
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
+CONTROL_OUTPUT = 'control'
+"""Name of the command among the saturated signals."""
 
-def saturated_ticks(signals: Signals | RecordedRun, run: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
+
+@dataclasses.dataclass(frozen=True)
+class Ranges:
+    """
+    Ranges of the instruments of a run, by its parameters at the start.
+
+    Attributes
+    ----------
+    ldv
+        Lowest and highest voltage that an output of the vibrometer can show [V]; None if its parameters are not known.
+    control_step
+        By how much the command before saturation may exceed the command without being clipped [V], since rounding to
+        the converter's step is no saturation; None if the parameters are not known.
+    """
+
+    ldv: tuple[float, float] | None = None
+    control_step: float | None = None
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any]) -> 'Ranges':
+        """Return the ranges by the content of ``run.yaml``."""
+        ldv, control_step = None, None
+        for name, node in description.get('nodes', {}).items():
+            parameters = node.get('parameters', {})
+            if name.rpartition('/')[2] == 'ldv_sensor':
+                known = {declaration.name for declaration in declarations(LdvParameters)} & parameters.keys()
+                ldv = from_mapping(LdvParameters, {key: parameters[key] for key in known}).levels()
+            elif 'dsp.dac_bits' in parameters:
+                control_step, _, _ = converter_codes(parameters['dsp.dac_bits'], parameters['dsp.dac_range'])
+        return cls(ldv, control_step)
+
+    def saturated_rows(self, signals: Signals) -> dict[str, NDArray[np.int64]]:
+        """Return the rows in which a signal is clipped, for each signal that is clipped at all."""
+        clipped: dict[str, NDArray[np.bool_]] = {}
+        if self.ldv is not None and LDV.name in signals:
+            lowest, highest = self.ldv
+            for output, volts in zip(OUTPUTS, signals.ldv.T, strict=False):
+                clipped[f'{output} output'] = (volts <= lowest) | (volts >= highest)
+        if self.control_step is not None and CONTROL.name in signals:
+            wanted, given = np.abs(signals.control.before_saturation), np.abs(signals.command)
+            clipped[CONTROL_OUTPUT] = wanted > given + self.control_step
+        return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
+
+
+def saturated_rows(signals: Signals, description: Mapping[str, Any]) -> dict[str, NDArray[np.int64]]:
     """
     Find the samples that an instrument has clipped.
 
     Parameters
     ----------
     signals
-        From :func:`read_signals`, or the run itself.
-    run
+        The signals of the run.
+    description
         Content of ``run.yaml``; the parameters are those at the start of the run.
 
     Returns
     -------
     dict
-        Of the vibrometer's displacement and velocity output and of the drive voltage, where any were: their ticks.
+        Of the vibrometer's displacement and velocity output and of the drive voltage, where any was clipped: the rows.
     """
-    clipped: dict[str, NDArray[np.bool_]] = {}
-    for name, node in run.get('nodes', {}).items():
-        parameters = node.get('parameters', {})
-        if name.rpartition('/')[2] == 'ldv_sensor':
-            known = {declaration.name for declaration in declarations(LdvParameters)} & parameters.keys()
-            lowest, highest = from_mapping(LdvParameters, {key: parameters[key] for key in known}).levels()
-            for output, volts in zip(OUTPUTS, signals.ldv.T, strict=False):
-                clipped[f'{output} output'] = (volts <= lowest) | (volts >= highest)
-        elif 'dsp.dac_bits' in parameters:
-            # Rounding to the converter's step is no saturation.
-            step, _, _ = converter_codes(parameters['dsp.dac_bits'], parameters['dsp.dac_range'])
-            clipped['control'] = np.abs(signals.control[:, 1]) > np.abs(signals.control[:, 0]) + step
-    return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
+    return Ranges.of(description).saturated_rows(signals)
 
 
 def saturation_of(run: RecordedRun) -> dict[str, NDArray[np.int64]] | None:
-    """Return :func:`saturated_ticks` of a run, None if the bag or its ``run.yaml`` do not tell."""
-    if not run.description or 'ldv' not in run or 'control' not in run:
+    """Return :func:`saturated_rows` of a run, None if its bag or its ``run.yaml`` do not tell."""
+    if not run.description or LDV.name not in run or CONTROL.name not in run:
         return None
-    return saturated_ticks(run, run.description)
+    return saturated_rows(run, run.description)
 
 
-def saturation_line(signals: Signals | RecordedRun, run: Mapping[str, Any]) -> str:
-    """Return in one line which signals were clipped, how often and from which tick on; empty if none was."""
-    return in_one_line(saturated_ticks(signals, run), len(signals.time))
-
-
-def in_one_line(clipped: Mapping[str, NDArray[np.int64]], samples: int) -> str:
-    """Return what :func:`saturated_ticks` has found in a run of so many samples."""
+def saturation_line(counts: Mapping[str, tuple[int, int]], samples: int) -> str:
+    """Return in one line how many of a run's samples were clipped, by the count and the first tick of each signal."""
     return '; '.join(
-        f'{name} {len(ticks)} of {samples} samples, first at tick {ticks[0]}' for name, ticks in clipped.items()
+        f'{name} {count} of {samples} samples, first at tick {tick}' for name, (count, tick) in counts.items()
     )

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.reporting.response import CSV, describe
+from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.summary import summary
 
 
@@ -15,11 +15,19 @@ def show_run(directory: Path, *, plot: bool) -> None:
         # A sweep follows no reference: what there is to show has been written when it ended.
         print(f'{"response":>16}  {describe(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
         return
-    signals, run = RecordedRun.open(directory), read_run_yaml(directory)
-    print(summary(signals, run, directory))
+    run = RecordedRun.open(directory)
+    print(summary(sums_of(run), run.description, directory))
     if plot:
-        from hdd_servo_ros.reporting.plot import plot_run
-
         picture = directory / 'run.png'
-        plot_run(signals, run, picture)
+        draw_run(run, picture)
         print(f'{"picture":>16}  {picture}')
+
+
+def draw_run(run: RecordedRun, path: Path) -> None:
+    """Draw a run over its time, whole and its last moments, into a PNG file."""
+    # Late: a run that draws nothing need not wait for matplotlib.
+    from hdd_servo_ros.reporting.picture import write_picture
+    from hdd_servo_ros.reporting.run_panels import panels_over_time
+
+    title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
+    write_picture(panels_over_time(run), title, path)

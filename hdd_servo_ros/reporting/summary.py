@@ -1,83 +1,76 @@
 """A run in a few lines."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from hdd_servo_ros.analysis.metrics import tracking_metrics
 from hdd_servo_ros.messages.signals import Signals
-from hdd_servo_ros.messages.topics import LOOP_TOPICS
+from hdd_servo_ros.messages.units import shown
+from hdd_servo_ros.reporting.evaluation import transient_of
+from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.saturation import saturation_line
-
-NOT_ADAPTED = ('t', 'r', 'e')
-"""What stands among the estimates without being one: time and errors."""
-SIGNAL_ANALYZER = 'signal_analyzer'
-OPEN_LOOP = ('open_loop', SIGNAL_ANALYZER)
-"""Controllers with which the head is to follow nothing: there is no error."""
-LONGEST_TRANSIENT = 2.0
-"""What counts as transient in a long run [s]; in a short one it is the first half."""
+from hdd_servo_ros.reporting.verdict import verdict
 
 
-def transient_of(duration: float) -> float:
-    """Return the time before which errors do not count [s]."""
-    return min(0.5 * duration, LONGEST_TRANSIENT)
-
-
-def summary(signals: Signals, run: dict[str, Any], directory: Path) -> str:
+def summary(source: Signals | RunSums, description: Mapping[str, Any], directory: Path | None = None) -> str:
     """
     Return the summary of a run.
 
     Parameters
     ----------
-    signals
-        From :func:`read_signals`.
-    run
-        Content of ``run.yaml``.
+    source
+        The signals of the whole run, or what :class:`RunSums` has summed up of them piece by piece.
+    description
+        Content of ``run.yaml``, or as much of it as is known of a run that was not recorded: ``status``, ``reason``,
+        ``controller``, ``frame_id``, ``sample_time`` and ``nodes``. Lines of what it does not hold are left out.
     directory
-        Where the run lies.
+        Where the run is, if it was recorded.
+
+    Raises
+    ------
+    ValueError
+        If there is no sample.
     """
-    length, volt = run.get('length_unit', 'um'), run.get('control_unit', 'V')
-    error_unit, factor = ('nm', 1e3) if length == 'um' else (length, 1.0)
-    duration = float(signals.time[-1])
-    metrics = tracking_metrics(
-        signals.time,
-        signals.reference[:, 0],
-        signals.head[:, 0],
-        signals.control[:, 0],
-        transient=transient_of(duration),
-        unit=factor,
-    )
-    ticks = len(signals.time)
+    if isinstance(source, Signals):
+        sums = RunSums(description, transient_of(source.duration))
+        sums.add(source)
+    else:
+        sums = source
+    if not sums.samples:
+        raise ValueError('a run without a sample has no summary')
+    units, topics = sums.units, len(description.get('topics', ()))
     lines = [
-        ('run', f'{run["status"]}' + (f': {run["reason"]}' if run['reason'] else '')),
-        ('controller', f'{run["controller"]}, drive {run["frame_id"]}'),
-        (
-            'tracking error',
-            f'{metrics.rms_error:.4g} {error_unit} rms, {metrics.max_error:.4g} {error_unit} max '
-            f'(after {metrics.transient:g} s)',
-        ),
-        ('peak control', f'{metrics.peak_control:.4g} {volt}'),
-        ('estimates', _estimates(signals) + ' (at the end)'),
-        ('ticks', f'{ticks} of {run["sample_time"]:g} s, 0 to {ticks - 1}'),
-        ('messages', f'{ticks * len(LOOP_TOPICS)} on {len(LOOP_TOPICS)} topics, {ticks} each'),
+        ('run', _how_it_went(sums, description)),
+        ('controller', f'{description.get("controller", "unknown")}, drive {description.get("frame_id", "unknown")}'),
     ]
-    if run['controller'] in OPEN_LOOP:
-        lines = [line for line in lines if line[0] != 'tracking error']
-    saturation = saturation_line(signals, run)
-    if saturation:
-        lines.append(('saturation', saturation))
-    if run.get('real_time_factor'):
-        lines.append(('real-time factor', f'{run["real_time_factor"]:.3g}'))
-    lines.append(('run folder', str(directory)))
+    if sums.has_error:
+        unit, factor = shown(units.error), units.error_factor
+        rms, peak = factor * sums.rms_error, factor * sums.peak_error
+        lines.append(('tracking error', f'{rms:.4g} {unit} rms, {peak:.4g} {unit} max (after {sums.transient:g} s)'))
+    if sums.peak_control is not None:
+        lines.append(('peak control', f'{sums.peak_control:.4g} {shown(units.control)}'))
+    estimates = ', '.join(f'{name} {value:.4g}' for name, value in sums.estimates.items())
+    lines.append(('estimates', f'{estimates or "none"} (at the end)'))
+    lines.append(
+        ('ticks', f'{sums.samples} of {description["sample_time"]:g} s, {sums.first_tick} to {sums.last_tick}')
+    )
+    if topics:
+        lines.append(('messages', f'{sums.samples * topics} on {topics} topics, {sums.samples} each'))
+    if sums.saturated:
+        lines.append(('saturation', saturation_line(sums.saturated, sums.samples)))
+    if description.get('real_time_factor'):
+        lines.append(('real-time factor', f'{description["real_time_factor"]:.3g}'))
+    if directory is not None:
+        lines.append(('run folder', str(directory)))
     width = max(len(name) for name, _ in lines)
     return '\n'.join(f'{name:>{width}}  {text}' for name, text in lines)
 
 
-def _estimates(signals: Signals) -> str:
-    shown = [
-        f'{name} {values[-1]:.4g}'
-        for name, values in signals.estimates.items()
-        if name not in NOT_ADAPTED and np.any(values != values[0])
-    ]
-    return ', '.join(shown) or 'none'
+def _how_it_went(sums: RunSums, description: Mapping[str, Any]) -> str:
+    """Return how the run ended, why, and its verdict."""
+    status, reason = description.get('status', 'unknown'), description.get('reason', '')
+    judged = verdict(sums, reason)
+    text = f'{status}: {reason}' if reason else str(status)
+    if judged is None:
+        return text
+    return f'{text}, {judged.text}' if judged.tracks else f'{text}, but {judged.in_words}'

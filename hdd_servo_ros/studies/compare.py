@@ -13,9 +13,6 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-from matplotlib.axes import Axes
-
 from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.command import exit_code
@@ -24,10 +21,16 @@ from hdd_servo_ros.graph.catalogue import CONTROLLERS, names_with_parameters
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.run_metrics import run_metrics, shown_unit
-from hdd_servo_ros.studies.output import draw, new_figure, save, write_table
+from hdd_servo_ros.reporting.close_up import close_up_of
+from hdd_servo_ros.reporting.comparison_panels import compared, error_panel, position_panel
+from hdd_servo_ros.reporting.panel import COLOURS
+from hdd_servo_ros.reporting.picture import draw_panel
+from hdd_servo_ros.reporting.run_metrics import run_metrics
+from hdd_servo_ros.reporting.verdict import verdict_of
+from hdd_servo_ros.studies.output import new_figure, save, write_table
 
 DEFAULT_FILE = 'seagate_7200_10.yaml'
 _TRACKING = ('rms_error', 'max_error')
@@ -36,10 +39,6 @@ METRICS = (*_TRACKING, *_STEPS, 'peak_control')
 """Columns of the table; those of errors count after the transient, those of steps the worst edge of the run."""
 _INSTEAD = {'controller': '--controllers', 'run_dir': '--output'}
 """Parameters that every run gets from `compare`, and the options that say them."""
-_CLOSE_UP = 0.03
-"""How much of the end of a run is drawn [s]."""
-_BEFORE_STEP, _AFTER_STEP = 1e-3, 1e-2
-"""What is drawn around the last step [s]."""
 
 
 def _experiment(duration: float, **reference: object) -> dict[str, object]:
@@ -123,6 +122,8 @@ class Row:
         For each metric its label with its unit.
     note
         How the run failed, if it did.
+    verdict
+        Whether it tracks; empty where nothing is to be tracked.
     """
 
     experiment: str
@@ -130,6 +131,7 @@ class Row:
     values: Mapping[str, float]
     headers: Mapping[str, str]
     note: str = ''
+    verdict: str = ''
 
 
 def _known(nodes: Iterable[str]) -> set[str]:
@@ -141,15 +143,22 @@ def _known(nodes: Iterable[str]) -> set[str]:
 def read_row(experiment: str, controller: str, run: RecordedRun) -> Row:
     """Return the row of a recorded run."""
     if run.status != FINISHED:
-        return Row(experiment, controller, {}, {}, f'{run.status}: {run.reason}')
+        return Row(experiment, controller, {}, {}, f'{run.status}: {run.reason}', _verdict(run))
     pointless = _TRACKING if is_stepwise(run.desired_position) else _STEPS
     metrics = [metric for metric in run_metrics(run) if metric.name in METRICS and metric.name not in pointless]
     return Row(
         experiment,
         controller,
         {metric.name: metric.value for metric in metrics},
-        {metric.name: f'{metric.label} [{shown_unit(metric.unit)}]' for metric in metrics},
+        {metric.name: f'{metric.label} [{shown(metric.unit)}]' for metric in metrics},
+        verdict=_verdict(run),
     )
+
+
+def _verdict(run: RecordedRun) -> str:
+    """Return the verdict of a run in the table; empty if it has none."""
+    judged = verdict_of(run)
+    return '' if judged is None else judged.in_table
 
 
 def write_rows(rows: Sequence[Row], path: Path) -> tuple[Path, Path]:
@@ -157,22 +166,23 @@ def write_rows(rows: Sequence[Row], path: Path) -> tuple[Path, Path]:
     headers = {name: label for row in rows for name, label in row.headers.items()}
     columns = [name for name in METRICS if name in headers]
     notes = ['note'] if any(row.note for row in rows) else []
+    header = ['experiment', 'controller', 'verdict', *(headers[name] for name in columns), *notes]
     with path.with_suffix('.csv').open('w', newline='', encoding='utf8') as stream:
         writer = csv.writer(stream)
-        writer.writerow(['experiment', 'controller', *(headers[name] for name in columns), *notes])
+        writer.writerow(header)
         for row in rows:
             cells = [row.values.get(name, '') for name in columns]
-            writer.writerow([row.experiment, row.controller, *cells, *[row.note for _ in notes]])
+            writer.writerow([row.experiment, row.controller, row.verdict, *cells, *[row.note for _ in notes]])
     table = [
         [
             row.experiment,
             row.controller,
+            row.verdict,
             *(_shown(row.values.get(name, math.nan)) for name in columns),
             *[row.note for _ in notes],
         ]
         for row in rows
     ]
-    header = ['experiment', 'controller', *(headers[name] for name in columns), *notes]
     return path.with_suffix('.csv'), write_table(
         path, 'Errors after the transient; steps: the worst edge.', header, table
     )
@@ -185,43 +195,24 @@ def _shown(value: float) -> str:
 
 
 def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
-    """Draw the runs of each experiment over each other; return the file."""
+    """Draw the runs of each experiment over each other, one column each; return the file."""
     experiments = list(dict.fromkeys(experiment for experiment, _ in runs))
-    figure = new_figure('The same experiments with each controller', width=1.0 + 4.6 * len(experiments), height=8.5)
+    figure = new_figure('The same experiments with each controller', width=1.0 + 4.6 * len(experiments), height=9.0)
     axes = figure.subplots(3, len(experiments), squeeze=False)
     controllers = list(dict.fromkeys(controller for _, controller in runs))
     for column, experiment in zip(axes.T, experiments, strict=True):
-        column[0].set_title(experiment, fontsize=10)
-        for (its_experiment, controller), run in runs.items():
-            if its_experiment == experiment:
-                _draw_run(column, run, controller, f'C{controllers.index(controller)}')
-    handles = {label: line for axis in axes[0] for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc='outside lower center', ncols=len(handles), frameon=False)
+        # Of all controllers, so that each has the same colour in every column.
+        items = [
+            dataclasses.replace(item, colour=COLOURS[controllers.index(item.name) % len(COLOURS)])
+            for item in compared({controller: run for (of, controller), run in runs.items() if of == experiment})
+        ]
+        close_up = close_up_of(items[0].run)
+        positions, errors = position_panel(items, close_up), error_panel(items, close_up)
+        large = close_up is not None
+        draw_panel(column[0], dataclasses.replace(positions, title=experiment), close_up=large, is_alone=True)
+        draw_panel(column[1], errors, close_up=large, is_alone=True)
+        draw_panel(column[2], errors, is_alone=True)
     return save(figure, path)
-
-
-def _draw_run(axes: Sequence[Axes], run: RecordedRun, label: str, color: str) -> None:
-    error, time = run.error_factor * run.error, run.time
-    rows = _close_up(run)
-    position, close, whole = axes
-    if not position.lines:
-        style = {'color': '0.3', 'linewidth': 2.5, 'alpha': 0.5, 'label': 'reference'}
-        draw(position, time[rows], run.desired_position[rows], **style)
-    draw(position, time[rows], run.position[rows], color=color, label=label)
-    draw(close, time[rows], error[rows], color=color)
-    draw(whole, time, error, color=color, alpha=0.7)
-    position.set_ylabel(f'position [{shown_unit(run.length_unit)}]')
-    close.set_ylabel(f'error [{shown_unit(run.error_unit)}]')
-    whole.set_ylabel(f'error, whole run [{shown_unit(run.error_unit)}]')
-    whole.set_xlabel('time [s]')
-
-
-def _close_up(run: RecordedRun) -> slice:
-    edges = np.flatnonzero(np.diff(run.desired_position)) + 1
-    if is_stepwise(run.desired_position) and len(edges):
-        at = run.time[edges[-1]]
-        return slice(*np.searchsorted(run.time, (at - _BEFORE_STEP, at + _AFTER_STEP)))
-    return slice(int(np.searchsorted(run.time, run.time[-1] - _CLOSE_UP)), len(run.time))
 
 
 def _parser() -> argparse.ArgumentParser:

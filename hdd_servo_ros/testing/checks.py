@@ -162,11 +162,11 @@ class Checks:
         """Assert that from a time on neither an output of the vibrometer nor the drive voltage was clipped."""
         __tracebackhide__ = True
         # Late: it brings the instruments' parameters with it.
-        from hdd_servo_ros.reporting.saturation import saturated_ticks
+        from hdd_servo_ros.reporting.saturation import saturated_rows
 
         run, first = self._run, self._rows(after, None).start
-        for name, ticks in saturated_ticks(run, run.description).items():
-            late = ticks[ticks >= first]
+        for name, rows in saturated_rows(run, run.description).items():
+            late = rows[rows >= first]
             if len(late):
                 signals = {'displacement output': run.ldv[:, 0], 'velocity output': run.ldv[:, 1]}
                 plot = self._plot(f'{name} clipped', name, 'V', signals.get(name, run.command), None, int(late[0]))
@@ -306,28 +306,33 @@ class Checks:
         """Draw the signal, whole and about a row, and return the picture's path; its ticks are the run's if None."""
         # Late: only a test that fails waits for matplotlib.
         from hdd_servo_ros.reporting.decimation import rows_to_draw
-        from hdd_servo_ros.reporting.panels import COLOURS, GREY, Panel, Trace, run_name
+        from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace
         from hdd_servo_ros.reporting.picture import write_picture
+        from hdd_servo_ros.reporting.run_names import run_name
 
         run = self._run
         ticks = run.ticks if ticks is None else ticks
         times: NDArray[np.float64] = np.asarray(ticks * run.sample_time, dtype=np.float64)
-        panels = []
-        nearby = np.arange(max(0, row - _CLOSE_UP_ROWS), min(len(values), row + _CLOSE_UP_ROWS))
-        for title, shown in (('whole run', rows_to_draw(values, _BUCKETS)), (f'about tick {ticks[row]}', nearby)):
-            time = times[shown]
-            traces = [] if reference is None else [Trace('reference', time, reference[shown], GREY, wide=True)]
-            traces.append(Trace(name, time, values[shown], COLOURS[0]))
-            if limit is not None:
-                # One line with a gap: both limits go by one name.
-                corners = np.array([time[0], time[-1], np.nan, time[0], time[-1]])
-                limits = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])
-                traces.append(Trace(f'limit {_text(limit, unit)}', corners, limits, COLOURS[1]))
-            traces.append(Trace('this tick', times[[row]], values[[row]], COLOURS[3], marked=True))
-            panels.append(Panel(name, title, 'time [s]', f'{name} [{unit}]' if unit else name, tuple(traces)))
+        nearby = slice(max(0, row - _CLOSE_UP_ROWS), min(len(values), row + _CLOSE_UP_ROWS))
+        drawn = rows_to_draw(values, _BUCKETS, [nearby])
+        time = times[drawn]
+        traces = [] if reference is None else [Trace('reference', time, reference[drawn], GREY, wide=True)]
+        traces.append(Trace(name, time, values[drawn], COLOURS[0]))
+        close_up = CloseUp(float(times[nearby][0]), float(times[nearby][-1]), f'about tick {ticks[row]}')
+        if limit is not None:
+            # One line with a gap: both limits go by one name, and both are in the close-up.
+            x = np.array([time[0], close_up.start, close_up.end, time[-1]])
+            y = np.full(len(x), limit)
+            x, y = np.concatenate([x, [np.nan], x]), np.concatenate([y, [np.nan], -y])
+            # The gap has a time as well, so that a close-up keeps it.
+            x[len(y) // 2] = close_up.end
+            traces.append(Trace(f'limit {_text(limit, unit)}', x, y, COLOURS[1]))
+        traces.append(Trace('this tick', times[[row]], values[[row]], COLOURS[3], marked=True))
+        label = f'{name} [{unit}]' if unit else name
+        panel = Panel(name, 'whole run', 'time [s]', label, tuple(traces), close_up=close_up)
         stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'
         path = _free_path(plot_directory or run.path, stem)
-        write_picture(panels, f'{what}: {run_name(run)}', path)
+        write_picture([panel], f'{what}: {run_name(run)}', path)
         return path
 
 

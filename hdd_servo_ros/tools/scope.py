@@ -30,8 +30,9 @@ from std_msgs.msg import Float64MultiArray, String
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.messages.scope_blocks import Block
 from hdd_servo_ros.messages.topics import SCOPE
+from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
-from hdd_servo_ros.reporting.live_plot import LivePlot, lighten
+from hdd_servo_ros.reporting.live_view import LiveView, lighten
 from hdd_servo_ros.ros.transport import use_udp_alone
 
 FRAME_PERIOD = 0.25
@@ -49,21 +50,21 @@ _NO_VIEW = (
 
 class Feed:
     """
-    What the recorder of a run sends, heard in a thread of its own.
+    What the recorder of a run sends, received in a thread of its own.
 
     Parameters
     ----------
-    plot
+    view
         Where it goes, when :meth:`pour` is called.
     """
 
-    def __init__(self, plot: LivePlot) -> None:
-        self._plot = plot
-        self._heard: queue.SimpleQueue[Float64MultiArray] = queue.SimpleQueue()
-        self._said_end = False
+    def __init__(self, view: LiveView) -> None:
+        self._view = view
+        self._received: queue.SimpleQueue[Float64MultiArray] = queue.SimpleQueue()
+        self._has_reported_end = False
         self._node = rclpy.create_node('scope')
-        self._node.create_subscription(Float64MultiArray, SCOPE, self._heard.put, _BEST_EFFORT)
-        self._node.create_subscription(String, 'lockstep', self._hear_state, _BEST_EFFORT)
+        self._node.create_subscription(Float64MultiArray, SCOPE, self._received.put, _BEST_EFFORT)
+        self._node.create_subscription(String, 'lockstep', self._receive_state, _BEST_EFFORT)
         self._present_at = time.monotonic()
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -75,26 +76,26 @@ class Feed:
         self._executor.shutdown()
         self._thread.join()
 
-    def _hear_state(self, message: String) -> None:
-        self._said_end = json.loads(message.data).get('state') in (FINISHED, FAILED, INTERRUPTED)
+    def _receive_state(self, message: String) -> None:
+        self._has_reported_end = json.loads(message.data).get('state') in (FINISHED, FAILED, INTERRUPTED)
 
     def pour(self) -> bool:
-        """Put what has come into the plot; return whether there was anything."""
-        count = self._heard.qsize()
+        """Put what was received into the view; return whether there was anything."""
+        count = self._received.qsize()
         for _ in range(count):
-            message = self._heard.get()
+            message = self._received.get()
             units, names = (dimension.label.split(',') for dimension in message.layout.dim)
             rows = np.asarray(message.data, dtype=np.float64).reshape(-1, len(names))
-            self._plot.add(Block(tuple(names), rows), *units)
+            self._view.add(Block(tuple(names), rows), Units(*units))
         if self._node.count_publishers(SCOPE):
             self._present_at = time.monotonic()
         return count > 0
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run that was seen is over: it said so, or its recorder is gone."""
+        """Whether the run that was seen is over: it reported so, or its recorder is gone."""
         gone = time.monotonic() - self._present_at > _GONE_AFTER
-        return not self._plot.is_empty and (self._said_end or gone)
+        return not self._view.is_empty and (self._has_reported_end or gone)
 
 
 def _heed_interrupts_until_the_end(feed: Feed) -> None:
@@ -114,15 +115,15 @@ def _heed_interrupts_until_the_end(feed: Feed) -> None:
 def save(path: Path, seconds: float, window: float) -> None:
     """Collect for a time [s of wall time], or until the run ends, and write one picture."""
     figure = Figure(figsize=(10.0, 9.0))
-    plot = LivePlot(figure, window)
-    with contextlib.closing(Feed(plot)) as feed:
+    view = LiveView(figure, window)
+    with contextlib.closing(Feed(view)) as feed:
         _heed_interrupts_until_the_end(feed)
         _wait_for_run(feed)
         end = time.monotonic() + seconds
         while time.monotonic() < end and not feed.has_ended:
             time.sleep(FRAME_PERIOD)
             feed.pour()
-    plot.draw()
+    view.draw()
     figure.savefig(path, dpi=120)
     print(f'scope: {path}')
 
@@ -138,8 +139,8 @@ def show(window: float, port: int | None) -> None:
     import matplotlib.pyplot as plt
 
     figure = plt.figure('scope', figsize=(10.0, 9.0))
-    plot = LivePlot(figure, window)
-    feed = Feed(plot)
+    view = LiveView(figure, window)
+    feed = Feed(view)
     _heed_interrupts_until_the_end(feed)
     if port is None:
         print('scope: waiting for a run with a bag_recorder', flush=True)
@@ -148,7 +149,7 @@ def show(window: float, port: int | None) -> None:
 
     def draw() -> None:
         if feed.pour():
-            plot.draw()
+            view.draw()
             figure.canvas.draw_idle()
         if feed.has_ended:
             print('scope: the run has ended')

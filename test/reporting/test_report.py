@@ -17,11 +17,15 @@ from hdd_servo_ros.messages.cdr import VectorCodec
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.reporting import plot
-from hdd_servo_ros.reporting.panels import Panel, Trace, comparison_panels, run_panels
+from hdd_servo_ros.reporting import picture
+from hdd_servo_ros.reporting.comparison_panels import comparison_panels
+from hdd_servo_ros.reporting.panel import Panel, Trace
 from hdd_servo_ros.reporting.picture import write_picture
+from hdd_servo_ros.reporting.reference_period import reference_period
 from hdd_servo_ros.reporting.report import main
-from hdd_servo_ros.reporting.run_metrics import left_out, reference_period, run_metrics
+from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
+from hdd_servo_ros.reporting.run_panels import run_panels
+from hdd_servo_ros.reporting.show import draw_run
 from hdd_servo_ros.reporting.summary import summary
 
 LARGEST_PAGE = 6_000_000
@@ -64,6 +68,12 @@ def figures(page):
         for line in figure['data']:
             line['x'], line['y'] = numbers(line['x']), numbers(line['y'])
     return coded
+
+
+def whole(figure):
+    """Return the lines of a figure without those of close-ups, each diagram's in the order of its legend."""
+    lines = [line for line in figure['data'] if line['showlegend']]
+    return sorted(lines, key=lambda line: (line['yaxis'], line['legendrank']))
 
 
 class References(HTMLParser):
@@ -109,7 +119,7 @@ def test_a_report_of_one_run(runs, tmp_path, capsys):
     time_figure, *others = figures(page)
     for figure in (time_figure, *others):
         go.Figure(figure)  # refuses a property that plotly does not know
-    lines = {line['name']: line for line in time_figure['data']}
+    lines = {line['name']: line for line in whole(time_figure)}
     assert {'reference', 'head', 'total', 'feedback part'} < lines.keys()
     head = lines['head']
     rows = np.rint(head['x'] / 1e-4).astype(int)
@@ -118,6 +128,8 @@ def test_a_report_of_one_run(runs, tmp_path, capsys):
     assert {*range(500), *range(len(run.ticks) - 500, len(run.ticks))} <= {*rows.tolist()}
     error = next(line for line in time_figure['data'] if line['yaxis'] == 'y2')
     assert np.abs(error['y']).max() == np.float32(1e3 * np.abs(run.error).max())
+    close_up = next(line for line in time_figure['data'] if line['name'] == 'head' and not line['showlegend'])
+    np.testing.assert_array_equal(close_up['y'], run.position[-301:].astype(np.float32))
     spectrum = others[0]['data'][0]
     assert spectrum['x'][np.argmax(spectrum['y'])] == pytest.approx(300.0, abs=3.0)  # friction's third harmonic
     assert others[1]['layout']['annotations'][0]['text'] == '<b>Hysteresis, last periods</b>'
@@ -128,7 +140,7 @@ def test_a_run_is_reported_in_its_own_folder(runs):
     assert yaml.safe_load((runs['square'] / 'metrics.yaml').read_text())['errors_from'] == 0.1
     page = (runs['square'] / 'report.html').read_text('utf8')
     edges = figures(page)[2]
-    assert edges['layout']['annotations'][0]['text'] == '<b>Answers to the edges</b>'
+    assert edges['layout']['annotations'][0]['text'] == '<b>Responses to the edges</b>'
     assert len(edges['data']) == 8
 
 
@@ -140,11 +152,14 @@ def test_several_runs_are_compared(runs, tmp_path, capsys):
     assert (tmp_path / 'pid' / 'report.html').is_file()
     assert (tmp_path / 'comparison.png').is_file()
     time_figure, *others = figures((tmp_path / 'comparison.html').read_text('utf8'))
-    assert [line['name'] for line in time_figure['data']] == ['nn', 'pid', 'nn', 'pid']
-    titles = [figure['layout']['annotations'][0]['text'] for figure in others]
-    assert titles[:2] == ['<b>Tracking error, last periods</b>', '<b>Control, last periods</b>']
+    assert [line['name'] for line in whole(time_figure)] == ['nn', 'pid', 'nn', 'pid']
+    titles = [title['text'] for title in time_figure['layout']['annotations']]
+    assert titles == ['<b>Tracking error, x - x_d</b>', '<b>last periods</b>', '<b>Control</b>', '<b>last periods</b>']
+    assert len(others) == 1
     # The last periods of the shorter run, sample by sample, of both.
-    for line in others[0]['data']:
+    close_ups = [line for line in time_figure['data'] if not line['showlegend']]
+    assert len(close_ups) == 4
+    for line in close_ups:
         assert line['x'][[0, -1]].tolist() == pytest.approx([0.47, 0.5])
         assert len(line['x']) == 301
 
@@ -174,6 +189,7 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, 
     said = capsys.readouterr().out.splitlines()
     rows = [line.split() for line in said]
     assert ['status', 'finished', 'failed'] in rows
+    assert ['verdict', 'tracks', 'tracks'] in rows
     assert ['saturated', 'samples', 'of', 'the', 'displacement', 'output', '0', str(count)] in rows
     assert 'broken: failed: the drive is gone' in said
     assert titles[1].endswith(': broken\nfailed: the drive is gone')
@@ -185,6 +201,42 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, 
     good = yaml.safe_load((tmp_path / 'out' / 'nn' / 'metrics.yaml').read_text())
     assert (good['status'], good['reason'], good['saturated_samples'], good['left_out']) == ('finished', '', {}, [])
     assert 'failed' in References((tmp_path / 'out' / 'comparison.html').read_text('utf8')).cells
+
+
+def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulated, tmp_path, capsys, monkeypatch):
+    """An unstable PID of a hundred micrometres, next to a run that tracks within half a micrometre."""
+    gains = ('-p', 'proportional_gain:=20.0', '-p', 'derivative_gain:=1.0e-3')
+    unstable = simulated(tmp_path / 'unstable', '-p', 'duration:=0.2', '-p', 'controller:=pid', *gains)
+    titles = []
+    monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: titles.append(text))
+    assert main([str(runs['nn']), str(unstable), '--output', str(tmp_path / 'out')]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert ['verdict', 'tracks', '!', 'diverged'] in [line.split() for line in printed]
+    (remark,) = (line for line in printed if line.startswith('unstable: '))
+    assert remark.startswith('unstable: diverged (error up to ')
+    assert 'diverged' in titles[1].splitlines()[1]
+    assert titles[2] == 'nn, unstable (diverged)'
+    content = yaml.safe_load((tmp_path / 'out' / 'unstable' / 'metrics.yaml').read_text())
+    assert content['verdict']['text'] == 'diverged'
+    assert "times the reference's span" in content['verdict']['detail']
+    good = yaml.safe_load((tmp_path / 'out' / 'nn' / 'metrics.yaml').read_text())
+    assert good['verdict'] == {'text': 'tracks', 'detail': ''}
+    page = (tmp_path / 'out' / 'comparison.html').read_text('utf8')
+    assert '<td class="marked">! diverged</td>' in page
+    error, *_ = comparison_panels([Run.open(runs['nn']), Run.open(unstable)])
+    assert [trace.name for trace in error.traces] == ['nn', 'unstable (diverged, clipped)']
+    largest = np.abs(error.traces[0].y).max()
+    low, high = error.range_of(error.traces)
+    assert 0.5 * largest < max(-low, high) < 1.2 * largest
+    assert np.abs(error.traces[1].y).max() > 100.0 * largest
+    # The axis of the close-up as well.
+    near = error.in_close_up()
+    assert max(np.abs(error.range_of(near))) < 1.2 * np.abs(near[0].y).max()
+    assert figures(page)[0]['layout']['yaxis']['range'] == [low, high]
+    # Where none tracks, all scale it.
+    (alone, *_) = comparison_panels([Run.open(unstable), Run.open(unstable)])
+    assert alone.range_of(alone.traces) is None
+    assert 'clipped' not in alone.traces[0].name
 
 
 def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
@@ -322,17 +374,17 @@ def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
 def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_path, monkeypatch):
     drawn = []
 
-    class Kept(plot.Figure):
+    class Kept(picture.Figure):
         def __init__(self, **options):
             super().__init__(**options)
             drawn.append(self)
 
-    monkeypatch.setattr(plot, 'Figure', Kept)
+    monkeypatch.setattr(picture, 'Figure', Kept)
     for name in ('nn', 'open_loop'):
-        plot.plot_run(Run.open(runs[name]), Run.open(runs[name]).description, tmp_path / f'{name}.png')
+        draw_run(Run.open(runs[name]), tmp_path / f'{name}.png')
     rows, rows_of_open_loop = ([axis.get_ylabel() for axis in figure.axes[::2]] for figure in drawn)
     assert rows[1] == 'error [nm]'
-    assert rows_of_open_loop == [rows[0], *rows[2:]]
+    assert rows_of_open_loop == [rows[0], rows[2]]  # and no estimates
     assert [line.get_label() for line in drawn[1].axes[0].lines] == ['head']
 
 

@@ -1,7 +1,8 @@
 """Saturation as a bag tells of it, against the blocks' own counts."""
 
 from hdd_servo_ros.parameters import to_mapping
-from hdd_servo_ros.reporting.saturation import saturated_ticks, saturation_line
+from hdd_servo_ros.reporting.saturation import saturated_rows
+from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.simulation.experiment import Experiment
 
 T = 1e-4
@@ -16,18 +17,18 @@ def run_of(ldv, output):
         '/bench/ldv_sensor': {'parameters': {**to_mapping(experiment.ldv.parameters), 'sample_time': 0.0}},
         '/bench/pid_controller': {'parameters': to_mapping(experiment.dsp.parameters, 'dsp.')},
     }
-    return signals, {'nodes': nodes}, experiment
+    return signals, {'nodes': nodes, 'sample_time': T}, experiment
 
 
 def test_nothing_saturates_by_default():
     signals, run, _ = run_of({}, {})
-    assert saturated_ticks(signals, run) == {}
-    assert saturation_line(signals, run) == ''
+    assert saturated_rows(signals, run) == {}
+    assert 'saturation' not in summary(signals, run)
 
 
 def test_counts_and_first_ticks_are_those_of_the_blocks():
     signals, run, experiment = run_of({'output_range': 0.23}, {'dsp.dac_bits': 10, 'dsp.dac_range': 0.09})
-    found = saturated_ticks(signals, run)
+    found = saturated_rows(signals, run)
     assert set(found) == {'displacement output', 'velocity output', 'control'}
     for output, count in experiment.ldv.saturated_samples.items():
         ticks = found[f'{output} output']
@@ -36,10 +37,10 @@ def test_counts_and_first_ticks_are_those_of_the_blocks():
         assert ticks[0] == experiment.ldv.first_saturated_tick[output]
     # A command less than a step beyond the limit is not told from a rounded one.
     assert 0.8 * experiment.dsp.saturated_samples < len(found['control']) <= experiment.dsp.saturated_samples
-    assert f'control {len(found["control"])} of 5000 samples' in saturation_line(signals, run)
+    assert f'control {len(found["control"])} of 5000 samples' in summary(signals, run)
 
 
 def test_a_run_without_such_nodes():
     signals, _, _ = run_of({}, {})
-    assert saturated_ticks(signals, {}) == {}
-    assert saturated_ticks(signals, {'nodes': {'/ordinary': {'parameters': {}}}}) == {}
+    assert saturated_rows(signals, {}) == {}
+    assert saturated_rows(signals, {'nodes': {'/ordinary': {'parameters': {}}}}) == {}

@@ -93,7 +93,8 @@ def test_the_table_is_that_of_the_bags(capsys):
     assert spring['my_controller'] < 0.8 * spring['pid']
     said = capsys.readouterr().out
     assert Path('out/compare.md').read_text('utf8').strip() in said
-    assert f'| sine_100_hz | pid | {spring["pid"]:.3g} |' in said
+    assert f'| sine_100_hz | pid | tracks | {spring["pid"]:.3g} |' in said
+    assert {row['verdict'] for row in rows} == {'tracks'}
     assert Path('out/compare.png').stat().st_size > 20_000
 
     # The same again makes no run; another file of the controller does.
@@ -107,6 +108,18 @@ def test_the_table_is_that_of_the_bags(capsys):
     assert 'sine_100_hz-my_controller runs again: my_controller was another' in said
 
 
+def test_a_controller_that_does_not_track_is_marked(capsys):
+    """A drive voltage that is far too small, next to a controller that is not limited."""
+    arguments = ['--controllers', 'pid', 'adaptive_nn', '--experiments', 'sine_100_hz', '--without-ros']
+    arguments += ['--output', 'out', '-p', 'duration:=0.1', '-p', 'pid_controller:control_limit:=0.004']
+    assert main(arguments) == 0
+    assert {row['controller']: row['verdict'] for row in table()} == {
+        'pid': '! saturated 100 %',
+        'adaptive_nn': 'tracks',
+    }
+    assert '| sine_100_hz | pid | ! saturated 100 % |' in capsys.readouterr().out
+
+
 def test_the_experiment_of_a_parameter_file():
     Path('fast.yaml').write_text('/**/reference_generator:\n  ros__parameters:\n    frequency: 150.0\n')
     default = str(ROOT / 'params' / 'seagate_7200_10.yaml')
@@ -118,13 +131,17 @@ def test_the_experiment_of_a_parameter_file():
 
 
 @pytest.mark.parametrize(
-    ('answer', 'note'),
+    ('answer', 'note', 'verdict'),
     [
-        ('1.0 / (77 - tick)', 'failed: my_controller: step raised ZeroDivisionError: .* at tick 77'),
-        ("float('nan')", r'failed: /control: not finite at tick 0: \(nan, nan, nan\); published by my_controller'),
+        ('1.0 / (77 - tick)', 'failed: my_controller: step raised ZeroDivisionError: .* at tick 77', 'tracks'),
+        (
+            "float('nan')",
+            r'failed: /control: not finite at tick 0: \(nan, nan, nan\); published by my_controller',
+            '! diverged',
+        ),
     ],
 )
-def test_a_run_that_fails_stands_in_the_table(answer, note):
+def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
     source = Path('my_controller.py').read_text()
     Path('my_controller.py').write_text(source.replace('return p.spring', f'return {answer} + p.spring'))
     arguments = ['--controllers', PATH, 'pid', '--experiments', 'sine_100_hz', '--without-ros', '--output', 'out']
@@ -132,6 +149,7 @@ def test_a_run_that_fails_stands_in_the_table(answer, note):
     mine, pid = table()
     assert re.fullmatch(note, mine['note'])
     assert mine['rms error [nm]'] == ''
+    assert (mine['verdict'], pid['verdict']) == (verdict, 'tracks')
     assert pid['note'] == ''
     assert float(pid['rms error [nm]']) > 0.0
 

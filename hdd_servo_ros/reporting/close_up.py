@@ -1,0 +1,45 @@
+"""Which part of a run is drawn large next to the whole."""
+
+import numpy as np
+
+from hdd_servo_ros.analysis.metrics import is_stepwise
+from hdd_servo_ros.messages.topics import REFERENCE
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.panel import CloseUp
+from hdd_servo_ros.reporting.reference_period import reference_period
+
+PERIODS = 3
+_LAST_SAMPLES = 300
+_BEFORE_EDGE, _AFTER_EDGE = 10, 100
+"""Samples around an edge of the reference."""
+
+
+def close_up_of(run: RecordedRun) -> CloseUp | None:
+    """
+    Return what is drawn large of a run.
+
+    The last edge of a stepwise reference that has its response in the run, the last periods of a periodic one, the last
+    moments of any other; None for a run that is no longer than that.
+    """
+    rows = len(run.ticks)
+    start, end, title = rows - 1 - _LAST_SAMPLES, rows - 1, 'last moments'
+    if REFERENCE.name in run:
+        edge = _last_edge(run)
+        period = reference_period(run)
+        if edge is not None:
+            start, end, title = max(0, edge - _BEFORE_EDGE), min(rows - 1, edge + _AFTER_EDGE), 'last edge'
+        elif period is not None and not is_stepwise(run.desired_position):
+            start, title = rows - 1 - round(PERIODS * period), 'last periods'
+    if start < 0 or (start == 0 and end == rows - 1):
+        return None
+    return CloseUp(float(run.time[start]), float(run.time[end]), title)
+
+
+def _last_edge(run: RecordedRun) -> int | None:
+    """Return the row of the last edge of a stepwise reference, None if there is none."""
+    if not is_stepwise(run.desired_position):
+        return None
+    edges = np.flatnonzero(np.diff(run.desired_position)) + 1
+    complete = edges[edges + _AFTER_EDGE < len(run.ticks)]
+    found = complete if len(complete) else edges
+    return int(found[-1]) if len(found) else None

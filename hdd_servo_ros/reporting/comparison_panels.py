@@ -1,0 +1,139 @@
+"""The diagrams in which several runs are drawn over each other, scaled by those that track."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.topics import CONTROL
+from hdd_servo_ros.messages.units import shown
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.close_up import close_up_of
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.loop_panels import BUCKETS, ERROR_TITLE, TIME_LABEL, Lines, error_label
+from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace, fitted_range
+from hdd_servo_ros.reporting.run_names import run_names
+from hdd_servo_ros.reporting.run_panels import spectrum_line, spectrum_panel
+from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
+
+_POINTS = 20_000
+"""How many points all runs of a comparison may have together in one diagram over time."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """A run of a comparison: what it is called, its colour, and its verdict."""
+
+    run: RecordedRun
+    name: str
+    colour: str
+    verdict: Verdict | None
+
+
+def compared(runs: Mapping[str, RecordedRun], after: float | None = None) -> list[Compared]:
+    """Return runs, given by their names, with a colour for each and their verdicts."""
+    return [
+        Compared(run, name, COLOURS[index % len(COLOURS)], verdict_of(run, after))
+        for index, (name, run) in enumerate(runs.items())
+    ]
+
+
+def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -> list[Panel]:
+    """
+    Return the diagrams in which several runs are drawn over each other.
+
+    Parameters
+    ----------
+    runs
+        The runs.
+    after
+        Time from which spectrum and verdict count [s]; None for the first half of each run, 2 s at most.
+    """
+    items = compared(dict(zip(run_names(runs), runs, strict=True)), after)
+    following = [item for item in items if follows_reference(item.run)]
+    controlled = [item for item in items if CONTROL.name in item.run]
+    close_up = _common_close_up(following or controlled)
+    panels = []
+    if following:
+        panels.append(error_panel(following, close_up))
+    if controlled:
+        label = f'control [{shown(controlled[0].run.control_unit)}]'
+        traces = _lines(controlled, close_up, lambda run: run.command)
+        panels.append(_over_time('control', 'Control', label, traces, close_up))
+    if following:
+        lines = (
+            spectrum_line(
+                item.name,
+                item.run.error_factor * item.run.error[steady_start(item.run, after) :],
+                item.run.sample_time,
+                item.colour,
+                _buckets(following),
+            )
+            for item in following
+        )
+        panels.append(spectrum_panel([line for line in lines if line is not None], following[0].run.units))
+    return panels
+
+
+def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
+    """Return the tracking errors of several runs over their time."""
+    traces = _lines(items, close_up, lambda run: run.error_factor * run.error)
+    return _over_time('error', ERROR_TITLE, error_label(items[0].run.units), traces, close_up)
+
+
+def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
+    """Return the head's positions of several runs of one experiment, with the reference of the first."""
+    run = items[0].run
+    lines = Lines(run, follows=True, close_up=close_up, buckets=_buckets(items))
+    reference = lines.over_time('reference', run.desired_position, GREY, wide=True)
+    heads = _lines(items, close_up, lambda run: run.position, reference)
+    panel = _over_time('tracking', 'Tracking', f'position [{shown(run.length_unit)}]', (reference, *heads), close_up)
+    # The reference is drawn below the heads, however large it is.
+    return dataclasses.replace(panel, largest_first=False)
+
+
+def _over_time(name: str, title: str, label: str, traces: tuple[Trace, ...], close_up: CloseUp | None) -> Panel:
+    return Panel(name, title, TIME_LABEL, label, traces, over_time=True, largest_first=True, close_up=close_up)
+
+
+def _common_close_up(items: Sequence[Compared]) -> CloseUp | None:
+    """Return the close-up of the shortest run."""
+    return close_up_of(min((item.run for item in items), key=lambda run: run.duration)) if items else None
+
+
+def _buckets(items: Sequence[Compared]) -> int:
+    return max(200, min(BUCKETS, _POINTS // (2 * max(len(items), 1))))
+
+
+def _lines(
+    items: Sequence[Compared],
+    close_up: CloseUp | None,
+    signal: Callable[[RecordedRun], NDArray[np.float64]],
+    *others: Trace,
+) -> tuple[Trace, ...]:
+    """
+    Return one signal of each run as a line.
+
+    The runs that track, and the other lines of the diagram, scale its axis, if there are any: a run that does not track
+    is clipped where it leaves that range, and its name states both.
+    """
+    lines = [
+        Lines(item.run, follows=follows_reference(item.run), close_up=close_up, buckets=_buckets(items)).over_time(
+            item.name, signal(item.run), item.colour
+        )
+        for item in items
+    ]
+    judged = [(line, item.verdict) for line, item in zip(lines, items, strict=True)]
+    # A run without a verdict is one that follows nothing.
+    tracking = [line.y for line, verdict in judged if verdict is not None and verdict.tracks]
+    scale = fitted_range([*tracking, *(line.y for line in others)]) if tracking else None
+    return tuple(_named(line, verdict, scale) for line, verdict in judged)
+
+
+def _named(line: Trace, verdict: Verdict | None, scale: tuple[float, float] | None) -> Trace:
+    if verdict is None or verdict.tracks:
+        return line
+    clipped = scale is not None and not bool(np.all((line.y >= scale[0]) & (line.y <= scale[1])))
+    name = f'{line.name} ({verdict.text}{", clipped" if clipped else ""})'
+    return dataclasses.replace(line, name=name, clipped=clipped)

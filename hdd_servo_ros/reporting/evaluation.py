@@ -1,0 +1,56 @@
+"""What of a run counts, and for what: runs that follow a reference, and the part after the transient."""
+
+import numpy as np
+
+from hdd_servo_ros.messages.topics import HEAD, REFERENCE
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+NOT_ADAPTED = ('t', 'r', 'e')
+"""Columns of `/estimates` that are no estimates: time and errors."""
+REFERENCE_GENERATOR = 'reference_generator'
+SIGNAL_ANALYZER = 'signal_analyzer'
+OPEN_LOOP = ('open_loop', SIGNAL_ANALYZER)
+"""Controllers with which the head follows no reference: the run has no error."""
+LONGEST_TRANSIENT = 2.0
+"""What counts as transient in a long run [s]; in a short one it is the first half."""
+
+
+def transient_of(duration: float) -> float:
+    """Return the time before which errors of a run of a duration do not count [s]."""
+    return min(0.5 * duration, LONGEST_TRANSIENT)
+
+
+def follows_reference(run: RecordedRun) -> bool:
+    """Return whether the run has an error: a head that is to follow a reference."""
+    return REFERENCE.name in run and HEAD.name in run and run.controller not in OPEN_LOOP
+
+
+def transient_end(run: RecordedRun, after: float | None = None) -> float:
+    """
+    Return the time from which a run counts as steady [s].
+
+    Parameters
+    ----------
+    run
+        The run.
+    after
+        Time before which nothing counts [s]; None for the first half of the run, 2 s at most, or for the last change
+        of the reference where that is later.
+    """
+    if after is not None:
+        return after
+    transient = transient_of(run.duration)
+    changes = [change.tick for change in run.parameter_changes if change.node.endswith(f'/{REFERENCE_GENERATOR}')]
+    # A reference that was changed later starts anew then.
+    return max(transient, changes[-1] * run.sample_time) if changes else transient
+
+
+def steady_start(run: RecordedRun, after: float | None = None) -> int:
+    """Return the row from which the run counts as steady; see :func:`transient_end`."""
+    start: int = run.since(transient_end(run, after)).start
+    return start
+
+
+def changes_at_all(values: np.ndarray) -> bool:
+    """Return whether an estimate was adapted: whether it is not the same in all rows."""
+    return bool(np.any(values != values[0]))

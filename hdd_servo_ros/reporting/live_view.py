@@ -1,0 +1,126 @@
+"""The newest signals of a run that goes on, from the decimated blocks that its recorder publishes."""
+
+from collections import deque
+from collections.abc import Mapping
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.scope_blocks import NAMES, Block
+from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
+from hdd_servo_ros.messages.units import Units
+from hdd_servo_ros.reporting.loop_panels import loop_panels
+from hdd_servo_ros.reporting.picture import Stack
+
+_TOPICS = frozenset(topic.name for topic in (REFERENCE, HEAD, CONTROL, ESTIMATES))
+
+Array = NDArray[np.float64]
+
+
+class BlockSignals:
+    """
+    The signals of a run as decimated blocks hold them.
+
+    The error is a column of its own: the difference of two extremes is not the extreme of the difference.
+
+    Parameters
+    ----------
+    names
+        Names of the columns.
+    rows
+        In the order of time, shape (n, m).
+    units
+        Units of the drive.
+    """
+
+    def __init__(self, names: tuple[str, ...], rows: Array, units: Units) -> None:
+        self._columns: dict[str, Array] = dict(zip(names, rows.T, strict=True))
+        self.units = units
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in _TOPICS
+
+    @property
+    def time(self) -> Array:
+        """Time of each row [s]."""
+        return self._columns['t']
+
+    @property
+    def desired_position(self) -> Array:
+        """x_d [um]."""
+        return self._columns['x_d']
+
+    @property
+    def position(self) -> Array:
+        """Head position [um]."""
+        return self._columns['x']
+
+    @property
+    def error(self) -> Array:
+        """Tracking error, x - x_d [um]."""
+        return self._columns['error']
+
+    @property
+    def command(self) -> Array:
+        """Drive voltage [V]."""
+        return self._columns['u']
+
+    @property
+    def feedback(self) -> Array:
+        """Feedback part of the command [V]."""
+        return self._columns['feedback']
+
+    @property
+    def estimates(self) -> Mapping[str, Array]:
+        """The controller's inner state by name."""
+        own = (name for name in self._columns if name not in NAMES)
+        return {name.removeprefix(f'{ESTIMATES.name}.'): self._columns[name] for name in own}
+
+
+class LiveView:
+    """
+    Draws the newest of the blocks it was given.
+
+    Parameters
+    ----------
+    figure
+        Where to draw.
+    window
+        How much of the run's time to show [s].
+    """
+
+    def __init__(self, figure: Figure, window: float) -> None:
+        self._stack = Stack(figure)
+        self._window = window
+        self._blocks: deque[Block] = deque()
+        self._units = Units()
+
+    def add(self, block: Block, units: Units) -> None:
+        """Add a block; what is older than the window is dropped."""
+        if self._blocks and block.names != self._blocks[-1].names:
+            self._blocks.clear()
+        self._units = units
+        self._blocks.append(block)
+        while self._blocks[0].rows[-1, 0] < block.rows[-1, 0] - self._window:
+            self._blocks.popleft()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to draw yet."""
+        return not self._blocks
+
+    def draw(self) -> None:
+        """Draw the blocks there are."""
+        if self.is_empty:
+            return
+        rows = np.concatenate([block.rows for block in self._blocks])
+        rows = rows[rows[:, 0] >= rows[-1, 0] - self._window]
+        signals = BlockSignals(self._blocks[-1].names, rows, self._units)
+        self._stack.draw(loop_panels(signals, follows=True))
+
+
+def lighten() -> None:
+    """Let matplotlib leave out points that no screen shows."""
+    mpl.rcParams.update({'path.simplify': True, 'path.simplify_threshold': 1.0, 'agg.path.chunksize': 10_000})

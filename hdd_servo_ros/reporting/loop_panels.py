@@ -1,0 +1,173 @@
+"""The diagrams over time: positions, error, control and estimates of whatever has the loop's signals."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
+from hdd_servo_ros.messages.units import Units, shown
+from hdd_servo_ros.reporting.decimation import rows_to_draw
+from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, changes_at_all
+from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace
+
+Array = NDArray[np.float64]
+
+BUCKETS = 2500
+TIME_LABEL = 'time [s]'
+_SAMPLES_IN_FULL = 500
+"""Rows at the start, about the largest error and at the end that are drawn one by one."""
+_ESTIMATES = 8
+
+
+class LoopSignals(Protocol):
+    """What these diagrams need: :class:`~hdd_servo_ros.messages.signals.Signals`, or decimated blocks of them."""
+
+    def __contains__(self, topic: str) -> bool: ...
+
+    @property
+    def time(self) -> Array:
+        """Time of each row [s], shape (n,)."""
+
+    @property
+    def units(self) -> Units:
+        """Units of the drive."""
+
+    @property
+    def desired_position(self) -> Array:
+        """x_d [um]."""
+
+    @property
+    def position(self) -> Array:
+        """Head position [um]."""
+
+    @property
+    def error(self) -> Array:
+        """Tracking error, x - x_d [um]."""
+
+    @property
+    def command(self) -> Array:
+        """Drive voltage [V]."""
+
+    @property
+    def feedback(self) -> Array:
+        """Feedback part of the command [V]."""
+
+    @property
+    def estimates(self) -> Mapping[str, Array]:
+        """The controller's inner state by name."""
+
+
+class Lines:
+    """
+    Makes decimated lines over the time of one run, which keep every peak.
+
+    Parameters
+    ----------
+    signals
+        The signals.
+    follows
+        Whether the head follows the reference; the surroundings of the largest error are drawn in full then.
+    close_up
+        What is drawn large, and so with as many points as the whole.
+    buckets
+        Into how many pieces the whole is cut; see :func:`~hdd_servo_ros.reporting.decimation.rows_to_draw`.
+    """
+
+    def __init__(
+        self, signals: LoopSignals, *, follows: bool, close_up: CloseUp | None = None, buckets: int = BUCKETS
+    ) -> None:
+        self._time = signals.time
+        self._buckets = buckets
+        rows = len(self._time)
+        self._in_full = [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
+        if follows:
+            peak = int(np.abs(signals.error).argmax())
+            self._in_full.append(slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2))
+        self._large = slice(0, 0)
+        if close_up is not None:
+            begin, end = np.searchsorted(self._time, (close_up.start, close_up.end), side='left')
+            self._large = slice(int(begin), int(end) + 1)
+
+    def over_time(self, name: str, values: Array, colour: str, wide: bool = False) -> Trace:
+        """Return a signal, shape (n,), as a line."""
+        rows = rows_to_draw(values, self._buckets, self._in_full)
+        large = values[self._large]
+        if len(large):
+            rows = np.union1d(rows, self._large.start + rows_to_draw(large, BUCKETS))
+        return Trace(name, self._time[rows], values[rows], colour, wide)
+
+
+def loop_panels(signals: LoopSignals, *, follows: bool, close_up: CloseUp | None = None) -> list[Panel]:
+    """
+    Return the diagrams over time; those whose topics are missing are left out.
+
+    Parameters
+    ----------
+    signals
+        What to draw.
+    follows
+        Whether the head follows the reference; otherwise reference and error are left out.
+    close_up
+        What is drawn large next to the whole.
+    """
+    lines = Lines(signals, follows=follows, close_up=close_up)
+    length, volt = shown(signals.units.length), shown(signals.units.control)
+    panels: list[Panel] = []
+
+    def add(name: str, title: str, y_label: str, traces: list[Trace], largest_first: bool = False) -> None:
+        panels.append(
+            Panel(
+                name,
+                title,
+                TIME_LABEL,
+                y_label,
+                tuple(traces),
+                over_time=True,
+                largest_first=largest_first,
+                close_up=close_up,
+            )
+        )
+
+    if REFERENCE.name in signals and HEAD.name in signals:
+        head = lines.over_time('head', signals.position, COLOURS[0])
+        if follows:
+            reference = lines.over_time('reference', signals.desired_position, GREY, wide=True)
+            add('tracking', 'Tracking', f'position [{length}]', [reference, head])
+            add(
+                'error',
+                ERROR_TITLE,
+                error_label(signals.units),
+                [lines.over_time('head - reference', signals.units.error_factor * signals.error, COLOURS[1])],
+            )
+        else:
+            add('tracking', 'Head', f'position [{length}]', [head])
+    if CONTROL.name in signals:
+        total = lines.over_time('total', signals.command, COLOURS[2])
+        feedback = lines.over_time('feedback part', signals.feedback, COLOURS[3])
+        add('control', 'Control', f'control [{volt}]', [total, feedback], largest_first=True)
+    estimates = _estimates(signals, lines) if ESTIMATES.name in signals else []
+    if estimates:
+        add('estimates', 'Estimates', 'over largest magnitude', estimates)
+    return panels
+
+
+ERROR_TITLE = 'Tracking error, x - x_d'
+
+
+def error_label(units: Units) -> str:
+    """Return what is written at an axis of errors."""
+    return f'error [{shown(units.error)}]'
+
+
+def _estimates(signals: LoopSignals, lines: Lines) -> list[Trace]:
+    """Return what was adapted, each over its largest magnitude, which its name states."""
+    traces: list[Trace] = []
+    for name, values in signals.estimates.items():
+        if name in NOT_ADAPTED or not changes_at_all(values) or len(traces) == _ESTIMATES:
+            continue
+        largest = float(np.abs(values).max())
+        colour = COLOURS[len(traces) % len(COLOURS)]
+        traces.append(lines.over_time(f'{name} (largest {largest:.3g})', values / largest, colour))
+    return traces

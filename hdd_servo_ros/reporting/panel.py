@@ -1,0 +1,159 @@
+"""A diagram as data: what pictures, the report's page and the live view draw alike."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
+GREY = '#999999'
+_MARGIN = 0.05
+"""Free space below and above the lines, as a fraction of their span."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Trace:
+    """
+    One line of a diagram.
+
+    Attributes
+    ----------
+    name
+        Of the line in the legend.
+    x, y
+        Its points, shape (n,).
+    colour
+        As ``#rrggbb``.
+    wide
+        Whether it is drawn wide and transparent, as a line that others cover.
+    marked
+        Whether its points are marked instead of joined.
+    clipped
+        Whether the other lines alone scale the vertical axis, so that this one may leave the diagram.
+    """
+
+    name: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    colour: str
+    wide: bool = False
+    marked: bool = False
+    clipped: bool = False
+
+    @property
+    def opacity(self) -> float:
+        """How much of what is below is hidden, 1 for all; a clipped line may fill the whole diagram."""
+        if self.clipped:
+            return 0.3
+        return 0.6 if self.wide else 1.0
+
+    def between(self, start: float, end: float) -> 'Trace':
+        """Return the points whose x is in a range."""
+        inside = (self.x >= start) & (self.x <= end)
+        return dataclasses.replace(self, x=self.x[inside], y=self.y[inside])
+
+
+@dataclasses.dataclass(frozen=True)
+class CloseUp:
+    """Part of a horizontal axis that is drawn a second time, in full width next to the whole."""
+
+    start: float
+    end: float
+    title: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Panel:
+    """
+    One diagram.
+
+    Attributes
+    ----------
+    name
+        By which a program finds it.
+    title, x_label, y_label
+        What is written at it.
+    traces
+        Its lines.
+    over_time
+        Whether it is over the time of a run; such panels are stacked and share their axis.
+    logarithmic, logarithmic_x
+        Whether both axes, or the horizontal one alone, are logarithmic.
+    largest_first
+        Whether the lines are drawn in the order of their size, so that none covers the others.
+    y_range
+        Range of the vertical axis; None to fit the lines.
+    close_up
+        What is drawn a second time next to the whole.
+
+    Raises
+    ------
+    ValueError
+        If a logarithmic axis is to show what is not positive.
+    """
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    traces: tuple[Trace, ...]
+    over_time: bool = False
+    logarithmic: bool = False
+    logarithmic_x: bool = False
+    largest_first: bool = False
+    y_range: tuple[float, float] | None = None
+    close_up: CloseUp | None = None
+
+    def __post_init__(self) -> None:
+        if self.logarithmic and self.y_range is not None and self.y_range[0] <= 0.0:
+            raise ValueError(f'panel {self.name}: a logarithmic axis cannot begin at {self.y_range[0]!r}')
+
+    @property
+    def has_logarithmic_y(self) -> bool:
+        """Whether the vertical axis is logarithmic; lines that are nowhere positive have no logarithm."""
+        return self.logarithmic and any((trace.y > 0.0).any() for trace in self.traces)
+
+    @property
+    def has_logarithmic_x(self) -> bool:
+        """Whether the horizontal axis is logarithmic."""
+        return self.logarithmic_x or self.has_logarithmic_y
+
+    def in_close_up(self) -> tuple[Trace, ...]:
+        """Return the lines within the close-up; all of them if there is none."""
+        if self.close_up is None:
+            return self.traces
+        return tuple(trace.between(self.close_up.start, self.close_up.end) for trace in self.traces)
+
+    def drawing_order(self) -> list[int]:
+        """Return the indices of the lines in the order in which they are drawn, one over the other."""
+        if not self.largest_first:
+            return list(range(len(self.traces)))
+        # By its middle half, which is small for a line that is large at the start alone.
+        sizes = [float(np.subtract(*np.percentile(trace.y, (75, 25)))) for trace in self.traces]
+        order: list[int] = np.argsort(sizes, kind='stable')[::-1].tolist()
+        return order
+
+    def range_of(self, traces: tuple[Trace, ...]) -> tuple[float, float] | None:
+        """
+        Return the range of the vertical axis for lines of this panel, all or those of the close-up.
+
+        None lets the drawing fit all of them.
+        """
+        if self.y_range is not None or not any(trace.clipped for trace in traces):
+            return self.y_range
+        return fitted_range([trace.y for trace in traces if not trace.clipped], logarithmic=self.has_logarithmic_y)
+
+
+def fitted_range(values: list[NDArray[np.float64]], *, logarithmic: bool = False) -> tuple[float, float] | None:
+    """Return the range that fits finite values with a margin; None if there are none."""
+    joined = np.concatenate([np.empty(0), *values])
+    joined = joined[np.isfinite(joined) & ((joined > 0.0) | (not logarithmic))]
+    if not len(joined):
+        return None
+    low, high = float(joined.min()), float(joined.max())
+    if logarithmic:
+        factor = (high / low) ** _MARGIN if high > low else 2.0
+        return low / factor, high * factor
+    margin = _MARGIN * (high - low) or _MARGIN * abs(high) or math.ulp(1.0)
+    return low - margin, high + margin

@@ -1,0 +1,72 @@
+"""The period of the reference that a run follows."""
+
+import math
+from fractions import Fraction
+from typing import Any
+
+from hdd_servo_ros.analysis.period import repeat, sine_period
+from hdd_servo_ros.messages.topics import REFERENCE
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, SIGNAL_ANALYZER, steady_start
+
+
+def reference_period(run: RecordedRun) -> float | None:
+    """
+    Return the period of the reference at the end of the run [samples], None if it is not periodic or not known.
+
+    The reference's parameters give it; without ``run.yaml``, or with a reference from an external node, the samples of
+    `/reference` in the part of the run that counts do.
+    """
+    if run.controller == SIGNAL_ANALYZER:
+        return None
+
+    def parameter(name: str) -> Any:
+        return run.parameter(REFERENCE_GENERATOR, name)
+
+    try:
+        waveform, frequency = parameter('waveform'), float(parameter('frequency'))
+        if waveform == 'multisine':
+            components = parameter('component_frequencies')
+            ratios = [Fraction(ratio).limit_denominator(1000) for ratio in components if ratio > 0.0]
+            # The greatest common divisor of fractions.
+            frequency *= math.gcd(*(ratio.numerator for ratio in ratios)) / math.lcm(
+                *(ratio.denominator for ratio in ratios)
+            )
+        elif waveform not in ('sine', 'square'):
+            return None
+    except LookupError:
+        return _period_of_samples(run)
+    return 1.0 / (frequency * run.sample_time) if frequency > 0.0 else None
+
+
+def follows_sine(run: RecordedRun) -> bool:
+    """Return whether the reference at the end of the run is a sine."""
+    if run.controller == SIGNAL_ANALYZER:
+        return False
+    try:
+        return bool(run.parameter(REFERENCE_GENERATOR, 'waveform') == 'sine')
+    except LookupError:
+        return _sine_of_samples(run) is not None
+
+
+def whole_periods(period: float) -> Fraction:
+    """Return a period as whole samples over the fewest periods that make them."""
+    return Fraction(period).limit_denominator(1000)
+
+
+def _period_of_samples(run: RecordedRun) -> float | None:
+    seconds = _sine_of_samples(run)
+    if seconds is not None:
+        return seconds / run.sample_time
+    if REFERENCE.name not in run:
+        return None
+    samples = repeat(run.desired_position[steady_start(run) :])
+    return None if samples is None else float(samples)
+
+
+def _sine_of_samples(run: RecordedRun) -> float | None:
+    """Return the period of the sine that `/reference` is [s], None if it is none."""
+    if REFERENCE.name not in run:
+        return None
+    rows = run.reference[steady_start(run) :]
+    return sine_period(rows[:, 0], rows[:, 2])

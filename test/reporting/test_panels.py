@@ -1,0 +1,166 @@
+"""Each field of a panel and of a line changes the picture and the page alike."""
+
+import base64
+import dataclasses
+
+import matplotlib.image
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from hdd_servo_ros.reporting.page import _figures
+from hdd_servo_ros.reporting.panel import CloseUp, Panel, Trace, fitted_range
+from hdd_servo_ros.reporting.picture import Stack, write_picture
+
+X = np.linspace(0.1, 1.0, 200)
+SMALL = Trace('small', X, 1.0 + 0.5 * np.sin(40.0 * X), '#ff0000')
+LARGE = Trace('large', X, 5.0 + 4.0 * np.sin(50.0 * X), '#0000ff')
+PLAIN = Panel('name', 'Title', 'x [s]', 'y [V]', (SMALL, LARGE))
+
+
+def changed(trace=None, **fields):
+    """Return the plain panel with other fields, of itself or of its first line."""
+    traces = (dataclasses.replace(SMALL, **trace), LARGE) if trace else PLAIN.traces
+    return dataclasses.replace(PLAIN, traces=traces, **fields)
+
+
+CHANGES = {
+    'title': changed(title='Another'),
+    'x_label': changed(x_label='time'),
+    'y_label': changed(y_label='volts'),
+    'over_time': changed(over_time=True),
+    'logarithmic': changed(logarithmic=True),
+    'logarithmic_x': changed(logarithmic_x=True),
+    'largest_first': changed(largest_first=True),
+    'y_range': changed(y_range=(0.5, 20.0)),
+    'close_up': changed(close_up=CloseUp(0.4, 0.5, 'part')),
+    'traces': changed(trace={'y': SMALL.y + 0.3}),
+}
+TRACE_CHANGES = {
+    'name': changed(trace={'name': 'other'}),
+    'x': changed(trace={'x': X + 0.1}),
+    'y': changed(trace={'y': SMALL.y + 0.3}),
+    'colour': changed(trace={'colour': '#00ff00'}),
+    'wide': changed(trace={'wide': True}),
+    'marked': changed(trace={'marked': True}),
+    'clipped': dataclasses.replace(PLAIN, traces=(SMALL, dataclasses.replace(LARGE, clipped=True))),
+}
+
+
+def drawn(panel, path):
+    write_picture([panel], '', path)
+    return matplotlib.image.imread(path)
+
+
+def figure(panel):
+    (found,) = _figures([panel], 1e-4)
+    go.Figure(decoded(found))  # refuses a property that plotly does not know
+    return found
+
+
+def decoded(coded):
+    lines = []
+    for line in coded['data']:
+        values = {}
+        for axis in 'xy':
+            kind = '<i4' if 'i4' in line[axis] else '<f4'
+            values[axis] = np.frombuffer(base64.b64decode(line[axis][kind[1:]]), kind) * line[axis].get('scale', 1.0)
+        lines.append({**line, **values})
+    return {**coded, 'data': lines}
+
+
+def test_every_field_is_covered():
+    assert {field.name for field in dataclasses.fields(Panel)} - {'name'} == CHANGES.keys()
+    assert {field.name for field in dataclasses.fields(Trace)} == TRACE_CHANGES.keys()
+
+
+@pytest.mark.parametrize('field', [*CHANGES, *(f'traces.{name}' for name in TRACE_CHANGES)])
+def test_each_field_changes_picture_and_page(tmp_path, field):
+    panel = TRACE_CHANGES[field.removeprefix('traces.')] if field.startswith('traces.') else CHANGES[field]
+    before, after = drawn(PLAIN, tmp_path / 'before.png'), drawn(panel, tmp_path / 'after.png')
+    assert before.shape != after.shape or not np.array_equal(before, after)
+    assert figure(PLAIN) != figure(panel)
+
+
+def test_the_page_draws_what_each_field_asks_for():
+    plain = figure(PLAIN)['layout']
+    assert 'type' not in plain['xaxis']
+    assert 'range' not in plain['yaxis']
+    layout = figure(CHANGES['logarithmic'])['layout']
+    assert (layout['xaxis']['type'], layout['yaxis']['type']) == ('log', 'log')
+    layout = figure(CHANGES['logarithmic_x'])['layout']
+    assert layout['xaxis']['type'] == 'log'
+    assert 'type' not in layout['yaxis']
+    # The same range on both kinds of axis.
+    assert figure(changed(y_range=(0.1, 100.0)))['layout']['yaxis']['range'] == [0.1, 100.0]
+    assert figure(changed(y_range=(0.1, 100.0), logarithmic=True))['layout']['yaxis']['range'] == [-1.0, 2.0]
+    assert [line['name'] for line in figure(CHANGES['largest_first'])['data']] == ['large', 'small']
+    assert [line['legendrank'] for line in figure(CHANGES['largest_first'])['data']] == [2, 1]
+    marked, joined = figure(TRACE_CHANGES['marked'])['data']
+    assert (marked['mode'], joined['mode']) == ('markers', 'lines')
+    low, high = figure(TRACE_CHANGES['clipped'])['layout']['yaxis']['range']
+    assert 0.4 < low < 0.5
+    assert 1.5 < high < 1.6
+
+
+def test_a_close_up_is_drawn_next_to_the_whole():
+    found = decoded(figure(CHANGES['close_up']))
+    assert [line['showlegend'] for line in found['data']] == [True, True, False, False]
+    assert found['layout']['xaxis2']['range'] == [0.4, 0.5]
+    assert found['layout']['xaxis']['domain'][1] < found['layout']['xaxis2']['domain'][0]
+    assert [title['text'] for title in found['layout']['annotations']] == ['<b>Title</b>', '<b>part</b>']
+    for line in found['data'][2:]:
+        assert line['x'].min() >= np.float32(0.4)
+        assert line['x'].max() <= np.float32(0.5)
+    whole, part = found['data'][0], found['data'][2]
+    assert whole['legendgroup'] == part['legendgroup']
+
+
+def test_diagrams_over_time_share_their_axis_and_so_do_their_close_ups():
+    panels = [CHANGES['over_time'], changed(over_time=True, close_up=CloseUp(0.4, 0.5, 'part'))]
+    (found,) = _figures([*panels, panels[1]], 1e-4)
+    layout = found['layout']
+    assert [layout[f'xaxis{number}'].get('matches') for number in ('', '2', '3', '5', '6')] == [
+        *(None, 'x', 'x'),
+        *(None, 'x5'),
+    ]
+    assert 'xaxis4' not in layout
+
+
+def test_a_logarithmic_axis_without_positive_values_is_linear(tmp_path):
+    panel = Panel('name', '', '', '', (Trace('zero', X, 0.0 * X, '#ff0000'),), logarithmic=True)
+    drawn(panel, tmp_path / 'zero.png')
+    assert 'type' not in figure(panel)['layout']['yaxis']
+    with pytest.raises(ValueError, match='a logarithmic axis cannot begin at 0'):
+        changed(logarithmic=True, y_range=(0.0, 1.0))
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(-1e9, 1e9, allow_subnormal=False), min_size=1, max_size=5),
+    st.sampled_from([False, True]),
+)
+def test_a_fitted_range_holds_all_values(values, logarithmic):
+    found = fitted_range([np.array(values), np.array([np.nan, np.inf])], logarithmic=logarithmic)
+    inside = [value for value in values if value > 0.0 or not logarithmic]
+    assert (found is None) == (not inside)
+    if inside:
+        assert found[0] < min(inside)
+        assert found[1] > max(inside)
+
+
+def test_a_stack_is_drawn_again():
+    figure_ = Figure()
+    stack = Stack(figure_)
+    panel = CHANGES['over_time']
+    stack.draw([panel, panel])
+    axes = list(figure_.axes)
+    stack.draw([panel, panel])
+    assert figure_.axes == axes
+    assert [axis.get_xlabel() for axis in axes] == ['', 'x [s]']
+    stack.draw([panel])
+    assert len(figure_.axes) == 1
+    assert len(figure_.axes[0].lines) == 2
