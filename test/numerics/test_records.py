@@ -22,11 +22,11 @@ def stretch(spring, position):
 
 @compiled
 def step(body, rows, control):
-    b = body.view(BODY)[0]
+    b = record(body, BODY)
     b.position += b.gain * (control - stretch(b.left, b.position) - stretch(b.right, b.position))
     total = 0.0
     for i in range(len(rows)):
-        total += rows.view(SPRING)[i, 0].force
+        total += record(rows, SPRING, i).force
     return b.position + total
 
 
@@ -56,13 +56,22 @@ def test_a_kernel_reads_and_writes_by_name(function):
     assert function(array, np.zeros((0, 2)), 0.0) == 3.0 - 0.5 * 18.0
 
 
+def test_a_record_is_a_row():
+    rows = np.zeros((3, 2))
+    record(rows, SPRING, 1).force = 5.0
+    assert rows.tolist() == [[0.0, 0.0], [0.0, 5.0], [0.0, 0.0]]
+    assert record(rows, SPRING, -2).force == 5.0
+
+
 def test_a_record_needs_exactly_its_size():
-    with pytest.raises(ValueError, match='an array of 7 float64 cannot hold a record of 6 float64 numbers'):
+    with pytest.raises(ValueError, match=r'float64 and shape \(7,\) cannot hold records of 6 float64 numbers'):
         record(np.zeros(7), BODY)
-    with pytest.raises(ValueError, match='12 float64'):
+    with pytest.raises(ValueError, match=r'shape \(12,\)'):
         record(np.zeros(12), BODY)
     with pytest.raises(ValueError, match='int64'):
         record(np.zeros(6, dtype=np.int64), BODY)
+    with pytest.raises(ValueError, match='contiguous'):
+        record(np.zeros(12)[::2], BODY)
 
 
 KERNEL = """
@@ -79,7 +88,7 @@ LAW = layout('kind', 'gain')
 
 @compiled
 def law(constants, x):
-    c = constants.view(LAW)[0]
+    c = record(constants, LAW)
     kind = int(c.kind)
     if kind in (Kind.SQUARE, Kind.CUBE):
         x *= x
