@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
-from hdd_servo_ros.drive.plant import Plant, PlantParameters, plant_step
+from hdd_servo_ros.drive.plant import Plant, PlantArrays, PlantParameters, plant_step
 from hdd_servo_ros.drive.resonance import ResonanceParameters
 from hdd_servo_ros.numerics.compiled import compiled
 
@@ -27,17 +27,25 @@ ROUNDS = 5
 
 
 @compiled
-def steps(constants: Array, state: Array, controls: Array) -> float:
+def steps(plant: PlantArrays, controls: Array) -> float:
     """Step through ``controls`` without leaving compiled code."""
     last = 0.0
     for k in range(controls.size):
-        last = plant_step(constants, state, k + 1, controls[k], 0.0)[0]
+        last = plant_step(*plant, k + 1, controls[k], 0.0)[0]
     return last
 
 
 @compiled
 def nothing(
-    constants: Array, state: Array, tick: int, control: float, disturbance: float
+    constants: Array,
+    nodes: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    control: float,
+    disturbance: float,
 ) -> tuple[float, float, float]:
     """Do nothing, with the arguments and the result of the plant's kernel."""
     return control, disturbance, 0.0
@@ -57,17 +65,17 @@ def best(function: Callable[[], object], count: int) -> float:
 def kernel_cost(parameters: PlantParameters, controls: Array) -> float:
     """Return the cost of a step inside of compiled code [s]."""
     plant = Plant(parameters, SAMPLE_TIME)
-    return best(lambda: steps(plant.constants, plant.state, controls), controls.size)
+    return best(lambda: steps(plant.arrays, controls), controls.size)
 
 
 def call_cost(function: Callable[..., object], parameters: PlantParameters, controls: list[float]) -> float:
     """Return the cost of a step called from Python [s]."""
     plant = Plant(parameters, SAMPLE_TIME)
-    constants, state = plant.constants, plant.state
+    arrays = plant.arrays
 
     def run() -> None:
         for tick, control in enumerate(controls, start=1):
-            function(constants, state, tick, control, 0.0)
+            function(*arrays, tick, control, 0.0)
 
     return best(run, len(controls))
 

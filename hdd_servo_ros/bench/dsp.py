@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
 from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
 DspArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Constants and state."""
 
-# Where the constants of dsp_step stand.
-DELAY, LIMIT, STEP, LOWEST, HIGHEST = range(5)
-CONSTANTS = 5
+DSP = layout('delay', 'limit', 'step', 'lowest', 'highest')
+"""Delay [samples], limit and converter of :func:`dsp_step`."""
 
-# Where its state stands: the last command, and how many were limited.
-COMMAND, UNSATURATED, FEEDBACK, SATURATED = range(4)
-STATES = 4
+DSP_STATE = layout('command', 'unsaturated', 'feedback', 'saturated_samples')
+"""The last command, and how many were limited."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,22 +82,20 @@ def dsp_step(
     feedback: float,
 ) -> tuple[float, float, float]:
     """Return what `/control` carries at the tick at which a law has computed (u, unsaturated, feedback)."""
+    c = record(constants, DSP)
+    s = record(state, DSP_STATE)
     if abs(u) < math.inf:
-        limit = constants[LIMIT]
-        if (
-            u != unsaturated
-            or abs(u) > limit
-            or beyond_codes(u, constants[STEP], constants[LOWEST], constants[HIGHEST])
-        ):
-            state[SATURATED] += 1.0
+        limit = c.limit
+        if u != unsaturated or abs(u) > limit or beyond_codes(u, c.step, c.lowest, c.highest):
+            s.saturated_samples += 1.0
         u = min(max(u, -limit), limit)
-        u = converted(u, constants[STEP], constants[LOWEST], constants[HIGHEST])
+        u = converted(u, c.step, c.lowest, c.highest)
     held = u, unsaturated, feedback
-    if constants[DELAY] > 0.0:
-        held = state[COMMAND], state[UNSATURATED], state[FEEDBACK]
-    state[COMMAND] = u
-    state[UNSATURATED] = unsaturated
-    state[FEEDBACK] = feedback
+    if c.delay > 0.0:
+        held = s.command, s.unsaturated, s.feedback
+    s.command = u
+    s.unsaturated = unsaturated
+    s.feedback = feedback
     return held
 
 
@@ -129,36 +127,31 @@ class Dsp:
     def __init__(self, parameters: DspParameters, sample_time: float, drive_limit: float = math.inf) -> None:
         self.sample_time = sample_time
         self.drive_limit = drive_limit
-        self.state: NDArray[np.float64] = np.zeros(STATES)
+        self.state = zeros(DSP_STATE)
         self.update(parameters)
 
     def update(self, parameters: DspParameters) -> None:
         """Take other parameters from the next tick on; the command under way and the count stay."""
         self.parameters = parameters
-        constants = np.zeros(CONSTANTS)
-        constants[DELAY] = parameters.computation_delay
-        constants[LIMIT] = min(parameters.dac_range if parameters.dac_range > 0.0 else math.inf, self.drive_limit)
-        constants[STEP], constants[LOWEST], constants[HIGHEST] = converter_codes(
-            parameters.dac_bits, parameters.dac_range
-        )
-        self.constants: NDArray[np.float64] = constants
-
-    @property
-    def arrays(self) -> DspArrays:
-        """The arrays that the kernels take first: constants and state."""
-        return self.constants, self.state
+        constants = zeros(DSP)
+        c = record(constants, DSP)
+        c.delay = parameters.computation_delay
+        c.limit = min(parameters.dac_range if parameters.dac_range > 0.0 else math.inf, self.drive_limit)
+        c.step, c.lowest, c.highest = converter_codes(parameters.dac_bits, parameters.dac_range)
+        self.arrays: DspArrays = (constants, self.state)
 
     @property
     def limit(self) -> float:
         """The largest magnitude of voltage that comes out on both sides of zero [V], infinity if there is none."""
+        c = record(self.arrays[0], DSP)
         if self.parameters.dac_bits > 0:
-            return min(float(self.constants[HIGHEST] * self.constants[STEP]), self.drive_limit)
-        return float(self.constants[LIMIT])
+            return min(float(c.highest * c.step), self.drive_limit)
+        return float(c.limit)
 
     @property
     def saturated_samples(self) -> int:
         """How many commands so far were limited, by the controller, the converter or the drive."""
-        return int(self.state[SATURATED])
+        return int(record(self.state, DSP_STATE).saturated_samples)
 
     def step(self, u: float, unsaturated: float, feedback: float) -> tuple[float, float, float]:
         """
@@ -174,4 +167,4 @@ class Dsp:
         u, unsaturated, feedback
             The voltage held until the next tick, the same command's voltage before any limit, its feedback part [V].
         """
-        return dsp_step(self.constants, self.state, u, unsaturated, feedback)
+        return dsp_step(*self.arrays, u, unsaturated, feedback)

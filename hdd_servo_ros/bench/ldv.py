@@ -10,9 +10,8 @@ from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_cod
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
 from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterSet, parameter
-
-LdvArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 OUTPUTS = ('displacement', 'velocity')
 NOISE_MEASURES = ('rms', 'density')
@@ -20,20 +19,51 @@ DROPOUT_EFFECTS = ('hold', 'zero')
 LONGEST_DELAY = 1e-3
 """Upper bound of the demodulator's delay [s]: the motion of so long is kept."""
 
-# Where the constants of ldv_step stand.
-DISPLACEMENT_GAIN, VELOCITY_GAIN, RANGE, STEP, LOWEST, HIGHEST = range(6)
-NOISE, DISPLACEMENT_NOISE, VELOCITY_NOISE, NOISE_DECAY, NOISE_STEP, SEED = range(6, 12)
-TIME_STEP, WHOLE_DELAY, PART_DELAY, KEPT = range(12, 16)
-FILTER_DECAY, FILTER_LAST, FILTER_NOW = range(16, 19)
-DROPOUT_CHANCE, DROPOUT_SAMPLES, DROPOUT_ZERO = range(19, 22)
-CONSTANTS = 22
+LdvArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Constants, state, and the motion of the last ticks."""
 
-# Where its state stands; of what comes in pairs, the displacement's is the first. Behind it lie the last KEPT
-# positions, then the last KEPT velocities.
-DISPLACEMENT_OVERRANGE, VELOCITY_OVERRANGE, DISPLACEMENT_FIRST, VELOCITY_FIRST, DROPPED = range(5)
-STARTED, DISPLACEMENT_DEVIATE, VELOCITY_DEVIATE, DROPOUT_LEFT, POSITION_HELD, VELOCITY_HELD = range(5, 11)
-POSITION_SEEN, VELOCITY_SEEN, POSITION_FILTERED, VELOCITY_FILTERED = range(11, 15)
-HISTORY = 15
+LDV = layout(
+    'displacement_gain',
+    'velocity_gain',
+    'range',
+    'step',
+    'lowest',
+    'highest',
+    'has_noise',
+    'displacement_noise',
+    'velocity_noise',
+    'noise_decay',
+    'noise_step',
+    'seed',
+    'time_step',
+    'whole_delay',
+    'part_delay',
+    'filter_decay',
+    'filter_last',
+    'filter_now',
+    'dropout_chance',
+    'dropout_samples',
+    'is_dropout_zero',
+)
+
+OVERRANGE = layout('samples', 'first_tick')
+"""How many samples of an output were clipped, and the tick of the first."""
+
+LDV_STATE = layout(
+    ('displacement', OVERRANGE),
+    ('velocity', OVERRANGE),
+    'dropped_samples',
+    'has_started',
+    'displacement_deviate',
+    'velocity_deviate',
+    'dropout_left',
+    'position_held',
+    'velocity_held',
+    'position_seen',
+    'velocity_seen',
+    'position_filtered',
+    'velocity_filtered',
+)
 
 DROPOUT_STREAM = 1
 
@@ -116,55 +146,52 @@ class LdvParameters(ParameterSet):
 
 
 @compiled
-def _read(constants: NDArray[np.float64], state: NDArray[np.float64], output: int, tick: int, volts: float) -> float:
+def _read(c: np.record, overrange: np.record, tick: int, volts: float) -> float:
     """Return an output [V] as the converter reads it: clipped, which is counted, then rounded to its step."""
     if not abs(volts) < math.inf:
         return volts
-    limit = constants[RANGE]
+    limit = c.range
     beyond = limit > 0.0 and abs(volts) > limit
     if limit > 0.0:
         volts = min(max(volts, -limit), limit)
-    if beyond or beyond_codes(volts, constants[STEP], constants[LOWEST], constants[HIGHEST]):
-        if state[DISPLACEMENT_OVERRANGE + output] == 0.0:
-            state[DISPLACEMENT_FIRST + output] = float(tick)
-        state[DISPLACEMENT_OVERRANGE + output] += 1.0
-    return converted(volts, constants[STEP], constants[LOWEST], constants[HIGHEST])
+    if beyond or beyond_codes(volts, c.step, c.lowest, c.highest):
+        if overrange.samples == 0.0:
+            overrange.first_tick = float(tick)
+        overrange.samples += 1.0
+    return converted(volts, c.step, c.lowest, c.highest)
 
 
 @compiled
-def _start(constants: NDArray[np.float64], state: NDArray[np.float64], position: float, velocity: float) -> None:
+def _start(s: np.record, history: NDArray[np.float64], position: float, velocity: float) -> None:
     """Let the past be the first motion seen, at rest."""
-    kept = int(constants[KEPT])
-    for i in range(kept):
-        state[HISTORY + i] = position
-        state[HISTORY + kept + i] = 0.0
-    state[POSITION_HELD], state[VELOCITY_HELD] = position, velocity
-    state[POSITION_SEEN], state[VELOCITY_SEEN] = position, velocity
-    state[POSITION_FILTERED], state[VELOCITY_FILTERED] = position, velocity
+    for i in range(len(history)):
+        history[i, 0], history[i, 1] = position, 0.0
+    s.position_held, s.velocity_held = position, velocity
+    s.position_seen, s.velocity_seen = position, velocity
+    s.position_filtered, s.velocity_filtered = position, velocity
 
 
 @compiled
 def _delayed(
-    constants: NDArray[np.float64], state: NDArray[np.float64], tick: int, position: float, velocity: float
+    c: np.record, history: NDArray[np.float64], tick: int, position: float, velocity: float
 ) -> tuple[float, float]:
     """
     Return position and velocity of the demodulator's delay ago.
 
     Between two samples the motion is the cubic that has their positions and velocities.
     """
-    kept = int(constants[KEPT])
-    state[HISTORY + tick % kept] = position
-    state[HISTORY + kept + tick % kept] = velocity
-    whole, part = int(constants[WHOLE_DELAY]), constants[PART_DELAY]
+    kept = len(history)
+    history[tick % kept, 0], history[tick % kept, 1] = position, velocity
+    whole, part = int(c.whole_delay), c.part_delay
     if whole == 0 and part == 0.0:
         return position, velocity
     after = (tick - whole + kept) % kept
-    x1, v1 = state[HISTORY + after], state[HISTORY + kept + after]
+    x1, v1 = history[after, 0], history[after, 1]
     if part == 0.0:
         return x1, v1
     before = (after - 1 + kept) % kept
-    x0, v0 = state[HISTORY + before], state[HISTORY + kept + before]
-    time_step = constants[TIME_STEP]
+    x0, v0 = history[before, 0], history[before, 1]
+    time_step = c.time_step
     s = 1.0 - part
     rise = x1 - x0
     x = x0 + s * s * (3.0 - 2.0 * s) * rise + time_step * s * part * (part * v0 - s * v1)
@@ -173,65 +200,68 @@ def _delayed(
 
 
 @compiled
-def _seen(
-    constants: NDArray[np.float64], state: NDArray[np.float64], tick: int, position: float, velocity: float
-) -> tuple[float, float]:
+def _seen(c: np.record, s: np.record, tick: int, position: float, velocity: float) -> tuple[float, float]:
     """Return the motion, or what the demodulator takes for it while a speckle is dark."""
-    if constants[DROPOUT_CHANCE] > 0.0:
-        if state[DROPOUT_LEFT] < 1.0:
-            begins, lasts = uniform_pair(np.int64(constants[SEED]), DROPOUT_STREAM, tick)
-            if begins < constants[DROPOUT_CHANCE]:
-                state[DROPOUT_LEFT] = np.ceil(-log(lasts) * constants[DROPOUT_SAMPLES])
-        if state[DROPOUT_LEFT] >= 1.0:
-            state[DROPOUT_LEFT] -= 1.0
-            state[DROPPED] += 1.0
-            if constants[DROPOUT_ZERO] != 0.0:
+    if c.dropout_chance > 0.0:
+        if s.dropout_left < 1.0:
+            begins, lasts = uniform_pair(np.int64(c.seed), DROPOUT_STREAM, tick)
+            if begins < c.dropout_chance:
+                s.dropout_left = np.ceil(-log(lasts) * c.dropout_samples)
+        if s.dropout_left >= 1.0:
+            s.dropout_left -= 1.0
+            s.dropped_samples += 1.0
+            if c.is_dropout_zero != 0.0:
                 return 0.0, 0.0
-            return state[POSITION_HELD], state[VELOCITY_HELD]
-    state[POSITION_HELD] = position
-    state[VELOCITY_HELD] = velocity
+            return s.position_held, s.velocity_held
+    s.position_held = position
+    s.velocity_held = velocity
     return position, velocity
 
 
 @compiled
-def _filtered(
-    constants: NDArray[np.float64], state: NDArray[np.float64], position: float, velocity: float
-) -> tuple[float, float]:
+def _filtered(c: np.record, s: np.record, position: float, velocity: float) -> tuple[float, float]:
     """Return the motion behind the demodulator's low pass, exact for an input that is linear between samples."""
-    decay, last, now = constants[FILTER_DECAY], constants[FILTER_LAST], constants[FILTER_NOW]
+    decay, last, now = c.filter_decay, c.filter_last, c.filter_now
     if decay > 0.0:
-        x = decay * state[POSITION_FILTERED] + last * state[POSITION_SEEN] + now * position
-        v = decay * state[VELOCITY_FILTERED] + last * state[VELOCITY_SEEN] + now * velocity
+        x = decay * s.position_filtered + last * s.position_seen + now * position
+        v = decay * s.velocity_filtered + last * s.velocity_seen + now * velocity
     else:
         x, v = position, velocity
-    state[POSITION_SEEN], state[VELOCITY_SEEN] = position, velocity
-    state[POSITION_FILTERED], state[VELOCITY_FILTERED] = x, v
+    s.position_seen, s.velocity_seen = position, velocity
+    s.position_filtered, s.velocity_filtered = x, v
     return x, v
 
 
 @compiled
 def ldv_step(
-    constants: NDArray[np.float64], state: NDArray[np.float64], tick: int, head_position: float, head_velocity: float
+    constants: NDArray[np.float64],
+    state: NDArray[np.float64],
+    history: NDArray[np.float64],
+    tick: int,
+    head_position: float,
+    head_velocity: float,
 ) -> tuple[float, float]:
     """Return displacement and velocity output [V] at ``tick``; see :class:`Ldv`."""
-    first = state[STARTED] == 0.0
+    c = record(constants, LDV)
+    s = record(state, LDV_STATE)
+    first = s.has_started == 0.0
     if first:
-        _start(constants, state, head_position, head_velocity)
-        state[STARTED] = 1.0
-    position, velocity = _delayed(constants, state, tick, head_position, head_velocity)
-    position, velocity = _seen(constants, state, tick, position, velocity)
-    position, velocity = _filtered(constants, state, position, velocity)
-    displacement_volts = position * constants[DISPLACEMENT_GAIN]
-    velocity_volts = velocity * constants[VELOCITY_GAIN]
-    if constants[NOISE] != 0.0:
-        deviate_0, deviate_1 = normal_pair(np.int64(constants[SEED]), 0, tick)
-        if constants[NOISE_DECAY] > 0.0 and not first:
-            deviate_0 = constants[NOISE_DECAY] * state[DISPLACEMENT_DEVIATE] + constants[NOISE_STEP] * deviate_0
-            deviate_1 = constants[NOISE_DECAY] * state[VELOCITY_DEVIATE] + constants[NOISE_STEP] * deviate_1
-        state[DISPLACEMENT_DEVIATE], state[VELOCITY_DEVIATE] = deviate_0, deviate_1
-        displacement_volts += constants[DISPLACEMENT_NOISE] * deviate_0
-        velocity_volts += constants[VELOCITY_NOISE] * deviate_1
-    return _read(constants, state, 0, tick, displacement_volts), _read(constants, state, 1, tick, velocity_volts)
+        _start(s, history, head_position, head_velocity)
+        s.has_started = 1.0
+    position, velocity = _delayed(c, history, tick, head_position, head_velocity)
+    position, velocity = _seen(c, s, tick, position, velocity)
+    position, velocity = _filtered(c, s, position, velocity)
+    displacement_volts = position * c.displacement_gain
+    velocity_volts = velocity * c.velocity_gain
+    if c.has_noise != 0.0:
+        deviate_0, deviate_1 = normal_pair(np.int64(c.seed), 0, tick)
+        if c.noise_decay > 0.0 and not first:
+            deviate_0 = c.noise_decay * s.displacement_deviate + c.noise_step * deviate_0
+            deviate_1 = c.noise_decay * s.velocity_deviate + c.noise_step * deviate_1
+        s.displacement_deviate, s.velocity_deviate = deviate_0, deviate_1
+        displacement_volts += c.displacement_noise * deviate_0
+        velocity_volts += c.velocity_noise * deviate_1
+    return _read(c, s.displacement, tick, displacement_volts), _read(c, s.velocity, tick, velocity_volts)
 
 
 class Ldv:
@@ -260,30 +290,31 @@ class Ldv:
     Attributes
     ----------
     state
-        Counts and first ticks of saturation and drop-outs, then what filters, noise and delay remember.
+        Counts and first ticks of saturation and drop-outs, then what filters and noise remember.
+    history
+        Position and velocity of the last ticks, of the longest delay's length; tick k is in row k modulo the length.
     """
 
     def __init__(self, parameters: LdvParameters, sample_time: float) -> None:
         self.sample_time = sample_time
-        self._kept = math.ceil(LONGEST_DELAY / sample_time) + 2
-        self.state: NDArray[np.float64] = np.zeros(HISTORY + 2 * self._kept)
+        self.state = zeros(LDV_STATE)
+        self.history: NDArray[np.float64] = np.zeros((math.ceil(LONGEST_DELAY / sample_time) + 2, 2))
         self.update(parameters)
 
     def update(self, parameters: LdvParameters) -> None:
         """Take other parameters from the next tick on; counts and what filters, noise and delay remember go on."""
         self.parameters = parameters
-        constants = np.zeros(CONSTANTS)
-        constants[DISPLACEMENT_GAIN] = 1.0 / parameters.displacement_scale
-        constants[VELOCITY_GAIN] = 1.0 / parameters.velocity_scale
-        constants[RANGE] = parameters.output_range
-        constants[STEP], constants[LOWEST], constants[HIGHEST] = converter_codes(
-            parameters.adc_bits, parameters.adc_range
-        )
-        self._fill_noise(constants)
-        self._fill_demodulator(constants)
-        self.constants: NDArray[np.float64] = constants
+        constants = zeros(LDV)
+        c = record(constants, LDV)
+        c.displacement_gain = 1.0 / parameters.displacement_scale
+        c.velocity_gain = 1.0 / parameters.velocity_scale
+        c.range = parameters.output_range
+        c.step, c.lowest, c.highest = converter_codes(parameters.adc_bits, parameters.adc_range)
+        self._fill_noise(c)
+        self._fill_demodulator(c)
+        self.arrays: LdvArrays = (constants, self.state, self.history)
 
-    def _fill_noise(self, constants: NDArray[np.float64]) -> None:
+    def _fill_noise(self, c: np.record) -> None:
         parameters, time_step = self.parameters, self.sample_time
         corner = parameters.noise_bandwidth
         displacement, velocity = parameters.displacement_noise, parameters.velocity_noise
@@ -292,55 +323,48 @@ class Ldv:
             bandwidth = 0.25 * TWO_PI * corner if corner > 0.0 else 0.5 / time_step
             displacement = parameters.displacement_noise_density * math.sqrt(bandwidth)
             velocity = parameters.velocity_noise_density * math.sqrt(bandwidth)
-        constants[NOISE] = float(parameters.noise)
-        constants[DISPLACEMENT_NOISE] = displacement / parameters.displacement_scale
-        constants[VELOCITY_NOISE] = velocity / parameters.velocity_scale
+        c.has_noise = float(parameters.noise)
+        c.displacement_noise = displacement / parameters.displacement_scale
+        c.velocity_noise = velocity / parameters.velocity_scale
         if corner > 0.0:
             decay = exp(-TWO_PI * corner * time_step)
-            constants[NOISE_DECAY] = decay
-            constants[NOISE_STEP] = math.sqrt(1.0 - decay * decay)
-        constants[SEED] = float(parameters.seed)
+            c.noise_decay = decay
+            c.noise_step = math.sqrt(1.0 - decay * decay)
+        c.seed = float(parameters.seed)
 
-    def _fill_demodulator(self, constants: NDArray[np.float64]) -> None:
+    def _fill_demodulator(self, c: np.record) -> None:
         parameters, time_step = self.parameters, self.sample_time
-        constants[TIME_STEP] = time_step
-        constants[KEPT] = self._kept
+        c.time_step = time_step
         samples = parameters.demodulator_delay / time_step
-        constants[WHOLE_DELAY] = math.floor(samples)
-        constants[PART_DELAY] = samples - math.floor(samples)
+        c.whole_delay = math.floor(samples)
+        c.part_delay = samples - math.floor(samples)
         if parameters.demodulator_bandwidth > 0.0:
             angle = TWO_PI * parameters.demodulator_bandwidth * time_step
             decay = exp(-angle)
-            constants[FILTER_DECAY] = decay
-            constants[FILTER_LAST] = (1.0 - decay) / angle - decay
-            constants[FILTER_NOW] = 1.0 - (1.0 - decay) / angle
+            c.filter_decay = decay
+            c.filter_last = (1.0 - decay) / angle - decay
+            c.filter_now = 1.0 - (1.0 - decay) / angle
         if parameters.dropout_rate > 0.0:
-            constants[DROPOUT_CHANCE] = 1.0 - exp(-parameters.dropout_rate * time_step)
-            constants[DROPOUT_SAMPLES] = parameters.dropout_duration / time_step
-            constants[DROPOUT_ZERO] = float(parameters.dropout_effect == 'zero')
-
-    @property
-    def arrays(self) -> LdvArrays:
-        """The arrays that the kernels take first: constants and state."""
-        return self.constants, self.state
+            c.dropout_chance = 1.0 - exp(-parameters.dropout_rate * time_step)
+            c.dropout_samples = parameters.dropout_duration / time_step
+            c.is_dropout_zero = float(parameters.dropout_effect == 'zero')
 
     @property
     def saturated_samples(self) -> dict[str, int]:
         """How many samples of each output so far were clipped, by its range or by the converter."""
-        return {name: int(self.state[DISPLACEMENT_OVERRANGE + i]) for i, name in enumerate(OUTPUTS)}
+        state = record(self.state, LDV_STATE)
+        return {name: int(state[name].samples) for name in OUTPUTS}
 
     @property
     def first_saturated_tick(self) -> dict[str, int | None]:
         """The first tick at which each output was clipped, None if it never was."""
-        return {
-            name: int(self.state[DISPLACEMENT_FIRST + i]) if count else None
-            for i, (name, count) in enumerate(self.saturated_samples.items())
-        }
+        state = record(self.state, LDV_STATE)
+        return {name: int(state[name].first_tick) if state[name].samples else None for name in OUTPUTS}
 
     @property
     def dropped_samples(self) -> int:
         """How many samples so far fell into a drop-out."""
-        return int(self.state[DROPPED])
+        return int(record(self.state, LDV_STATE).dropped_samples)
 
     def saturation_warnings(self) -> dict[str, str]:
         """Return, for each output that has been clipped, what a user should be told."""
@@ -358,4 +382,4 @@ class Ldv:
 
     def step(self, tick: int, head_position: float, head_velocity: float) -> tuple[float, float]:
         """Return displacement and velocity output [V] for a head position [um] and velocity [um/s] at ``tick``."""
-        return ldv_step(self.constants, self.state, tick, head_position, head_velocity)
+        return ldv_step(*self.arrays, tick, head_position, head_velocity)

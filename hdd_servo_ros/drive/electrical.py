@@ -16,21 +16,29 @@ import numpy.typing as npt
 from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
+from hdd_servo_ros.numerics.records import layout, record, zeros
 
-# Places in the constants
-RATIO = 0
-AMPLIFIER_DECAY = 1
-AMPLIFIER_MEAN = 2
-COIL_DECAY = 3
-COIL_LAG = 4
-COIL_AMPLIFIER = 5
-BACK_EMF = 6
-MEAN_BACK_EMF = 7
-COUNT = 8
+DRIVER = layout(
+    'current_ratio',
+    'amplifier_decay',
+    'amplifier_mean',
+    'coil_decay',
+    'coil_lag',
+    'coil_by_amplifier',
+    'back_emf',
+    'mean_back_emf',
+)
+"""
+What the kernels know of a driver for its substep of length D.
+
+current_ratio is r; amplifier_decay and coil_decay are e^(-D/tau_a) and e^(-D/tau_e); amplifier_mean the mean of the
+former over the substep; coil_lag is tau_e/D; coil_by_amplifier is what a lagging amplifier adds to c; back_emf is kappa
+[V s/um], mean_back_emf the part of it that the mean of c has.
+"""
 
 
-def electrical_constants(parameters: ActuatorParameters, substep: float) -> list[float]:
-    """Return the constants of the driver's kernels for a substep [s]."""
+def electrical_constants(parameters: ActuatorParameters, substep: float) -> npt.NDArray[np.float64]:
+    """Return the constants of the driver's kernels for a substep [s], of the layout :data:`DRIVER`."""
     tau_a = parameters.amplifier_time_constant
     tau_e = parameters.electrical_time_constant
     ratio = parameters.current_ratio
@@ -44,29 +52,28 @@ def electrical_constants(parameters: ActuatorParameters, substep: float) -> list
         crossed = 0.0
     lag = tau_e / substep
     back_emf = parameters.back_emf_resistance
-    return [
-        ratio,
-        amplifier,
-        tau_a / substep * (1.0 - amplifier),
-        coil,
-        lag,
-        ratio * crossed,
-        back_emf,
-        back_emf * (1.0 - lag * (1.0 - coil)),
-    ]
+    constants = zeros(DRIVER)
+    driver = record(constants, DRIVER)
+    driver.current_ratio = ratio
+    driver.amplifier_decay = amplifier
+    driver.amplifier_mean = tau_a / substep * (1.0 - amplifier)
+    driver.coil_decay = coil
+    driver.coil_lag = lag
+    driver.coil_by_amplifier = ratio * crossed
+    driver.back_emf = back_emf
+    driver.mean_back_emf = back_emf * (1.0 - lag * (1.0 - coil))
+    return constants
 
 
 @compiled
-def driver_force(
-    constants: npt.NDArray[np.float64], place: int, control: float, amplifier: float, coil: float
-) -> tuple[float, float, float]:
+def driver_force(driver: np.record, control: float, amplifier: float, coil: float) -> tuple[float, float, float]:
     """
     Return what the driver does during a substep, the back-EMF apart.
 
     Parameters
     ----------
-    constants, place
-        The driver's constants begin at ``place`` of this array.
+    driver
+        Record of :data:`DRIVER`.
     control
         u held over the substep [V].
     amplifier, coil
@@ -76,19 +83,19 @@ def driver_force(
     -------
     tuple
         b and c at the end [V], mean of c over the substep [V]. :func:`back_emf_current` completes c once the mean
-        velocity is known; the mean lacks ``MEAN_BACK_EMF`` times that velocity.
+        velocity is known; the mean lacks ``mean_back_emf`` times that velocity.
     """
-    ratio = constants[place + RATIO]
+    ratio = driver.current_ratio
+    decay = driver.coil_decay
     offset = amplifier - control
-    decay = constants[place + COIL_DECAY]
-    new_coil = decay * coil + (1.0 - decay) * ratio * control + constants[place + COIL_AMPLIFIER] * offset
-    mean_amplifier = control + offset * constants[place + AMPLIFIER_MEAN]
-    mean = ratio * mean_amplifier - constants[place + COIL_LAG] * (new_coil - coil)
-    return control + offset * constants[place + AMPLIFIER_DECAY], new_coil, mean
+    new_coil = decay * coil + (1.0 - decay) * ratio * control + driver.coil_by_amplifier * offset
+    mean_amplifier = control + offset * driver.amplifier_mean
+    mean = ratio * mean_amplifier - driver.coil_lag * (new_coil - coil)
+    return control + offset * driver.amplifier_decay, new_coil, mean
 
 
 @compiled
-def back_emf_current(constants: npt.NDArray[np.float64], place: int, mean_velocity: float) -> float:
+def back_emf_current(driver: np.record, mean_velocity: float) -> float:
     """Return what the back-EMF takes from c by the end of a substep [V]."""
-    share: float = (1.0 - constants[place + COIL_DECAY]) * constants[place + BACK_EMF]
+    share: float = (1.0 - driver.coil_decay) * driver.back_emf
     return share * mean_velocity

@@ -10,75 +10,38 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hdd_servo_ros.drive import electrical
 from hdd_servo_ros.drive.actuator import ActuatorParameters
-from hdd_servo_ros.drive.electrical import back_emf_current, driver_force, electrical_constants
-from hdd_servo_ros.drive.friction import parameters as friction_places
-from hdd_servo_ros.drive.friction.dahl import dahl_substep
-from hdd_servo_ros.drive.friction.elastoplastic import elastoplastic_friction, elastoplastic_substep, slip_terms
-from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level, lugre_substep, position_factor
-from hdd_servo_ros.drive.friction.network import network_friction, network_substep
-from hdd_servo_ros.drive.friction.parameters import (
-    COMPLETE,
-    DAHL,
-    LUGRE,
-    LUGRE_POSITION,
-    NETWORK,
-    NO_FRICTION,
-    TANGENTIAL_STIFFNESS,
-    FrictionParameters,
-    friction_constants,
-)
-from hdd_servo_ros.drive.friction.static import static_friction, static_substep
-from hdd_servo_ros.drive.resonance import ResonanceParameters, modal_form, mode_constants
+from hdd_servo_ros.drive.electrical import DRIVER, back_emf_current, driver_force, electrical_constants
+from hdd_servo_ros.drive.friction.dispatch import contact_after_change, friction_force, friction_substep
+from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants, friction_nodes
+from hdd_servo_ros.drive.resonance import MODE, ResonanceParameters, modal_arrays, modal_form
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
-PlantArrays = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+Array = npt.NDArray[np.float64]
+PlantArrays = tuple[Array, Array, Array, Array, Array, Array]
+"""Constants, nodes of a friction network, modes, their responses, state, motion of the modes."""
 
-# Places in the plant's constants
-GAIN = 0
-CONTROL_LIMIT = 1
-SUBSTEPS = 2
-SUBSTEP = 3
-SAMPLE_TIME = 4
-DISTURBANCE = 5
-DISTURBANCE_FREQUENCY = 6
-R0 = 7
-R1 = 8
-MODES = 9
-MODE_PLACE = 10
-ELECTRICAL = 11
-"""1 with a driver's electrical dynamics, else 0; their constants begin one place on."""
-ELECTRICAL_CONSTANTS = 12
-FRICTION_CONSTANTS = ELECTRICAL_CONSTANTS + electrical.COUNT
+PLANT = layout(
+    'gain',
+    'control_limit',
+    'substeps',
+    'substep',
+    'sample_time',
+    'disturbance_amplitude',
+    'disturbance_frequency',
+    'r0',
+    'r1',
+    'is_electrical',
+    ('driver', DRIVER),
+    ('friction', FRICTION),
+)
+"""The plant's constants; ``disturbance_amplitude`` is of its mean over a substep, r0 and r1 are R0, R1 of the head."""
 
-STIFFNESS = FRICTION_CONSTANTS + friction_places.STIFFNESS
-BRISTLE_DAMPING = FRICTION_CONSTANTS + friction_places.BRISTLE_DAMPING
-VISCOUS = FRICTION_CONSTANTS + friction_places.VISCOUS
-COULOMB = FRICTION_CONSTANTS + friction_places.COULOMB
-STATIC = FRICTION_CONSTANTS + friction_places.STATIC
-INVERSE_STRIBECK = FRICTION_CONSTANTS + friction_places.INVERSE_STRIBECK
-DAHL_EXPONENT = FRICTION_CONSTANTS + friction_places.DAHL_EXPONENT
-RIPPLE = FRICTION_CONSTANTS + friction_places.RIPPLE
-INVERSE_PERIOD = FRICTION_CONSTANTS + friction_places.INVERSE_PERIOD
-BRISTLE_LIMIT = FRICTION_CONSTANTS + friction_places.BRISTLE_LIMIT
-MEAN_BACK_EMF = ELECTRICAL_CONSTANTS + electrical.MEAN_BACK_EMF
-
-MODE_HEADER = 8
-"""Constants of a mode before those of its substeps."""
-
-# Places in the plant's state
-POSITION = 0
-VELOCITY = 1
-AMPLIFIER = 2
-COIL = 3
-DEFLECTION = 4
-MEAN_FRICTION = 5
-FRICTION = 6
-MODE_STATES = 7
-"""Here the modes' q and q' begin; the accelerations of the substeps follow them."""
+PLANT_STATE = layout('position', 'velocity', 'amplifier', 'coil', 'deflection', 'mean_friction', 'friction')
+"""The plant's state without the modes: x and v, the driver's b and c, the contact, and the friction at the tick."""
 
 
 @dataclass(frozen=True)
@@ -138,17 +101,16 @@ class Plant:
             raise ParameterError('sample_time', sample_time, 'above 0 [s]')
         self.sample_time = sample_time
         self.parameters = parameters
-        self.constants = plant_constants(parameters, sample_time)
-        self.state = plant_state(parameters)
-
-    @property
-    def arrays(self) -> PlantArrays:
-        """The arrays that the kernels take first: constants and state."""
-        return self.constants, self.state
+        self.state = zeros(PLANT_STATE)
+        self.motion: Array = np.zeros((0, 2))
+        state = record(self.state, PLANT_STATE)
+        state.position = parameters.initial_position
+        state.velocity = parameters.initial_velocity
+        self.update(parameters)
 
     def output(self) -> tuple[float, float, float]:
         """Return head position [um], head velocity [um/s] and pivot friction [V] at the present tick."""
-        return plant_output(self.constants, self.state)
+        return plant_output(*self.arrays)
 
     def step(self, tick: int, control: float, disturbance: float = 0.0) -> tuple[float, float, float]:
         """
@@ -163,7 +125,7 @@ class Plant:
         disturbance
             External part of d held over the same time [V]; like d of (4.1) it acts against u.
         """
-        return plant_step(self.constants, self.state, tick, control, disturbance)
+        return plant_step(*self.arrays, tick, control, disturbance)
 
     def update(self, parameters: PlantParameters) -> None:
         """
@@ -171,27 +133,29 @@ class Plant:
 
         The contact keeps its deflection, up to what the new parameters let it bear; it starts at zero again when the
         friction model changes, as the modes start at rest when their number changes. The friction of the output is
-        that of the new parameters. ``constants`` and ``state`` are new arrays afterwards.
+        that of the new parameters. ``arrays`` holds new constants afterwards.
         """
-        constants = plant_constants(parameters, self.sample_time)
-        state = plant_state(parameters)
-        modes = int(constants[MODES])
-        kept = MODE_STATES + 2 * modes if modes == int(self.constants[MODES]) else MODE_STATES
-        state[:kept] = self.state[:kept]
-        if parameters.friction.model != self.parameters.friction.model:
-            state[[DEFLECTION, MEAN_FRICTION]] = 0.0
-        limit = _deflection_limit(constants, float(state[VELOCITY]))
-        state[DEFLECTION] = min(max(state[DEFLECTION], -limit), limit)
-        state[FRICTION] = _friction(
-            constants, FRICTION_CONSTANTS, state[POSITION], state[VELOCITY], state[DEFLECTION], state[MEAN_FRICTION]
-        )
+        is_same_model = parameters.friction.model == self.parameters.friction.model
         self.parameters = parameters
-        self.constants = constants
-        self.state = state
+        self.constants = plant_constants(parameters, self.sample_time)
+        self.nodes = friction_nodes(parameters.friction)
+        modal = modal_form(parameters.resonance)
+        self.modes, self.responses = modal_arrays(modal, self.sample_time, parameters.substeps)
+        if len(self.motion) != len(self.modes):
+            self.motion = np.zeros((len(self.modes), 2))
+        self.arrays: PlantArrays = (self.constants, self.nodes, self.modes, self.responses, self.state, self.motion)
+        friction = record(self.constants, PLANT).friction
+        state = record(self.state, PLANT_STATE)
+        state.deflection, state.mean_friction = contact_after_change(
+            friction, is_same_model, float(state.velocity), float(state.deflection), float(state.mean_friction)
+        )
+        state.friction = friction_force(
+            friction, self.nodes, state.position, state.velocity, state.deflection, state.mean_friction
+        )
 
 
-def plant_constants(parameters: PlantParameters, sample_time: float) -> npt.NDArray[np.float64]:
-    """Return the constants of the plant's kernel for a sample time [s]."""
+def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
+    """Return the constants of the plant's kernel for a sample time [s], of the layout :data:`PLANT`."""
     substep = sample_time / parameters.substeps
     modal = modal_form(parameters.resonance)
     disturbance = parameters.disturbance
@@ -199,237 +163,101 @@ def plant_constants(parameters: PlantParameters, sample_time: float) -> npt.NDAr
     # The mean of a sinusoid over a substep is its middle value times sin(a)/a, a half the substep's angle.
     angle = 0.5 * disturbance.angular_frequency * substep
     mean = sine_cosine_of_turns(0.5 * frequency * substep)[0] / angle if angle > 0.0 else 1.0
-    friction = friction_constants(parameters.friction)
-    constants = [
-        parameters.rigid_gain,
-        parameters.control_limit,
-        float(parameters.substeps),
-        substep,
-        sample_time,
-        disturbance.amplitude * mean,
-        frequency,
-        modal.r0,
-        modal.r1,
-        float(len(modal.modes)),
-        float(FRICTION_CONSTANTS + len(friction)),
-    ]
-    if not parameters.actuator.is_electrical:
-        constants += [0.0] * (1 + electrical.COUNT)
-    else:
-        constants += [1.0, *electrical_constants(parameters.actuator, substep)]
-    constants += friction
-    for mode in modal.modes:
-        constants += mode_constants(mode, sample_time, parameters.substeps)
-    return np.array(constants)
-
-
-def plant_state(parameters: PlantParameters) -> npt.NDArray[np.float64]:
-    """Return the plant's state at tick 0: the contact undeflected, the modes and currents at rest."""
-    modes = len(modal_form(parameters.resonance).modes)
-    state = np.zeros(MODE_STATES + 2 * modes + parameters.substeps)
-    state[POSITION] = parameters.initial_position
-    state[VELOCITY] = parameters.initial_velocity
-    friction = np.array(friction_constants(parameters.friction))
-    state[FRICTION] = _friction(friction, 0, parameters.initial_position, parameters.initial_velocity, 0.0, 0.0)
-    return state
-
-
-def _deflection_limit(constants: npt.NDArray[np.float64], velocity: float) -> float:
-    """Return the largest deflection [um] that the contact of the friction model bears at a velocity [um/s]."""
-    model = int(constants[FRICTION_CONSTANTS])
-    if model == DAHL:
-        return float(constants[COULOMB] / constants[STIFFNESS])
-    if model in (TANGENTIAL_STIFFNESS, COMPLETE):
-        return float(slip_terms(constants, FRICTION_CONSTANTS, abs(velocity))[0] / constants[STIFFNESS])
-    return float(constants[BRISTLE_LIMIT])
+    constants = zeros(PLANT)
+    plant = record(constants, PLANT)
+    plant.gain = parameters.rigid_gain
+    plant.control_limit = parameters.control_limit
+    plant.substeps = parameters.substeps
+    plant.substep = substep
+    plant.sample_time = sample_time
+    plant.disturbance_amplitude = disturbance.amplitude * mean
+    plant.disturbance_frequency = frequency
+    plant.r0 = modal.r0
+    plant.r1 = modal.r1
+    if parameters.actuator.is_electrical:
+        plant.is_electrical = 1.0
+        plant.driver = record(electrical_constants(parameters.actuator, substep), DRIVER)
+    plant.friction = record(friction_constants(parameters.friction), FRICTION)
+    return constants
 
 
 @compiled
-def _friction(
-    constants: npt.NDArray[np.float64],
-    place: int,
-    position: float,
-    velocity: float,
-    deflection: float,
-    mean_friction: float,
-) -> float:
-    """Return the friction [V] at a state of the rigid body; ``mean_friction`` holds a static model at rest."""
-    model = int(constants[place])
-    if model in (LUGRE, LUGRE_POSITION):
-        level = lugre_level(
-            velocity,
-            constants[place + friction_places.COULOMB],
-            constants[place + friction_places.STATIC],
-            constants[place + friction_places.INVERSE_STRIBECK],
-        )
-        if model == LUGRE_POSITION:
-            level *= position_factor(
-                position, constants[place + friction_places.RIPPLE], constants[place + friction_places.INVERSE_PERIOD]
-            )
-        return lugre_friction(
-            velocity,
-            deflection,
-            constants[place + friction_places.STIFFNESS],
-            constants[place + friction_places.BRISTLE_DAMPING],
-            constants[place + friction_places.VISCOUS],
-            level,
-        )
-    if model == NO_FRICTION:
-        return 0.0
-    if model == DAHL:
-        stiffness: float = constants[place + friction_places.STIFFNESS]
-        return stiffness * deflection
-    if model in (TANGENTIAL_STIFFNESS, COMPLETE):
-        return elastoplastic_friction(constants, place, velocity, deflection)
-    if model == NETWORK:
-        return network_friction(constants, place, position, velocity)
-    return static_friction(constants, place, velocity, mean_friction)
-
-
-@compiled
-def plant_output(constants: npt.NDArray[np.float64], state: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+def plant_output(
+    constants: Array, nodes: Array, modes: Array, responses: Array, state: Array, motion: Array
+) -> tuple[float, float, float]:
     """Return head position [um], head velocity [um/s] and pivot friction [V] of a state."""
-    row = MODE_HEADER + 2 * int(constants[SUBSTEPS])
-    position = constants[R0] * state[POSITION] + constants[R1] * state[VELOCITY]
-    velocity = constants[R0] * state[VELOCITY]
-    place = int(constants[MODE_PLACE])
-    for i in range(int(constants[MODES])):
-        q = state[MODE_STATES + 2 * i]
-        p = state[MODE_STATES + 2 * i + 1]
-        position += constants[place + 4] * q + constants[place + 5] * p
-        velocity += constants[place + 6] * q + constants[place + 7] * p
-        place += row
-    return position, velocity, state[FRICTION]
-
-
-@compiled
-def _rigid_substep(
-    constants: npt.NDArray[np.float64],
-    position: float,
-    velocity: float,
-    deflection: float,
-    friction: float,
-    applied: float,
-    drag: float,
-) -> tuple[float, float, float, float]:
-    """Return position, velocity, deflection and mean friction after one substep, by the friction's own scheme."""
-    model = int(constants[FRICTION_CONSTANTS])
-    substep = constants[SUBSTEP]
-    gain = constants[GAIN]
-    if model in (LUGRE, LUGRE_POSITION):
-        factor = 1.0
-        if model == LUGRE_POSITION:
-            middle = position + 0.5 * substep * velocity
-            factor = position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
-        mean, deflection, friction = lugre_substep(
-            substep,
-            gain,
-            velocity,
-            deflection,
-            friction,
-            applied,
-            drag,
-            constants[STIFFNESS],
-            constants[BRISTLE_DAMPING],
-            constants[VISCOUS],
-            constants[COULOMB],
-            constants[STATIC],
-            constants[INVERSE_STRIBECK],
-            factor,
-            constants[BRISTLE_LIMIT],
-        )
-    elif model == NO_FRICTION:
-        mean = (2.0 * velocity + gain * substep * applied) / (2.0 + gain * substep * drag)
-    elif model == DAHL:
-        stiffness = constants[STIFFNESS]
-        mean, force, friction = dahl_substep(
-            substep,
-            gain,
-            velocity,
-            stiffness * deflection,
-            friction,
-            applied,
-            drag,
-            stiffness,
-            constants[COULOMB],
-            constants[DAHL_EXPONENT],
-        )
-        deflection = force / stiffness
-    elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
-        mean, deflection, friction = elastoplastic_substep(
-            constants, FRICTION_CONSTANTS, substep, gain, velocity, deflection, friction, applied, drag
-        )
-    elif model == NETWORK:
-        mean, friction = network_substep(
-            constants, FRICTION_CONSTANTS, substep, gain, position, velocity, friction, applied, drag
-        )
-    else:
-        position, velocity, friction = static_substep(
-            constants, FRICTION_CONSTANTS, substep, gain, position, velocity, applied, drag
-        )
-        return position, velocity, deflection, friction
-    return position + substep * mean, 2.0 * mean - velocity, deflection, friction
+    c = record(constants, PLANT)
+    s = record(state, PLANT_STATE)
+    position = c.r0 * s.position + c.r1 * s.velocity
+    velocity = c.r0 * s.velocity
+    for i in range(len(motion)):
+        mode = record(modes, MODE, i)
+        q, rate = motion[i, 0], motion[i, 1]
+        position += mode.position_of_q * q + mode.position_of_rate * rate
+        velocity += mode.velocity_of_q * q + mode.velocity_of_rate * rate
+    return position, velocity, s.friction
 
 
 @compiled
 def plant_step(
-    constants: npt.NDArray[np.float64],
-    state: npt.NDArray[np.float64],
+    constants: Array,
+    nodes: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
     tick: int,
     control: float,
     disturbance: float,
 ) -> tuple[float, float, float]:
-    """Advance ``state`` from ``tick`` - 1 to ``tick``; see :meth:`Plant.step`."""
-    control = min(max(control, -constants[CONTROL_LIMIT]), constants[CONTROL_LIMIT])
-    substeps = int(constants[SUBSTEPS])
-    substep = constants[SUBSTEP]
-    modes = int(constants[MODES])
-    is_electrical = constants[ELECTRICAL] != 0.0
-    start = float(tick - 1) * constants[SAMPLE_TIME]
-    position = state[POSITION]
-    velocity = state[VELOCITY]
-    amplifier = state[AMPLIFIER]
-    coil = state[COIL]
-    deflection = state[DEFLECTION]
-    friction = state[MEAN_FRICTION]
-    accelerations = MODE_STATES + 2 * modes
-    for j in range(substeps):
+    """Advance ``state`` and ``motion`` from ``tick`` - 1 to ``tick``; see :meth:`Plant.step`."""
+    c = record(constants, PLANT)
+    s = record(state, PLANT_STATE)
+    control = min(max(control, -c.control_limit), c.control_limit)
+    substep = c.substep
+    start = float(tick - 1) * c.sample_time
+    position, velocity = s.position, s.velocity
+    amplifier, coil = s.amplifier, s.coil
+    deflection, mean_friction = s.deflection, s.mean_friction
+    _swing(modes, motion)
+    for j in range(int(c.substeps)):
         applied = control
         drag = 0.0
-        if is_electrical:
-            amplifier, coil, applied = driver_force(constants, ELECTRICAL_CONSTANTS, control, amplifier, coil)
-            drag = constants[MEAN_BACK_EMF]
+        if c.is_electrical != 0.0:
+            amplifier, coil, applied = driver_force(c.driver, control, amplifier, coil)
+            drag = c.driver.mean_back_emf
         applied -= disturbance
-        if constants[DISTURBANCE] != 0.0:
-            turns = constants[DISTURBANCE_FREQUENCY] * (start + (float(j) + 0.5) * substep)
-            applied -= constants[DISTURBANCE] * sine_cosine_of_turns(turns)[0]
+        if c.disturbance_amplitude != 0.0:
+            turns = c.disturbance_frequency * (start + (float(j) + 0.5) * substep)
+            applied -= c.disturbance_amplitude * sine_cosine_of_turns(turns)[0]
         previous_position = position
         previous_velocity = velocity
-        position, velocity, deflection, friction = _rigid_substep(
-            constants, position, velocity, deflection, friction, applied, drag
+        position, velocity, deflection, mean_friction = friction_substep(
+            c.friction, nodes, substep, c.gain, position, velocity, deflection, mean_friction, applied, drag
         )
-        if is_electrical:
-            coil -= back_emf_current(constants, ELECTRICAL_CONSTANTS, (position - previous_position) / substep)
-        state[accelerations + j] = (velocity - previous_velocity) / substep
-    state[POSITION] = position
-    state[VELOCITY] = velocity
-    state[AMPLIFIER] = amplifier
-    state[COIL] = coil
-    state[DEFLECTION] = deflection
-    state[MEAN_FRICTION] = friction
-    state[FRICTION] = _friction(constants, FRICTION_CONSTANTS, position, velocity, deflection, friction)
-    place = int(constants[MODE_PLACE])
-    for i in range(modes):
-        q = state[MODE_STATES + 2 * i]
-        p = state[MODE_STATES + 2 * i + 1]
-        next_q = constants[place] * q + constants[place + 1] * p
-        next_p = constants[place + 2] * q + constants[place + 3] * p
-        place += MODE_HEADER
-        for j in range(substeps):
-            acceleration = state[accelerations + j]
-            next_q += constants[place] * acceleration
-            next_p += constants[place + 1] * acceleration
-            place += 2
-        state[MODE_STATES + 2 * i] = next_q
-        state[MODE_STATES + 2 * i + 1] = next_p
-    return plant_output(constants, state)
+        if c.is_electrical != 0.0:
+            coil -= back_emf_current(c.driver, (position - previous_position) / substep)
+        _drive_modes(responses, j, (velocity - previous_velocity) / substep, motion)
+    s.position, s.velocity = position, velocity
+    s.amplifier, s.coil = amplifier, coil
+    s.deflection, s.mean_friction = deflection, mean_friction
+    s.friction = friction_force(c.friction, nodes, position, velocity, deflection, mean_friction)
+    return plant_output(constants, nodes, modes, responses, state, motion)
+
+
+@compiled
+def _swing(modes: Array, motion: Array) -> None:
+    """Let the modes swing freely over a sample."""
+    for i in range(len(motion)):
+        mode = record(modes, MODE, i)
+        q, rate = motion[i, 0], motion[i, 1]
+        motion[i, 0] = mode.a11 * q + mode.a12 * rate
+        motion[i, 1] = mode.a21 * q + mode.a22 * rate
+
+
+@compiled
+def _drive_modes(responses: Array, j: int, acceleration: float, motion: Array) -> None:
+    """Add what the modes do by the end of the sample for an acceleration [um/s^2] during its substep ``j``."""
+    for i in range(len(motion)):
+        motion[i, 0] += responses[j, i, 0] * acceleration
+        motion[i, 1] += responses[j, i, 1] * acceleration

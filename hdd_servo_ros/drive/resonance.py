@@ -15,10 +15,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, sine_cosine_of_turns
+from hdd_servo_ros.numerics.records import layout, record, size
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 FORMS = ('none', 'sections', 'two_parameter', 'parallel')
+
+MODE = layout(
+    'a11',
+    'a12',
+    'a21',
+    'a22',
+    'position_of_q',
+    'position_of_rate',
+    'velocity_of_q',
+    'velocity_of_rate',
+)
+"""What the plant's kernel knows of a mode; see :func:`modal_arrays`."""
 
 MODAL_ERROR = 1.0e-6
 """Largest :func:`modal_error` of series sections that is accepted."""
@@ -236,18 +252,32 @@ def mode_transition(mode: Mode, time: float) -> tuple[float, float, float, float
     return a11, a12, -mode.a0 * a12, decay * cosine - half * a12, (1.0 - a11) / mode.a0, a12
 
 
-def mode_constants(mode: Mode, sample_time: float, substeps: int) -> list[float]:
+def modal_arrays(
+    modal: ModalForm, sample_time: float, substeps: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """
-    Return the constants of one mode for the plant's kernel.
+    Return the modes for the plant's kernel.
 
-    They are: a11, a12, a21, a22 over the sample time; the weights of q and q' in the head's position; those in its
-    velocity; then for each substep the response (q, q') at the end of the sample to a unit acceleration during that
-    substep alone.
+    Returns
+    -------
+    modes
+        Transition over the sample time, and weights of q and q' in the head's position and velocity: a row of the
+        layout :data:`MODE` per mode.
+    responses
+        (q, q') at the end of the sample for a unit acceleration during one substep alone, of shape
+        (substeps, modes, 2).
     """
-    a11, a12, a21, a22, _, _ = mode_transition(mode, sample_time)
-    constants = [a11, a12, a21, a22, mode.gamma, mode.beta, -mode.beta * mode.a0, mode.gamma - mode.beta * mode.a1]
-    after = [mode_transition(mode, sample_time * (substeps - j) / substeps)[4:] for j in range(substeps)]
-    after.append((0.0, 0.0))
-    for j in range(substeps):
-        constants += [after[j][0] - after[j + 1][0], after[j][1] - after[j + 1][1]]
-    return constants
+    modes = np.zeros((len(modal.modes), size(MODE)))
+    responses = np.zeros((substeps, len(modal.modes), 2))
+    for i, mode in enumerate(modal.modes):
+        row = record(modes, MODE, i)
+        row.a11, row.a12, row.a21, row.a22, _, _ = mode_transition(mode, sample_time)
+        row.position_of_q = mode.gamma
+        row.position_of_rate = mode.beta
+        row.velocity_of_q = -mode.beta * mode.a0
+        row.velocity_of_rate = mode.gamma - mode.beta * mode.a1
+        after = [mode_transition(mode, sample_time * (substeps - j) / substeps)[4:] for j in range(substeps)]
+        after.append((0.0, 0.0))
+        for j in range(substeps):
+            responses[j, i] = after[j][0] - after[j + 1][0], after[j][1] - after[j + 1][1]
+    return modes, responses

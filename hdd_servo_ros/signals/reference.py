@@ -2,23 +2,52 @@
 
 import dataclasses
 import math
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log, sine_cosine_of_turns
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
-ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-WAVEFORMS = ('sine', 'square', 'step', 'ramp', 'chirp', 'multisine', 'constant')
-SINE, SQUARE, STEP, RAMP, CHIRP, MULTISINE, CONSTANT = range(len(WAVEFORMS))
+class Waveform(IntEnum):
+    """The waveforms by the number that compiled code knows them by."""
+
+    SINE = 0
+    SQUARE = 1
+    STEP = 2
+    RAMP = 3
+    CHIRP = 4
+    MULTISINE = 5
+    CONSTANT = 6
+
+
+WAVEFORMS = tuple(waveform.name.lower() for waveform in Waveform)
 SWEEPS = ('linear', 'logarithmic')
 
-# Where the constants of reference_step stand; the components of a multisine follow from COMPONENTS on.
-TIME_STEP, WAVEFORM, START_TICK, START_TIME, OFFSET, AMPLITUDE, FREQUENCY, PHASE, DUTY_CYCLE = range(9)
-SLOPE, STOP_VALUE, END_FREQUENCY, SWEEP_TIME, LOGARITHMIC, SWEEP_RATE, COMPONENT_COUNT, COMPONENTS = range(9, 17)
+ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Constants, and amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine."""
+
+REFERENCE = layout(
+    'time_step',
+    'waveform',
+    'start_tick',
+    'start_time',
+    'offset',
+    'amplitude',
+    'frequency',
+    'phase',
+    'duty_cycle',
+    'slope',
+    'stop_value',
+    'end_frequency',
+    'sweep_time',
+    'is_logarithmic',
+    'sweep_rate',
+)
 
 EDGE_TOLERANCE = 1e-9
 """Turns by which an edge may lie late and still be taken at its own tick: far below one tick, far above rounding."""
@@ -81,13 +110,13 @@ class ReferenceParameters(ParameterSet):
 
 
 @compiled
-def _chirp(constants: NDArray[np.float64], t: float) -> tuple[float, float, float]:
+def _chirp(c: np.record, t: float) -> tuple[float, float, float]:
     """Return phase [turn] without the initial one, frequency [Hz] and its rate [Hz/s] at ``t`` s after the start."""
-    first = constants[FREQUENCY]
-    last = constants[END_FREQUENCY]
-    rate = constants[SWEEP_RATE]
-    inside = min(t, constants[SWEEP_TIME])
-    if constants[LOGARITHMIC] != 0.0 and rate != 0.0:
+    first = c.frequency
+    last = c.end_frequency
+    rate = c.sweep_rate
+    inside = min(t, c.sweep_time)
+    if c.is_logarithmic != 0.0 and rate != 0.0:
         growth = exp(rate * inside)
         turns = first * (growth - 1.0) / rate
         frequency = first * growth
@@ -96,7 +125,7 @@ def _chirp(constants: NDArray[np.float64], t: float) -> tuple[float, float, floa
         turns = (first + 0.5 * rate * inside) * inside
         frequency = first + rate * inside
         slope = rate
-    if t < constants[SWEEP_TIME]:
+    if t < c.sweep_time:
         return turns, frequency, slope
     return turns + last * (t - inside), last, 0.0
 
@@ -114,42 +143,44 @@ def _sine(amplitude: float, turns: float, frequency: float, slope: float) -> tup
 
 
 @compiled
-def reference_step(constants: NDArray[np.float64], state: NDArray[np.float64], tick: int) -> tuple[float, float, float]:
+def reference_step(
+    constants: NDArray[np.float64], components: NDArray[np.float64], tick: int
+) -> tuple[float, float, float]:
     """Return x_d [um], its first [um/s] and its second derivative [um/s^2] at ``tick``; see :class:`Reference`."""
-    offset = constants[OFFSET]
-    amplitude = constants[AMPLITUDE]
-    waveform = constants[WAVEFORM]
-    if waveform == CONSTANT or float(tick) < constants[START_TICK]:
+    c = record(constants, REFERENCE)
+    offset = c.offset
+    amplitude = c.amplitude
+    waveform = int(c.waveform)
+    if waveform == Waveform.CONSTANT or float(tick) < c.start_tick:
         return offset, 0.0, 0.0
-    t = float(tick) * constants[TIME_STEP] - constants[START_TIME]
-    if waveform == STEP:
+    t = float(tick) * c.time_step - c.start_time
+    if waveform == Waveform.STEP:
         return offset + amplitude, 0.0, 0.0
-    if waveform == RAMP:
-        position = constants[SLOPE] * t
-        if abs(position) < abs(constants[STOP_VALUE]):
-            return offset + position, constants[SLOPE], 0.0
-        return offset + constants[STOP_VALUE], 0.0, 0.0
-    if waveform == SQUARE:
-        turns = constants[FREQUENCY] * t + constants[PHASE] + EDGE_TOLERANCE
-        if turns - np.floor(turns) < constants[DUTY_CYCLE]:
+    if waveform == Waveform.RAMP:
+        position = c.slope * t
+        if abs(position) < abs(c.stop_value):
+            return offset + position, c.slope, 0.0
+        return offset + c.stop_value, 0.0, 0.0
+    if waveform == Waveform.SQUARE:
+        turns = c.frequency * t + c.phase + EDGE_TOLERANCE
+        if turns - np.floor(turns) < c.duty_cycle:
             return offset + amplitude, 0.0, 0.0
         return offset - amplitude, 0.0, 0.0
-    if waveform == CHIRP:
-        turns, frequency, slope = _chirp(constants, t)
-        position, velocity, acceleration = _sine(amplitude, turns + constants[PHASE], frequency, slope)
+    if waveform == Waveform.CHIRP:
+        turns, frequency, slope = _chirp(c, t)
+        position, velocity, acceleration = _sine(amplitude, turns + c.phase, frequency, slope)
         return offset + position, velocity, acceleration
-    if waveform == MULTISINE:
+    if waveform == Waveform.MULTISINE:
         position, velocity, acceleration = offset, 0.0, 0.0
-        for i in range(int(constants[COMPONENT_COUNT])):
-            at = COMPONENTS + 3 * i
-            frequency = constants[at + 1]
-            x, v, a = _sine(constants[at], frequency * t + constants[at + 2], frequency, 0.0)
+        for i in range(len(components)):
+            component_amplitude, frequency, phase = components[i, 0], components[i, 1], components[i, 2]
+            x, v, a = _sine(component_amplitude, frequency * t + phase, frequency, 0.0)
             position += x
             velocity += v
             acceleration += a
         return position, velocity, acceleration
-    frequency = constants[FREQUENCY]
-    position, velocity, acceleration = _sine(amplitude, frequency * t + constants[PHASE], frequency, 0.0)
+    frequency = c.frequency
+    position, velocity, acceleration = _sine(amplitude, frequency * t + c.phase, frequency, 0.0)
     return offset + position, velocity, acceleration
 
 
@@ -171,46 +202,45 @@ class Reference:
 
     def __init__(self, parameters: ReferenceParameters, sample_time: float) -> None:
         self.sample_time = sample_time
-        self.state: NDArray[np.float64] = np.zeros(1)
         self.update(parameters)
 
     def update(self, parameters: ReferenceParameters) -> None:
         """Take other parameters from the next tick on; the time axis goes on."""
         self.parameters = parameters
-        count = len(parameters.component_amplitudes)
-        constants = np.zeros(COMPONENTS + 3 * count)
-        constants[TIME_STEP] = self.sample_time
-        constants[WAVEFORM] = WAVEFORMS.index(parameters.waveform)
+        constants = zeros(REFERENCE)
+        c = record(constants, REFERENCE)
+        c.time_step = self.sample_time
+        c.waveform = WAVEFORMS.index(parameters.waveform)
         # The first tick at or after start_time; a quotient that only rounding lifts above a whole number counts as it.
-        constants[START_TICK] = math.ceil(parameters.start_time / self.sample_time - EDGE_TOLERANCE)
-        constants[START_TIME] = parameters.start_time
-        constants[OFFSET] = parameters.offset
-        constants[AMPLITUDE] = parameters.amplitude
-        constants[FREQUENCY] = parameters.frequency
-        constants[PHASE] = parameters.phase
-        constants[DUTY_CYCLE] = parameters.duty_cycle
-        constants[SLOPE] = parameters.slope
-        constants[STOP_VALUE] = math.copysign(parameters.amplitude, parameters.slope)
-        constants[END_FREQUENCY] = parameters.end_frequency
-        constants[SWEEP_TIME] = parameters.sweep_time
+        c.start_tick = math.ceil(parameters.start_time / self.sample_time - EDGE_TOLERANCE)
+        c.start_time = parameters.start_time
+        c.offset = parameters.offset
+        c.amplitude = parameters.amplitude
+        c.frequency = parameters.frequency
+        c.phase = parameters.phase
+        c.duty_cycle = parameters.duty_cycle
+        c.slope = parameters.slope
+        c.stop_value = math.copysign(parameters.amplitude, parameters.slope)
+        c.end_frequency = parameters.end_frequency
+        c.sweep_time = parameters.sweep_time
         if parameters.sweep == 'logarithmic' and parameters.waveform == 'chirp':
-            constants[LOGARITHMIC] = 1.0
-            constants[SWEEP_RATE] = log(parameters.end_frequency / parameters.frequency) / parameters.sweep_time
+            c.is_logarithmic = 1.0
+            c.sweep_rate = log(parameters.end_frequency / parameters.frequency) / parameters.sweep_time
         else:
-            constants[SWEEP_RATE] = (parameters.end_frequency - parameters.frequency) / parameters.sweep_time
-        constants[COMPONENT_COUNT] = count
-        for i in range(count):
-            at = COMPONENTS + 3 * i
-            constants[at] = parameters.amplitude * parameters.component_amplitudes[i]
-            constants[at + 1] = parameters.frequency * parameters.component_frequencies[i]
-            constants[at + 2] = parameters.phase + parameters.component_phases[i]
-        self.constants: NDArray[np.float64] = constants
+            c.sweep_rate = (parameters.end_frequency - parameters.frequency) / parameters.sweep_time
+        self.arrays: ReferenceArrays = (constants, self._components(parameters))
 
-    @property
-    def arrays(self) -> ReferenceArrays:
-        """The arrays that the kernels take first: constants and state."""
-        return self.constants, self.state
+    @staticmethod
+    def _components(parameters: ReferenceParameters) -> NDArray[np.float64]:
+        """Return amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine, a row per each."""
+        return np.column_stack(
+            (
+                parameters.amplitude * np.array(parameters.component_amplitudes),
+                parameters.frequency * np.array(parameters.component_frequencies),
+                parameters.phase + np.array(parameters.component_phases),
+            )
+        )
 
     def step(self, tick: int) -> tuple[float, float, float]:
         """Return x_d [um], dx_d/dt [um/s] and d2x_d/dt2 [um/s^2] at ``tick``."""
-        return reference_step(self.constants, self.state, tick)
+        return reference_step(*self.arrays, tick)

@@ -20,7 +20,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hdd_servo_ros.drive import transfer
-from hdd_servo_ros.drive.plant import DEFLECTION, POSITION, VELOCITY, Plant, PlantParameters
+from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
+from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.studies.friction_curves import SECTION_5_4
 
 Array = npt.NDArray[np.float64]
@@ -181,7 +182,8 @@ def convergence(parameters: PlantParameters, control: Array) -> dict[int, tuple[
         rows = []
         for tick, u in enumerate(control.tolist(), start=1):
             plant.step(tick, u)
-            rows.append(plant.state[[POSITION, VELOCITY, DEFLECTION]])
+            state = record(plant.state, PLANT_STATE)
+            rows.append((state.position, state.velocity, state.deflection))
         return np.array(rows)
 
     reference = states(FINE)

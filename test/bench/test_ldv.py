@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdd_servo_ros.bench.ldv import DISPLACEMENT_OVERRANGE, VELOCITY_OVERRANGE, Ldv, LdvParameters
+from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 
 T = 1e-4
 IDEAL = {'noise': False, 'adc_bits': 0, 'output_range': 0.0}
@@ -61,8 +61,7 @@ def test_outputs_saturate_and_are_counted():
     sensor = ldv(noise=False, adc_bits=0)
     assert sensor.step(0, 100.0, -60000.0) == (10.0, -10.0)
     assert sensor.step(1, -100.0, 0.0) == (-10.0, 0.0)
-    assert sensor.state[DISPLACEMENT_OVERRANGE] == 2
-    assert sensor.state[VELOCITY_OVERRANGE] == 1
+    assert sensor.saturated_samples == {'displacement': 2, 'velocity': 1}
 
 
 @pytest.mark.parametrize('parameters', [{}, IDEAL])
@@ -78,4 +77,4 @@ def test_update_keeps_the_counts():
     sensor.step(0, 100.0, 0.0)
     sensor.update(LdvParameters(displacement_scale=80.0, noise=False, adc_bits=0))
     assert sensor.step(1, 100.0, 0.0)[0] == pytest.approx(1.25)
-    assert sensor.state[DISPLACEMENT_OVERRANGE] == 1
+    assert sensor.saturated_samples['displacement'] == 1

@@ -229,7 +229,8 @@ def test_compiling_changes_no_bit():
     )
     compiled, plain = Ldv(parameters, T), Ldv(parameters, T)
     for k, (x, v) in enumerate((2.0 * sine(150.0, 400)).tolist()):
-        expected = ldv_step.py_func(plain.constants, plain.state, k, x, v)
+        expected = ldv_step.py_func(*plain.arrays, k, x, v)
         assert compiled.step(k, x, v) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()
+    assert compiled.history.tolist() == plain.history.tolist()
     assert min(compiled.saturated_samples['displacement'], compiled.dropped_samples) > 0

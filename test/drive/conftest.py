@@ -6,7 +6,8 @@ import numpy.typing as npt
 import pytest
 from hypothesis import settings
 
-from hdd_servo_ros.drive.plant import Plant, PlantParameters
+from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
+from hdd_servo_ros.numerics.records import record
 
 # The first example compiles the kernels; no test here asserts a time.
 settings.register_profile('drive', deadline=None, derandomize=True)
@@ -16,13 +17,13 @@ Array = npt.NDArray[np.float64]
 Run = Callable[..., Array]
 
 
-def _run(parameters: PlantParameters, sample_time: float, control: Any, state: dict[int, float] | None = None) -> Array:
+def _run(parameters: PlantParameters, sample_time: float, control: Any, state: dict[str, float] | None = None) -> Array:
     plant = Plant(parameters, sample_time)
-    for place, value in (state or {}).items():
-        plant.state[place] = value
-    rows = [(*plant.output(), *plant.state[:7])]
+    for name, value in (state or {}).items():
+        setattr(record(plant.state, PLANT_STATE), name, value)
+    rows = [(*plant.output(), *plant.state)]
     for tick, u in enumerate(np.asarray(control, dtype=np.float64).tolist(), start=1):
-        rows.append((*plant.step(tick, u), *plant.state[:7]))
+        rows.append((*plant.step(tick, u), *plant.state))
     return np.array(rows)
 
 
@@ -31,7 +32,7 @@ def run() -> Run:
     """
     Run a plant through held controls; one row a tick.
 
-    Columns: head position, head velocity, friction, then the first seven states (rigid position, rigid velocity,
+    Columns: head position, head velocity, friction, then the seven states (rigid position, rigid velocity,
     amplifier, coil, deflection, mean friction, friction).
     """
     return _run

@@ -1,37 +1,33 @@
 """Nothing allocates in the loop."""
 
 import numba
-import numpy as np
-import numpy.typing as npt
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
-from hdd_servo_ros.drive.plant import Plant, PlantParameters, plant_step
-
-Array = npt.NDArray[np.float64]
+from hdd_servo_ros.drive.plant import Plant, PlantArrays, PlantParameters, plant_step
 
 
 @numba.njit
-def steps(constants: Array, state: Array, count: int) -> float:
+def steps(arrays: PlantArrays, count: int) -> float:
     last = 0.0
     for k in range(count):
-        last = plant_step(constants, state, k + 1, 0.1, 0.0)[0]
+        last = plant_step(*arrays, k + 1, 0.1, 0.0)[0]
     return last
 
 
 @numba.njit
-def allocating_steps(constants: Array, state: Array, count: int) -> float:
+def allocating_steps(arrays: PlantArrays, count: int) -> float:
     last = 0.0
     for k in range(count):
-        last = plant_step(constants, state.copy(), k + 1, 0.1, 0.0)[0]
+        last = plant_step(arrays[0].copy(), *arrays[1:], k + 1, 0.1, 0.0)[0]
     return last
 
 
 def allocations(function: object, parameters: PlantParameters, count: int) -> int:
     plant = Plant(parameters, 1.0e-4)
     before = rtsys.get_allocation_stats().alloc
-    function(plant.constants, plant.state, count)  # type: ignore[operator]
+    function(plant.arrays, count)  # type: ignore[operator]
     return int(rtsys.get_allocation_stats().alloc - before)
 
 

@@ -15,9 +15,10 @@ from scipy.integrate import solve_ivp
 from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.curves import friction_curve
 from hdd_servo_ros.drive.friction.dahl import dahl_slope
-from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
-from hdd_servo_ros.drive.plant import DEFLECTION, POSITION, VELOCITY, Plant, PlantParameters
+from hdd_servo_ros.drive.friction.parameters import FRICTION, MODELS, FrictionParameters, friction_constants
+from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.records import record
 
 Array = npt.NDArray[np.float64]
 Run = Callable[..., Array]
@@ -249,7 +250,7 @@ def test_complete_model_slides_by_2_13(run: Run) -> None:
     errors = []
     for substeps in (4, 16):
         parameters = plant(friction, initial_velocity=500.0, substeps=substeps)
-        rows = run(parameters, T, control, {DEFLECTION: level / friction.stiffness})
+        rows = run(parameters, T, control, {'deflection': level / friction.stiffness})
         reference = reference_motion(parameters, control)
         errors.append(np.abs(rows[:, :2] - reference[:, :2]).max(axis=0) / np.abs(reference[:, :2]).max(axis=0))
     assert np.all(errors[0] < 1e-3)
@@ -305,10 +306,11 @@ def test_elastoplastic_body_through_reversals_and_the_order_of_the_step(
 
 def energy(parameters: PlantParameters, state: Array) -> float:
     """Return kinetic energy and what the contact stores [V um]."""
+    s = record(state, PLANT_STATE)
     stored = 0.0
     if parameters.friction.model in ('lugre', 'lugre_position', 'tangential_stiffness', 'complete', 'dahl'):
-        stored = 0.5 * parameters.friction.stiffness * state[DEFLECTION] ** 2
-    return float(0.5 * state[VELOCITY] ** 2 / parameters.gain + stored)
+        stored = 0.5 * parameters.friction.stiffness * s.deflection**2
+    return float(0.5 * s.velocity**2 / parameters.gain + stored)
 
 
 @pytest.mark.parametrize('model', [model for model in MODELS if model not in ('none', 'rbf_network')])
@@ -353,9 +355,10 @@ def test_energy_never_increases_without_input(
     )
     parameters = plant(friction, substeps=substeps)
     body = Plant(parameters, T)
-    body.state[VELOCITY] = velocity
+    state = record(body.state, PLANT_STATE)
+    state.velocity = velocity
     # Beyond f_c/sigma_0 a bristle with constant sigma_1 is not passive (Barabanov and Ortega, IEEE TAC 45, 2000).
-    body.state[DEFLECTION] = deflection * coulomb / stiffness * (1.0 - friction.position_ripple)
+    state.deflection = deflection * coulomb / stiffness * (1.0 - friction.position_ripple)
     before = first = energy(parameters, body.state)
     rounding = 1.0e-14 * coulomb * coulomb / stiffness
     for tick in range(1, 120):
@@ -392,7 +395,8 @@ def test_deep_ripple_is_not_passive_and_the_step_follows_the_model() -> None:
     reference = 0.5 * solution.y[1] ** 2 / GAIN + 0.5 * p.stiffness * solution.y[2] ** 2
     parameters = plant(p, substeps=16)
     body = Plant(parameters, T)
-    body.state[[VELOCITY, DEFLECTION]] = start[1:]
+    state = record(body.state, PLANT_STATE)
+    state.velocity, state.deflection = start[1:]
     energies = [energy(parameters, body.state)]
     for tick in range(1, 201):
         body.step(tick, 0.0)
@@ -403,13 +407,15 @@ def test_deep_ripple_is_not_passive_and_the_step_follows_the_model() -> None:
 
 
 def test_dahl_slope_at_the_limit_is_zero() -> None:
-    assert dahl_slope(0.13, 1.0, 0.02, 0.13, 1.0) == 0.0
+    friction = FrictionParameters(model='dahl', stiffness=0.02, coulomb_level=0.13, dahl_exponent=1.0)
+    assert dahl_slope(record(friction_constants(friction), FRICTION), 0.13, 1.0) == 0.0
 
 
 @pytest.mark.parametrize('model', MODELS)
 def test_initial_state(model: str) -> None:
     friction = NETWORK if model == 'rbf_network' else FrictionParameters(model=model)
     body = Plant(PlantParameters(friction=friction, initial_position=4.0, initial_velocity=100.0), T)
-    assert body.state[POSITION] == 4.0
-    assert body.state[VELOCITY] == 100.0
+    state = record(body.state, PLANT_STATE)
+    assert state.position == 4.0
+    assert state.velocity == 100.0
     assert math.isfinite(body.output()[2])

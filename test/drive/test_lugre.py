@@ -12,9 +12,10 @@ from scipy.integrate import solve_ivp
 
 from hdd_servo_ros.drive.friction.curves import friction_along, friction_curve
 from hdd_servo_ros.drive.friction.lugre import decay_functions, lugre_bristle, lugre_level, lugre_substep
-from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.records import record
 
 Run = Callable[..., npt.NDArray[np.float64]]
 
@@ -31,7 +32,9 @@ def test_decay_functions(x: float) -> None:
 
 def test_level_of_section_5_4() -> None:
     # f_c = 1, f_s = 1.5, v_s = 0.001: at v = v_s the level is 1 + 0.5/e
-    assert lugre_level(0.001, 1.0, 1.5, 1000.0) == pytest.approx(1.0 + 0.5 / math.e, rel=1e-14)
+    parameters = FrictionParameters(coulomb_level=1.0, static_level=1.5, stribeck_velocity=0.001)
+    friction = record(friction_constants(parameters), FRICTION)
+    assert lugre_level(friction, 0.0, 0.001) == pytest.approx(1.0 + 0.5 / math.e, rel=1e-14)
 
 
 @pytest.mark.parametrize('velocity', [3.0, -250.0, 9000.0])
@@ -69,14 +72,21 @@ def test_bristle_stays_in_the_bound_of_lemma_4_1(
 ) -> None:
     """|z| <= 1/alpha_min = f_s/sigma_0 and finite motion, whatever the stiffness of the step."""
     limit = coulomb * ratio / stiffness
+    parameters = FrictionParameters(
+        stiffness=stiffness,
+        bristle_damping=damping,
+        viscous_coefficient=0.0,
+        coulomb_level=coulomb,
+        static_level=coulomb * ratio,
+        stribeck_velocity=stribeck,
+    )
+    friction = record(friction_constants(parameters), FRICTION)
+    # Without the step's clamp: what it takes away is the error of the predicted rate.
+    friction.bristle_limit = math.inf
     velocity = bristle = force = 0.0
     for control in controls:
-        mean, bristle, force = lugre_substep(
-            substep, 1.0, velocity, bristle, force, control, 0.0,
-            stiffness, damping, 0.0, coulomb, coulomb * ratio, 1.0 / stribeck, 1.0, math.inf,
-        )  # fmt: skip
+        mean, bristle, force = lugre_substep(friction, substep, 1.0, 0.0, velocity, bristle, force, control, 0.0)
         velocity = 2.0 * mean - velocity
-        # Without the step's clamp: what it takes away is the error of the predicted rate.
         assert abs(bristle) <= limit * (1.0 + 1.0e-5)
         assert math.isfinite(velocity)
         assert math.isfinite(force)

@@ -13,8 +13,9 @@ import pytest
 
 from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
-from hdd_servo_ros.drive.plant import DEFLECTION, DisturbanceParameters, Plant, PlantParameters
+from hdd_servo_ros.drive.plant import PLANT_STATE, DisturbanceParameters, Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.parameters import ParameterError, from_mapping, to_mapping
 
 T = 1.0e-4
@@ -111,7 +112,8 @@ def test_update_to_other_modes_and_another_friction_starts_those_anew() -> None:
     plant = Plant(PlantParameters(), T)
     for tick in range(1, 50):
         plant.step(tick, 0.1)
-    position, velocity = plant.state[0], plant.state[1]
+    state = record(plant.state, PLANT_STATE)
+    position, velocity = state.position, state.velocity
     plant.update(replace(PlantParameters(), resonance=ResonanceParameters(form='none'), friction=RIGID.friction))
     assert plant.output() == (position, velocity, 0.0)
 
@@ -141,9 +143,9 @@ def test_an_update_keeps_the_lugre_bristle_within_lemma_4_1() -> None:
     for tick in range(1, 60):
         plant.step(tick, 0.15)
     changed = FrictionParameters(stiffness=0.1)
-    assert plant.state[DEFLECTION] > changed.static_level / changed.stiffness
+    assert record(plant.state, PLANT_STATE).deflection > changed.static_level / changed.stiffness
     plant.update(replace(RIGID, friction=changed))
-    assert plant.state[DEFLECTION] == changed.static_level / changed.stiffness
+    assert record(plant.state, PLANT_STATE).deflection == changed.static_level / changed.stiffness
 
 
 def test_friction_at_the_pivot_does_not_see_the_resonances() -> None:
@@ -162,7 +164,7 @@ from hdd_servo_ros.drive.plant import PlantParameters
 
 for values in {values!r}:
     plant = Plant(from_mapping(PlantParameters, values), 1.0e-4)
-    digest = hashlib.sha256(plant.constants.tobytes())
+    digest = hashlib.sha256(b"".join(array.tobytes() for array in plant.arrays))
     for tick in range(1, 60):
         digest.update(struct.pack('<3d', *plant.step(tick, 0.001 * ((tick * 7919) % 601 - 300), 0.002)))
     print(digest.hexdigest())

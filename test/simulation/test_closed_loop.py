@@ -70,6 +70,7 @@ def test_equals_the_blocks_to_the_bit(controller, effects):
     expected = block_by_block(blocks)
     result = whole.run(0, TICKS)
     assert whole.ldv.state.tolist() == blocks.ldv.state.tolist()
+    assert whole.ldv.history.tolist() == blocks.ldv.history.tolist()
     assert whole.dsp.state.tolist() == blocks.dsp.state.tolist()
     for name in SIGNALS:
         assert result[name].tobytes() == expected[name].tobytes(), name

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
-from hdd_servo_ros.drive.friction.lugre import lugre_friction, lugre_level
+from hdd_servo_ros.drive.friction.lugre import lugre_friction
+from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants
 from hdd_servo_ros.messages.controller_inputs import SensorScales
+from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.parameters import ParameterError, from_mapping
 from hdd_servo_ros.stability.ideal_values import KnownPlant, NetworkAt, _least_distance, run_values, theorem_values
 
@@ -69,8 +71,15 @@ def test_the_bound_holds_for_every_deflection(velocity, deflection, damping, ext
         stribeck_velocity=0.3,
     )
     z = deflection * plant.static_level / plant.stiffness
-    level = lugre_level(velocity, plant.coulomb_level, plant.static_level, 1.0 / plant.stribeck_velocity)
-    h = lugre_friction(velocity, z, plant.stiffness, damping, plant.viscous_coefficient, level)
+    parameters = FrictionParameters(
+        stiffness=plant.stiffness,
+        bristle_damping=damping,
+        viscous_coefficient=plant.viscous_coefficient,
+        coulomb_level=plant.coulomb_level,
+        static_level=plant.static_level,
+        stribeck_velocity=plant.stribeck_velocity,
+    )
+    h = lugre_friction(record(friction_constants(parameters), FRICTION), 0.0, velocity, z)
     rest = h - (damping + plant.viscous_coefficient) * velocity
     assert abs(rest) <= plant.bristle_bound(np.array([velocity]))[0] * (1.0 + 1e-12)
 

@@ -5,33 +5,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.dahl import dahl_force
-from hdd_servo_ros.drive.friction.elastoplastic import slip_terms
-from hdd_servo_ros.drive.friction.lugre import lugre_bristle, lugre_friction, lugre_level, position_factor
-from hdd_servo_ros.drive.friction.network import network_friction
-from hdd_servo_ros.drive.friction.parameters import (
-    BRISTLE_DAMPING,
-    COMPLETE,
-    COULOMB,
-    DAHL,
-    DAHL_EXPONENT,
-    INVERSE_PERIOD,
-    INVERSE_STRIBECK,
-    LUGRE,
-    LUGRE_POSITION,
-    MODEL,
-    NETWORK,
-    NO_FRICTION,
-    RIPPLE,
-    STATIC,
-    STIFFNESS,
-    TANGENTIAL_STIFFNESS,
-    VISCOUS,
-    FrictionParameters,
-    friction_constants,
-)
-from hdd_servo_ros.drive.friction.static import sliding_terms
+from hdd_servo_ros.drive.friction.dispatch import friction_after_motion, steady_friction
+from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants, friction_nodes
 from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import record
 
 Array = npt.NDArray[np.float64]
 
@@ -63,8 +40,8 @@ def friction_curve(
         np.asarray(velocity, dtype=np.float64), np.asarray(position, dtype=np.float64)
     )
     result = np.zeros(velocities.shape)
-    constants = np.array(friction_constants(parameters))
-    _fill_curve(constants, np.ravel(positions), np.ravel(velocities), result.reshape(-1))
+    constants, nodes = friction_constants(parameters), friction_nodes(parameters)
+    _fill_curve(constants, nodes, np.ravel(positions), np.ravel(velocities), result.reshape(-1))
     return result
 
 
@@ -110,7 +87,8 @@ def friction_along(
     else:
         velocities = checked_samples('velocity', velocity, positions.size)
     result = np.zeros(positions.size)
-    _fill_along(np.array(friction_constants(parameters)), positions, velocities, sample_time, result)
+    constants, nodes = friction_constants(parameters), friction_nodes(parameters)
+    _fill_along(constants, nodes, positions, velocities, sample_time, result)
     return result
 
 
@@ -144,59 +122,21 @@ def _centred_velocity(positions: Array, sample_time: float) -> Array:
 
 
 @compiled
-def _sliding_friction(constants: Array, position: float, velocity: float) -> float:
-    model = int(constants[MODEL])
-    if model == NETWORK:
-        return network_friction(constants, 0, position, velocity)
-    if velocity == 0.0 or model == NO_FRICTION:
-        return 0.0
-    level: float = constants[COULOMB]
-    resistance: float = 0.0
-    if model in (LUGRE, LUGRE_POSITION):
-        level = lugre_level(velocity, level, constants[STATIC], constants[INVERSE_STRIBECK])
-        resistance = constants[VISCOUS]
-        if model == LUGRE_POSITION:
-            level *= position_factor(position, constants[RIPPLE], constants[INVERSE_PERIOD])
-    elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
-        level, resistance = slip_terms(constants, 0, abs(velocity))
-    elif model != DAHL:
-        level, resistance = sliding_terms(constants, 0, abs(velocity))
-    return math.copysign(level, velocity) + resistance * velocity
-
-
-@compiled
-def _fill_curve(constants: Array, positions: Array, velocities: Array, result: Array) -> None:
+def _fill_curve(constants: Array, nodes: Array, positions: Array, velocities: Array, result: Array) -> None:
+    friction = record(constants, FRICTION)
     for i in range(result.size):
-        result[i] = _sliding_friction(constants, positions[i], velocities[i])
+        result[i] = steady_friction(friction, nodes, positions[i], velocities[i])
 
 
 @compiled
-def _fill_along(constants: Array, positions: Array, velocities: Array, sample_time: float, result: Array) -> None:
-    model = int(constants[MODEL])
-    stiffness: float = constants[STIFFNESS]
+def _fill_along(
+    constants: Array, nodes: Array, positions: Array, velocities: Array, sample_time: float, result: Array
+) -> None:
+    friction = record(constants, FRICTION)
     deflection = 0.0
     force = 0.0
     for i in range(1, result.size):
-        change = positions[i] - positions[i - 1]
-        velocity = velocities[i]
-        if model in (LUGRE, LUGRE_POSITION):
-            mean = change / sample_time
-            mean_level = lugre_level(mean, constants[COULOMB], constants[STATIC], constants[INVERSE_STRIBECK])
-            level = lugre_level(velocity, constants[COULOMB], constants[STATIC], constants[INVERSE_STRIBECK])
-            if model == LUGRE_POSITION:
-                middle = 0.5 * (positions[i] + positions[i - 1])
-                mean_level *= position_factor(middle, constants[RIPPLE], constants[INVERSE_PERIOD])
-                level *= position_factor(positions[i], constants[RIPPLE], constants[INVERSE_PERIOD])
-            deflection, _ = lugre_bristle(sample_time, mean, deflection, stiffness, mean_level)
-            force = lugre_friction(
-                velocity, deflection, stiffness, constants[BRISTLE_DAMPING], constants[VISCOUS], level
-            )
-        elif model == DAHL:
-            force = dahl_force(force, change, stiffness, constants[COULOMB], constants[DAHL_EXPONENT])
-        elif model in (TANGENTIAL_STIFFNESS, COMPLETE):
-            level, resistance = slip_terms(constants, 0, abs(velocity))
-            deflection = min(max(deflection + change, -level / stiffness), level / stiffness)
-            force = stiffness * deflection + resistance * velocity
-        else:
-            force = _sliding_friction(constants, positions[i], velocity)
+        deflection, force = friction_after_motion(
+            friction, nodes, sample_time, positions[i - 1], positions[i], velocities[i], deflection, force
+        )
         result[i] = force

@@ -12,6 +12,8 @@ The friction is thus a function of the path and not of its speed, and never leav
 
 import math
 
+import numpy as np
+
 from hdd_servo_ros.drive.friction.lugre import decay_functions
 from hdd_servo_ros.drive.friction.static import power
 from hdd_servo_ros.numerics.compiled import compiled
@@ -38,31 +40,30 @@ def dahl_relaxation(y: float, length: float, exponent: float) -> float:
 
 
 @compiled
-def dahl_force(force: float, displacement: float, stiffness: float, coulomb_level: float, exponent: float) -> float:
+def dahl_force(friction: np.record, force: float, displacement: float) -> float:
     """
     Return the friction [V] after a displacement of one direction.
 
     Parameters
     ----------
+    friction
+        Record of :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`: sigma, f_c and alpha are read.
     force
         Friction before [V], within +-f_c.
     displacement
         Signed displacement [um].
-    stiffness, coulomb_level, exponent
-        sigma [V/um], f_c [V], alpha.
     """
     if displacement == 0.0:
         return force
+    coulomb_level: float = friction.coulomb_level
     direction = math.copysign(1.0, displacement)
     y = 1.0 - force * direction / coulomb_level
-    y = dahl_relaxation(y, stiffness * abs(displacement) / coulomb_level, exponent)
+    y = dahl_relaxation(y, friction.stiffness * abs(displacement) / coulomb_level, friction.dahl_exponent)
     return direction * coulomb_level * (1.0 - y)
 
 
 @compiled
-def dahl_mean_force(
-    force: float, displacement: float, end: float, stiffness: float, coulomb_level: float, exponent: float
-) -> float:
+def dahl_mean_force(friction: np.record, force: float, displacement: float, end: float) -> float:
     """
     Return the mean of the friction over a displacement of one direction [V], from its values at both ends [V].
 
@@ -70,7 +71,9 @@ def dahl_mean_force(
     (y0^(2-alpha) - y1^(2-alpha)) / (2 - alpha); where y hardly changes, the mean of the ends is used.
     """
     direction = math.copysign(1.0, displacement)
-    length = stiffness * abs(displacement) / coulomb_level
+    coulomb_level: float = friction.coulomb_level
+    exponent: float = friction.dahl_exponent
+    length: float = friction.stiffness * abs(displacement) / coulomb_level
     start = 1.0 - force * direction / coulomb_level
     final = 1.0 - end * direction / coulomb_level
     if start - final <= 1.0e-4 * start:
@@ -89,28 +92,27 @@ def dahl_mean_force(
 
 
 @compiled
-def dahl_slope(force: float, direction: float, stiffness: float, coulomb_level: float, exponent: float) -> float:
+def dahl_slope(friction: np.record, force: float, direction: float) -> float:
     """Return dF/dx [V/um] of (2.15) for a motion in ``direction`` (+1 or -1)."""
-    y = 1.0 - force * direction / coulomb_level
+    stiffness: float = friction.stiffness
+    y = 1.0 - force * direction / friction.coulomb_level
     if y <= 0.0:
         return 0.0
-    if exponent == 0.0:
+    if friction.dahl_exponent == 0.0:
         return stiffness
-    return stiffness * power(y, exponent)
+    return stiffness * power(y, friction.dahl_exponent)
 
 
 @compiled
 def dahl_substep(
+    friction: np.record,
     substep: float,
     gain: float,
     velocity: float,
-    force: float,
+    deflection: float,
     previous_force: float,
     applied: float,
     drag: float,
-    stiffness: float,
-    coulomb_level: float,
-    exponent: float,
 ) -> tuple[float, float, float]:
     """
     Advance a rigid body with Dahl friction by one substep.
@@ -119,14 +121,16 @@ def dahl_substep(
     stores and loses: without input the energy does not increase. The mean velocity is found by Newton's method; the
     friction at the end follows the displacement exactly.
 
-    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the friction at the start and the
-    mean friction of the substep before [V].
+    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the deflection F/sigma [um] at the
+    start and the mean friction of the substep before [V].
 
     Returns
     -------
     tuple
-        Mean velocity [um/s], friction at the end [V], mean friction [V].
+        Mean velocity [um/s], deflection at the end [um], mean friction [V].
     """
+    stiffness = friction.stiffness
+    force = stiffness * deflection
     impulse = gain * substep
     # The sum is zero at the mean velocity: sum(w) = 2 w - 2 v + k D (F(w) + drag w - u), increasing, and concave from
     # w = 0 in the direction of -sum(0).
@@ -137,10 +141,10 @@ def dahl_substep(
     for _ in range(PASSES):
         if mean * momentum <= 0.0:
             # The other direction: begin with the spring that the contact is at first.
-            slope = dahl_slope(force, math.copysign(1.0, momentum), stiffness, coulomb_level, exponent)
+            slope = dahl_slope(friction, force, math.copysign(1.0, momentum))
             mean = momentum / (2.0 + impulse * (0.5 * slope * substep + drag))
-        end = dahl_force(force, mean * substep, stiffness, coulomb_level, exponent)
-        average = dahl_mean_force(force, mean * substep, end, stiffness, coulomb_level, exponent)
+        end = dahl_force(friction, force, mean * substep)
+        average = dahl_mean_force(friction, force, mean * substep, end)
         if mean == 0.0:
             break
         # d(mean force)/dw = (force at the end - mean force)/w
@@ -149,5 +153,5 @@ def dahl_substep(
         mean += change
         if abs(change) <= TOLERANCE * abs(mean):
             break
-    end = dahl_force(force, mean * substep, stiffness, coulomb_level, exponent)
-    return mean, end, applied - drag * mean - 2.0 * (mean - velocity) / impulse
+    end = dahl_force(friction, force, mean * substep)
+    return mean, end / stiffness, applied - drag * mean - 2.0 * (mean - velocity) / impulse

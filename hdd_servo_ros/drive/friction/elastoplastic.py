@@ -9,33 +9,31 @@ level: f_s for (2.2); f_c + f_r sqrt|v|, with f_v v + f_d v|v| beside it, for (2
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.parameters import MODEL, STATIC, STIFFNESS, TANGENTIAL_STIFFNESS
+from hdd_servo_ros.drive.friction.parameters import FrictionModel
 from hdd_servo_ros.drive.friction.static import sliding_terms
 from hdd_servo_ros.numerics.compiled import compiled
 
 
 @compiled
-def slip_terms(constants: npt.NDArray[np.float64], place: int, speed: float) -> tuple[float, float]:
+def slip_terms(friction: np.record, speed: float) -> tuple[float, float]:
     """Return the level [V] at which the contact slips at a speed |v| [um/s], and its resistance [V s/um]."""
-    if int(constants[place + MODEL]) == TANGENTIAL_STIFFNESS:
-        return constants[place + STATIC], 0.0
-    return sliding_terms(constants, place, speed)
+    if int(friction.model) == FrictionModel.TANGENTIAL_STIFFNESS:
+        return friction.static_level, 0.0
+    return sliding_terms(friction, speed)
 
 
 @compiled
-def elastoplastic_friction(constants: npt.NDArray[np.float64], place: int, velocity: float, deflection: float) -> float:
+def elastoplastic_friction(friction: np.record, velocity: float, deflection: float) -> float:
     """Return the friction [V] at a velocity [um/s] and a deflection z [um] of the contact."""
-    _, resistance = slip_terms(constants, place, abs(velocity))
-    stiffness: float = constants[place + STIFFNESS]
+    _, resistance = slip_terms(friction, abs(velocity))
+    stiffness: float = friction.stiffness
     return stiffness * deflection + resistance * velocity
 
 
 @compiled
 def elastoplastic_substep(
-    constants: npt.NDArray[np.float64],
-    place: int,
+    friction: np.record,
     substep: float,
     gain: float,
     velocity: float,
@@ -58,9 +56,9 @@ def elastoplastic_substep(
     tuple
         Mean velocity [um/s], deflection at the end [um], mean friction [V].
     """
-    stiffness = constants[place + STIFFNESS]
+    stiffness = friction.stiffness
     predicted = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
-    level, resistance = slip_terms(constants, place, abs(predicted))
+    level, resistance = slip_terms(friction, abs(predicted))
     total = 2.0 + gain * substep * (resistance + drag)
     mean = (2.0 * velocity + gain * substep * (applied - stiffness * deflection)) / (
         total + 0.5 * gain * substep * substep * stiffness
@@ -88,5 +86,5 @@ def elastoplastic_substep(
         new_deflection = direction * level / stiffness
     # A level that falls with the speed takes the stretch along, down to that of v = 0 where the velocity passes zero.
     end = 2.0 * mean - velocity
-    limit = slip_terms(constants, place, abs(end) if end * velocity > 0.0 else 0.0)[0] / stiffness
+    limit = slip_terms(friction, abs(end) if end * velocity > 0.0 else 0.0)[0] / stiffness
     return mean, min(max(new_deflection, -limit), limit), force + resistance * mean

@@ -11,6 +11,9 @@ w too; only X needs w beforehand, and takes it predicted from the friction of th
 order and bounded for any stiffness; the deflection is kept within the bound of lemma 4.1, f_s/sigma_0.
 """
 
+import numpy as np
+
+from hdd_servo_ros.drive.friction.parameters import FrictionModel
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp, sine_cosine_of_turns
 
@@ -31,30 +34,29 @@ def decay_functions(x: float) -> tuple[float, float]:
 
 
 @compiled
-def lugre_level(velocity: float, coulomb_level: float, static_level: float, inverse_stribeck: float) -> float:
-    """Return g(v) = f_c + (f_s - f_c) exp(-(v/v_s)^2) [V], so that alpha(v) = sigma_0 / g(v) (2.22)."""
-    ratio = velocity * inverse_stribeck
-    return coulomb_level + (static_level - coulomb_level) * exp(-ratio * ratio)
+def lugre_level(friction: np.record, position: float, velocity: float) -> float:
+    """
+    Return g(v) = f_c + (f_s - f_c) exp(-(v/v_s)^2) [V], so that alpha(v) = sigma_0 / g(v) (2.22).
+
+    With the model ``lugre_position`` it is g(v) (1 + e sin(2 pi x/p)), by which alpha(x, v) of (2.24) is positive and
+    bounded for e < 1; the others do not read the position.
+    """
+    ratio = velocity * friction.inverse_stribeck_velocity
+    level: float = friction.coulomb_level + (friction.static_level - friction.coulomb_level) * exp(-ratio * ratio)
+    if int(friction.model) == FrictionModel.LUGRE_POSITION:
+        turns = position * friction.inverse_position_period
+        level *= 1.0 + friction.position_ripple * sine_cosine_of_turns(turns)[0]
+    return level
 
 
 @compiled
-def position_factor(position: float, ripple: float, inverse_period: float) -> float:
-    """Return 1 + e sin(2 pi x/p), by which alpha(x, v) of (2.24) is below alpha(v): positive and bounded for e < 1."""
-    return 1.0 + ripple * sine_cosine_of_turns(position * inverse_period)[0]
-
-
-@compiled
-def lugre_friction(
-    velocity: float,
-    bristle: float,
-    stiffness: float,
-    bristle_damping: float,
-    viscous_coefficient: float,
-    level: float,
-) -> float:
-    """Return the friction (2.20) [V] at a velocity [um/s] and a bristle deflection [um], with g given as ``level``."""
+def lugre_friction(friction: np.record, position: float, velocity: float, bristle: float) -> float:
+    """Return the friction (2.20) [V] at a position [um], a velocity [um/s] and a bristle deflection [um]."""
+    stiffness: float = friction.stiffness
+    level = lugre_level(friction, position, velocity)
     rate = velocity - stiffness * abs(velocity) / level * bristle
-    return stiffness * bristle + bristle_damping * rate + viscous_coefficient * velocity
+    result: float = stiffness * bristle + friction.bristle_damping * rate + friction.viscous_coefficient * velocity
+    return result
 
 
 @compiled
@@ -73,61 +75,38 @@ def lugre_bristle(
 
 @compiled
 def lugre_substep(
+    friction: np.record,
     substep: float,
     gain: float,
+    position: float,
     velocity: float,
     bristle: float,
     previous_force: float,
     applied: float,
     drag: float,
-    stiffness: float,
-    bristle_damping: float,
-    viscous_coefficient: float,
-    coulomb_level: float,
-    static_level: float,
-    inverse_stribeck: float,
-    factor: float,
-    limit: float,
 ) -> tuple[float, float, float]:
     """
     Advance a rigid body with LuGre friction by one substep.
 
-    Parameters
-    ----------
-    substep
-        Length D of the substep [s].
-    gain
-        1/m of (4.1) [um/s^2/V].
-    velocity, bristle
-        v [um/s] and z [um] at the start.
-    previous_force
-        Mean friction of the substep before [V], from which the mean velocity is predicted.
-    applied
-        Mean of the applied force over the substep, without friction [V].
-    drag
-        Resistance of the actuator (back-EMF) [V s/um], beside the friction.
-    stiffness, bristle_damping, viscous_coefficient
-        sigma_0 [V/um], sigma_1 and sigma_2 [V s/um].
-    coulomb_level, static_level, inverse_stribeck
-        f_c, f_s [V] and 1/v_s [s/um].
-    factor
-        What g(v) is multiplied by: 1, or :func:`position_factor`.
-    limit
-        Bound of the deflection [um].
+    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the bristle's deflection z [um] at
+    the start and the mean friction of the substep before [V], from which the mean velocity is predicted.
 
     Returns
     -------
     tuple
         Mean velocity w (the velocity at the end is 2 w - v) [um/s], deflection at the end [um], mean friction [V].
     """
+    stiffness = friction.stiffness
+    damping = friction.bristle_damping
+    limit = friction.bristle_limit
     mean = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
-    level = factor * lugre_level(mean, coulomb_level, static_level, inverse_stribeck)
+    level = lugre_level(friction, position + 0.5 * substep * velocity, mean)
     rate = stiffness * abs(mean) / level
     decay_1, decay_2 = decay_functions(substep * rate)
     relaxation = bristle * rate * decay_1
-    held = stiffness * bristle * decay_1 - bristle_damping * relaxation
+    held = stiffness * bristle * decay_1 - damping * relaxation
     spring = substep * stiffness * decay_2
-    resistance = spring + bristle_damping * decay_1 + viscous_coefficient
+    resistance = spring + damping * decay_1 + friction.viscous_coefficient
     mean = (2.0 * velocity + gain * substep * (applied - held)) / (2.0 + gain * substep * (resistance + drag))
     force = held + resistance * mean
     return mean, min(max(bristle + substep * (mean * decay_1 - relaxation), -limit), limit), force

@@ -8,33 +8,25 @@ equal numbers.
 import numpy as np
 import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.parameters import (
-    INVERSE_POSITION_WIDTH,
-    INVERSE_VELOCITY_WIDTH,
-    NODE_CONSTANTS,
-    NODES,
-)
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
 
 
 @compiled
-def network_friction(constants: npt.NDArray[np.float64], place: int, position: float, velocity: float) -> float:
+def network_friction(friction: np.record, nodes: npt.NDArray[np.float64], position: float, velocity: float) -> float:
     """Return W'S(x, v) [V] of (2.26) at a position [um] and a velocity [um/s]."""
     force = 0.0
-    node = place + NODE_CONSTANTS
-    for _ in range(int(constants[place + NODES])):
-        x = (position - constants[node]) * constants[place + INVERSE_POSITION_WIDTH]
-        v = (velocity - constants[node + 1]) * constants[place + INVERSE_VELOCITY_WIDTH]
-        force += constants[node + 2] * exp(-(x * x + v * v))
-        node += 3
+    for i in range(len(nodes)):
+        x = (position - nodes[i, 0]) * friction.inverse_position_width
+        v = (velocity - nodes[i, 1]) * friction.inverse_velocity_width
+        force += nodes[i, 2] * exp(-(x * x + v * v))
     return force
 
 
 @compiled
 def network_substep(
-    constants: npt.NDArray[np.float64],
-    place: int,
+    friction: np.record,
+    nodes: npt.NDArray[np.float64],
     substep: float,
     gain: float,
     position: float,
@@ -46,8 +38,8 @@ def network_substep(
     """
     Advance a rigid body with network friction by one substep, by the midpoint rule with a predicted midpoint.
 
-    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the mean friction of the substep
-    before [V].
+    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the nodes of
+    :func:`~hdd_servo_ros.drive.friction.parameters.friction_nodes` and the mean friction of the substep before [V].
 
     Returns
     -------
@@ -55,6 +47,6 @@ def network_substep(
         Mean velocity [um/s], mean friction [V].
     """
     predicted = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
-    force = network_friction(constants, place, position + 0.25 * substep * (velocity + predicted), predicted)
+    force = network_friction(friction, nodes, position + 0.25 * substep * (velocity + predicted), predicted)
     mean = (2.0 * velocity + gain * substep * (applied - force)) / (2.0 + gain * substep * drag)
     return mean, force

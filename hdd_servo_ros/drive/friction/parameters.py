@@ -1,33 +1,43 @@
-"""Parameters of the friction models, and their order in compiled code."""
+"""Parameters of the friction models, and the names by which compiled code knows them."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
+import numpy as np
+import numpy.typing as npt
+
+from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
-MODELS = (
-    'none',
-    'stiction',
-    'tangential_stiffness',
-    'coulomb',
-    'viscous',
-    'coulomb_viscous',
-    'drag',
-    'exponential',
-    'gaussian',
-    'gaussian_two_breaks',
-    'gaussian_two_breaks_offsets',
-    'tustin',
-    'square_root',
-    'lorentzian',
-    'lorentzian_two_breaks',
-    'lorentzian_two_breaks_offsets',
-    'complete',
-    'dahl',
-    'lugre',
-    'lugre_position',
-    'rbf_network',
-)
-"""The friction models by name; a model's number in compiled code is its place in this list."""
+
+class FrictionModel(IntEnum):
+    """The friction models by the number that compiled code knows them by."""
+
+    NONE = 0
+    STICTION = 1
+    TANGENTIAL_STIFFNESS = 2
+    COULOMB = 3
+    VISCOUS = 4
+    COULOMB_VISCOUS = 5
+    DRAG = 6
+    EXPONENTIAL = 7
+    GAUSSIAN = 8
+    GAUSSIAN_TWO_BREAKS = 9
+    GAUSSIAN_TWO_BREAKS_OFFSETS = 10
+    TUSTIN = 11
+    SQUARE_ROOT = 12
+    LORENTZIAN = 13
+    LORENTZIAN_TWO_BREAKS = 14
+    LORENTZIAN_TWO_BREAKS_OFFSETS = 15
+    COMPLETE = 16
+    DAHL = 17
+    LUGRE = 18
+    LUGRE_POSITION = 19
+    RBF_NETWORK = 20
+
+
+MODELS = tuple(model.name.lower() for model in FrictionModel)
+"""The friction models by the name that the parameter ``model`` takes."""
 
 STRIBECK_MODELS = (
     'exponential',
@@ -43,40 +53,30 @@ STRIBECK_MODELS = (
 )
 """The models whose friction falls from f_s to f_c."""
 
-# The numbers of the models that have a step of their own; those of the static ones are in `static`.
-NO_FRICTION = MODELS.index('none')
-TANGENTIAL_STIFFNESS = MODELS.index('tangential_stiffness')
-COMPLETE = MODELS.index('complete')
-DAHL = MODELS.index('dahl')
-LUGRE = MODELS.index('lugre')
-LUGRE_POSITION = MODELS.index('lugre_position')
-NETWORK = MODELS.index('rbf_network')
-
-# Places in the friction's constants
-MODEL = 0
-STIFFNESS = 1
-BRISTLE_DAMPING = 2
-VISCOUS = 3
-COULOMB = 4
-STATIC = 5
-INVERSE_STRIBECK = 6
-STRIBECK_EXPONENT = 7
-SECOND_BREAK = 8
-SECOND_INVERSE_STRIBECK = 9
-FIRST_OFFSET = 10
-SECOND_OFFSET = 11
-DRAG = 12
-SQUARE_ROOT = 13
-DEAD_BAND = 14
-DAHL_EXPONENT = 15
-RIPPLE = 16
-INVERSE_PERIOD = 17
-BRISTLE_LIMIT = 18
-NODES = 19
-INVERSE_POSITION_WIDTH = 20
-INVERSE_VELOCITY_WIDTH = 21
-NODE_CONSTANTS = 22
-"""Here the nodes of the network begin: position, velocity and weight of each."""
+FRICTION = layout(
+    'model',
+    'stiffness',
+    'bristle_damping',
+    'viscous_coefficient',
+    'coulomb_level',
+    'static_level',
+    'inverse_stribeck_velocity',
+    'stribeck_exponent',
+    'second_break_level',
+    'inverse_second_stribeck_velocity',
+    'first_offset_velocity',
+    'second_offset_velocity',
+    'drag_coefficient',
+    'square_root_coefficient',
+    'dead_band_velocity',
+    'dahl_exponent',
+    'position_ripple',
+    'inverse_position_period',
+    'bristle_limit',
+    'inverse_position_width',
+    'inverse_velocity_width',
+)
+"""What the friction's kernels know of the parameters: as there, with the inverse of what they divide by."""
 
 
 @dataclass(frozen=True)
@@ -158,34 +158,36 @@ def bristle_limit(parameters: FrictionParameters) -> float:
     return limit * (1.0 + parameters.position_ripple) if parameters.model == 'lugre_position' else limit
 
 
-def friction_constants(parameters: FrictionParameters) -> list[float]:
-    """Return the constants of the friction's kernels."""
-    constants = [
-        float(MODELS.index(parameters.model)),
-        parameters.stiffness,
-        parameters.bristle_damping,
-        parameters.viscous_coefficient,
-        parameters.coulomb_level,
-        parameters.static_level,
-        1.0 / parameters.stribeck_velocity,
-        parameters.stribeck_exponent,
-        parameters.second_break_level,
-        1.0 / parameters.second_stribeck_velocity,
-        parameters.first_offset_velocity,
-        parameters.second_offset_velocity,
-        parameters.drag_coefficient,
-        parameters.square_root_coefficient,
-        parameters.dead_band_velocity,
-        parameters.dahl_exponent,
-        parameters.position_ripple,
-        1.0 / parameters.position_period,
-        bristle_limit(parameters),
-        float(len(parameters.node_weights)) if parameters.model == 'rbf_network' else 0.0,
-        1.0 / parameters.position_width,
-        1.0 / parameters.velocity_width,
-    ]
-    if parameters.model == 'rbf_network':
-        nodes = zip(parameters.node_positions, parameters.node_velocities, parameters.node_weights, strict=True)
-        for node in nodes:
-            constants += node
+def friction_constants(parameters: FrictionParameters) -> npt.NDArray[np.float64]:
+    """Return the constants of the friction's kernels, of the layout :data:`FRICTION`."""
+    constants = zeros(FRICTION)
+    friction = record(constants, FRICTION)
+    friction.model = MODELS.index(parameters.model)
+    friction.stiffness = parameters.stiffness
+    friction.bristle_damping = parameters.bristle_damping
+    friction.viscous_coefficient = parameters.viscous_coefficient
+    friction.coulomb_level = parameters.coulomb_level
+    friction.static_level = parameters.static_level
+    friction.inverse_stribeck_velocity = 1.0 / parameters.stribeck_velocity
+    friction.stribeck_exponent = parameters.stribeck_exponent
+    friction.second_break_level = parameters.second_break_level
+    friction.inverse_second_stribeck_velocity = 1.0 / parameters.second_stribeck_velocity
+    friction.first_offset_velocity = parameters.first_offset_velocity
+    friction.second_offset_velocity = parameters.second_offset_velocity
+    friction.drag_coefficient = parameters.drag_coefficient
+    friction.square_root_coefficient = parameters.square_root_coefficient
+    friction.dead_band_velocity = parameters.dead_band_velocity
+    friction.dahl_exponent = parameters.dahl_exponent
+    friction.position_ripple = parameters.position_ripple
+    friction.inverse_position_period = 1.0 / parameters.position_period
+    friction.bristle_limit = bristle_limit(parameters)
+    friction.inverse_position_width = 1.0 / parameters.position_width
+    friction.inverse_velocity_width = 1.0 / parameters.velocity_width
     return constants
+
+
+def friction_nodes(parameters: FrictionParameters) -> npt.NDArray[np.float64]:
+    """Return position [um], velocity [um/s] and weight [V] of the network's nodes, shape (n, 3); n = 0 without one."""
+    if parameters.model != 'rbf_network':
+        return np.zeros((0, 3))
+    return np.column_stack((parameters.node_positions, parameters.node_velocities, parameters.node_weights))

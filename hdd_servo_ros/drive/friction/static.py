@@ -10,42 +10,10 @@ in (2.6)-(2.10) and (2.12) the falling term lacks sgn v, in (2.6) and (2.11) the
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from hdd_servo_ros.drive.friction.parameters import (
-    COMPLETE,
-    COULOMB,
-    DEAD_BAND,
-    DRAG,
-    FIRST_OFFSET,
-    INVERSE_STRIBECK,
-    MODEL,
-    MODELS,
-    SECOND_BREAK,
-    SECOND_INVERSE_STRIBECK,
-    SECOND_OFFSET,
-    SQUARE_ROOT,
-    STATIC,
-    STRIBECK_EXPONENT,
-    VISCOUS,
-)
+from hdd_servo_ros.drive.friction.parameters import FrictionModel
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp, log
-
-STICTION = MODELS.index('stiction')
-COULOMB_ONLY = MODELS.index('coulomb')
-VISCOUS_ONLY = MODELS.index('viscous')
-COULOMB_VISCOUS = MODELS.index('coulomb_viscous')
-DRAG_ONLY = MODELS.index('drag')
-EXPONENTIAL = MODELS.index('exponential')
-GAUSSIAN = MODELS.index('gaussian')
-GAUSSIAN_TWO_BREAKS = MODELS.index('gaussian_two_breaks')
-GAUSSIAN_OFFSETS = MODELS.index('gaussian_two_breaks_offsets')
-TUSTIN = MODELS.index('tustin')
-SQUARE_ROOT_LAW = MODELS.index('square_root')
-LORENTZIAN = MODELS.index('lorentzian')
-LORENTZIAN_TWO_BREAKS = MODELS.index('lorentzian_two_breaks')
-LORENTZIAN_OFFSETS = MODELS.index('lorentzian_two_breaks_offsets')
 
 
 @compiled
@@ -69,95 +37,94 @@ def lorentzian(ratio: float) -> float:
 
 
 @compiled
-def falling_level(constants: npt.NDArray[np.float64], place: int, speed: float) -> float:
+def falling_level(friction: np.record, speed: float) -> float:
     """
     Return the level of the models that fall from f_s to f_c, (2.6)-(2.10) and (2.12), at a speed |v| [um/s].
 
     The height of the first break is f_s1 = f_s - f_c.
     """
-    model = int(constants[place + MODEL])
-    coulomb: float = constants[place + COULOMB]
-    first_break: float = constants[place + STATIC] - coulomb
-    second_break: float = constants[place + SECOND_BREAK]
+    model = int(friction.model)
+    coulomb: float = friction.coulomb_level
+    first_break: float = friction.static_level - coulomb
+    second_break: float = friction.second_break_level
     first = speed
     second = speed
-    if model in (GAUSSIAN_OFFSETS, LORENTZIAN_OFFSETS):
-        first -= constants[place + FIRST_OFFSET]
-        second -= constants[place + SECOND_OFFSET]
-    first *= constants[place + INVERSE_STRIBECK]
-    second *= constants[place + SECOND_INVERSE_STRIBECK]
-    if model == GAUSSIAN:
+    if model in (FrictionModel.GAUSSIAN_TWO_BREAKS_OFFSETS, FrictionModel.LORENTZIAN_TWO_BREAKS_OFFSETS):
+        first -= friction.first_offset_velocity
+        second -= friction.second_offset_velocity
+    first *= friction.inverse_stribeck_velocity
+    second *= friction.inverse_second_stribeck_velocity
+    if model == FrictionModel.GAUSSIAN:
         return coulomb + first_break * gaussian(first)
-    if model in (GAUSSIAN_TWO_BREAKS, GAUSSIAN_OFFSETS):
+    if model in (FrictionModel.GAUSSIAN_TWO_BREAKS, FrictionModel.GAUSSIAN_TWO_BREAKS_OFFSETS):
         return coulomb + first_break * gaussian(first) + second_break * gaussian(second)
-    if model == LORENTZIAN:
+    if model == FrictionModel.LORENTZIAN:
         return coulomb + first_break * lorentzian(first)
-    if model in (LORENTZIAN_TWO_BREAKS, LORENTZIAN_OFFSETS):
+    if model in (FrictionModel.LORENTZIAN_TWO_BREAKS, FrictionModel.LORENTZIAN_TWO_BREAKS_OFFSETS):
         return coulomb + first_break * lorentzian(first) + second_break * lorentzian(second)
-    if model == TUSTIN:
+    if model == FrictionModel.TUSTIN:
         return coulomb + first_break * exp(-first)
-    return coulomb + first_break * exp(-power(first, constants[place + STRIBECK_EXPONENT]))
+    return coulomb + first_break * exp(-power(first, friction.stribeck_exponent))
 
 
 @compiled
-def sliding_terms(constants: npt.NDArray[np.float64], place: int, speed: float) -> tuple[float, float]:
+def sliding_terms(friction: np.record, speed: float) -> tuple[float, float]:
     """
     Return level [V] and resistance [V s/um] of sliding at a speed |v| [um/s]: F = level sgn v + resistance v.
 
     Parameters
     ----------
-    constants, place
-        The friction's constants begin at ``place`` of this array.
+    friction
+        Record of :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
     speed
         |v| [um/s].
     """
-    model = int(constants[place + MODEL])
-    viscous = constants[place + VISCOUS]
-    if model == STICTION:
+    model = int(friction.model)
+    viscous = friction.viscous_coefficient
+    if model == FrictionModel.STICTION:
         return 0.0, 0.0
-    if model == COULOMB_ONLY:
-        return constants[place + COULOMB], 0.0
-    if model == VISCOUS_ONLY:
+    if model == FrictionModel.COULOMB:
+        return friction.coulomb_level, 0.0
+    if model == FrictionModel.VISCOUS:
         return 0.0, viscous
-    if model == COULOMB_VISCOUS:
-        return constants[place + COULOMB], viscous
-    if model == DRAG_ONLY:
-        return 0.0, constants[place + DRAG] * speed
-    if model in (SQUARE_ROOT_LAW, COMPLETE):
-        level: float = constants[place + COULOMB] + constants[place + SQUARE_ROOT] * math.sqrt(speed)
+    if model == FrictionModel.COULOMB_VISCOUS:
+        return friction.coulomb_level, viscous
+    if model == FrictionModel.DRAG:
+        return 0.0, friction.drag_coefficient * speed
+    if model in (FrictionModel.SQUARE_ROOT, FrictionModel.COMPLETE):
+        level: float = friction.coulomb_level + friction.square_root_coefficient * math.sqrt(speed)
         resistance: float = viscous
-        if model == COMPLETE:
-            resistance += constants[place + DRAG] * speed
+        if model == FrictionModel.COMPLETE:
+            resistance += friction.drag_coefficient * speed
         if level < 0.0:
             # f_r < 0: the sum is not negative, but a negative level would drive the body when its speed changes.
             return 0.0, level / speed + resistance
         return level, resistance
-    return falling_level(constants, place, speed), viscous
+    return falling_level(friction, speed), viscous
 
 
 @compiled
-def breakaway_level(constants: npt.NDArray[np.float64], place: int) -> float:
+def breakaway_level(friction: np.record) -> float:
     """Return the friction [V] that holds the body at rest: f_s of (2.1), or the level of sliding at v -> 0+."""
-    if int(constants[place + MODEL]) == STICTION:
-        level: float = constants[place + STATIC]
+    if int(friction.model) == FrictionModel.STICTION:
+        level: float = friction.static_level
         return level
-    return sliding_terms(constants, place, 0.0)[0]
+    return sliding_terms(friction, 0.0)[0]
 
 
 @compiled
-def static_friction(constants: npt.NDArray[np.float64], place: int, velocity: float, applied: float) -> float:
+def static_friction(friction: np.record, velocity: float, applied: float) -> float:
     """Return the friction [V] at a velocity [um/s]; at rest it balances ``applied`` [V] up to breakaway (2.1)."""
     if velocity == 0.0:
-        held = breakaway_level(constants, place)
+        held = breakaway_level(friction)
         return min(max(applied, -held), held)
-    level, resistance = sliding_terms(constants, place, abs(velocity))
+    level, resistance = sliding_terms(friction, abs(velocity))
     return math.copysign(level, velocity) + resistance * velocity
 
 
 @compiled
 def _slide(
-    constants: npt.NDArray[np.float64],
-    place: int,
+    friction: np.record,
     time: float,
     gain: float,
     velocity: float,
@@ -169,7 +136,7 @@ def _slide(
     mean = velocity
     # The first pass predicts the mean velocity, the second takes the friction there.
     for _ in range(2):
-        level, resistance = sliding_terms(constants, place, max(mean * direction, 0.0))
+        level, resistance = sliding_terms(friction, max(mean * direction, 0.0))
         impulse = gain * time * (applied - level * direction)
         mean = (2.0 * velocity + impulse) / (2.0 + gain * time * (resistance + drag))
     return 2.0 * mean - velocity
@@ -177,8 +144,7 @@ def _slide(
 
 @compiled
 def static_substep(
-    constants: npt.NDArray[np.float64],
-    place: int,
+    friction: np.record,
     substep: float,
     gain: float,
     position: float,
@@ -194,8 +160,8 @@ def static_substep(
 
     Parameters
     ----------
-    constants, place
-        The friction's constants begin at ``place`` of this array.
+    friction
+        Record of :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
     substep, gain
         D [s] and 1/m of (4.1) [um/s^2/V].
     position, velocity
@@ -210,18 +176,18 @@ def static_substep(
     tuple
         Position [um] and velocity [um/s] at the end, mean friction [V].
     """
-    held = breakaway_level(constants, place)
+    held = breakaway_level(friction)
     end = 0.0
     remaining = substep
     new_position = position
-    if abs(velocity) <= constants[place + DEAD_BAND]:
+    if abs(velocity) <= friction.dead_band_velocity:
         if abs(applied) <= held:
             new_position += 0.5 * substep * velocity
             return new_position, 0.0, applied + velocity / (gain * substep) - 0.5 * drag * velocity
         start = velocity
     else:
         direction = math.copysign(1.0, velocity)
-        end = _slide(constants, place, substep, gain, velocity, applied, drag, direction)
+        end = _slide(friction, substep, gain, velocity, applied, drag, direction)
         if end * direction > 0.0:
             remaining = 0.0
             new_position += 0.5 * substep * (velocity + end)
@@ -232,7 +198,7 @@ def static_substep(
             end = 0.0
         start = 0.0
     if remaining > 0.0 and abs(applied) > held:
-        end = _slide(constants, place, remaining, gain, start, applied, drag, math.copysign(1.0, applied))
+        end = _slide(friction, remaining, gain, start, applied, drag, math.copysign(1.0, applied))
         new_position += 0.5 * remaining * (start + end)
     mean = (new_position - position) / substep
     return new_position, end, applied - drag * mean - (end - velocity) / (gain * substep)
