@@ -222,13 +222,14 @@ class SignalRows(Signals):
         sample_time: float,
         estimate_names: tuple[str, ...],
         optional: tuple[LoopTopic, ...] = (),
+        units: Units = Units(),  # noqa: B008 - a frozen value
     ) -> 'SignalRows':
-        """Return rows for ``count`` ticks, to be filled; of the optional topics those that take part."""
+        """Return rows for ``count`` ticks, to be filled; of the optional topics, rows for those named."""
         arrays = {}
         for topic in SIGNAL_TOPICS:
             if not topic.is_optional or topic in optional:
                 arrays[topic.name] = np.empty((count, len(AXES) if topic.is_vector else len(estimate_names)))
-        return cls(first_tick, sample_time, arrays, estimate_names)
+        return cls(first_tick, sample_time, arrays, estimate_names, units)
 
     def __len__(self) -> int:
         return len(self._arrays[HEAD.name])

@@ -20,6 +20,7 @@ from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
+from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.signals.reference import Reference
 from hdd_servo_ros.simulation.closed_loop import Controllers, closed_loop
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
@@ -142,7 +143,10 @@ class Experiment:
     def empty_rows(self, first_tick: int, count: int) -> SignalRows:
         """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
         optional = () if self._disturbance is None else (DISTURBANCE,)
-        return SignalRows.empty(first_tick, count, self.sample_time, self.controller.estimate_names, optional)
+        drive = self.plant.parameters
+        units = Units(drive.length_unit, drive.control_unit)
+        names = self.controller.estimate_names
+        return SignalRows.empty(first_tick, count, self.sample_time, names, optional, units)
 
     def run(self, first_tick: int, count: int, rows: SignalRows | None = None) -> SignalRows:
         """

@@ -6,8 +6,10 @@ No ROS import: the loop is one compiled kernel, and its rows are packed into the
 
 import signal
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.control.controller import ReportsFault
@@ -20,8 +22,11 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.reporting.evaluation import transient_of
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import write_response
+from hdd_servo_ros.reporting.run_sums import RunSums
+from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.simulation.interrupts import Interrupts, interrupts
 from hdd_servo_ros.simulation.packing import Packer, first_not_finite
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -56,7 +61,9 @@ class SimulatedRun:
         self._packer = Packer(
             topics, simulation.timer.sample_time, simulation.frame_id, self._experiment.controller.estimate_names
         )
+        self.sums = RunSums(self._metadata(), transient_of(simulation.last_tick * simulation.timer.sample_time))
         self._warned: frozenset[str] = frozenset()
+        self._started = time.monotonic()
 
     def run(self, requests: Interrupts, progress: Progress | None) -> Outcome:
         """Run all pieces, or those before the run fails or a signal asks for its end; return how it ended."""
@@ -68,6 +75,8 @@ class SimulatedRun:
             if self.recorder is not None and len(valid):
                 messages = self._packer.pack(valid, self._simulation.recorded_messages(valid))
                 self.recorder.write_ticks(first_tick + len(valid) - 1, *messages)
+            elif self.recorder is None:
+                self.sums.add(valid)
             if progress is not None:
                 progress.show(first_tick + len(valid) - 1)
             if requests.number:
@@ -103,6 +112,19 @@ class SimulatedRun:
         for output in sorted(warnings.keys() - self._warned):
             print(f'simulate: warning: ldv_sensor: {warnings[output]}', file=sys.stderr)
         self._warned = frozenset(warnings)
+
+    def _metadata(self) -> dict[str, Any]:
+        return {'controller': self._simulation.rig.controller, **self._simulation.description()}
+
+    def summary(self, outcome: Outcome) -> str:
+        """Return the summary of a run that was not recorded."""
+        looped = max(time.monotonic() - self._started, 1e-9)
+        ended = {
+            'status': outcome.status,
+            'reason': outcome.reason,
+            'real_time_factor': self.sums.last_tick * self._simulation.timer.sample_time / looped,
+        }
+        return summary(self.sums, {**self._metadata(), **ended})
 
     def finish(self, outcome: Outcome) -> None:
         """Close the bag, and write what a signal analyzer has measured."""
@@ -140,6 +162,8 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             run.finish(outcome)
     if outcome != FINISHED_OUTCOME:
         print(f'simulate: run {outcome.status}: {outcome.reason}', file=sys.stderr)
+    elif run.recorder is None:
+        print(run.summary(outcome))
     return outcome.exit_code, None if run.recorder is None else run.recorder.directory
 
 

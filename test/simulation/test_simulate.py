@@ -1,12 +1,16 @@
-"""How long a run of `simulate` may be, and in what pieces it is run."""
+"""How long a run of `simulate` may be, in what pieces it is run, and what it prints."""
 
 import itertools
+import signal
+import threading
 
 import pytest
 
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.simulation.interrupts import interrupts
 from hdd_servo_ros.simulation.run_setup import CHUNK, Simulation
+from hdd_servo_ros.simulation.simulate import main, simulate
 
 SCALES = ('displacement_scale', 'velocity_scale')
 CHANGE = '{:.4f} ldv_sensor noise false'
@@ -45,3 +49,46 @@ def test_a_scale_is_fixed_during_a_run(node, scale):
     """The controllers have taken it before tick 0."""
     with pytest.raises(ParameterError, match=f'{scale} is read-only'):
         simulation(f"schedule:=['0.01 {node} {scale} 4.0']")
+
+
+def summary_lines(text):
+    """Return the lines of a summary by their names."""
+    return dict(line.strip().split('  ', 1) for line in text.splitlines())
+
+
+def test_a_run_that_is_not_recorded_prints_the_same_summary(tmp_path, capsys):
+    """From its rows, piece by piece, what the recorded one prints from its bag."""
+    arguments = ['--ros-args', '-p', 'duration:=1.0', '-p', 'progress:=false', '-p', 'plot:=false']
+    assert main([*arguments, '-p', f'run_dir:={tmp_path / "run"}']) == 0
+    recorded = summary_lines(capsys.readouterr().out)
+    assert main([*arguments, '-p', 'record:=false']) == 0
+    rows = summary_lines(capsys.readouterr().out)
+    assert rows['run'] == 'finished, tracks'
+    assert rows.keys() == recorded.keys() - {'messages', 'run folder'}
+    assert {name: rows[name] for name in rows if name != 'real-time factor'} == {
+        name: recorded[name] for name in rows if name != 'real-time factor'
+    }
+
+
+def test_a_run_off_the_main_thread(tmp_path):
+    """Python allows signal handlers on the main thread alone; a run elsewhere does without."""
+    directory = tmp_path / 'run'
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    ended = []
+    thread = threading.Thread(
+        target=lambda: ended.append(
+            simulate(simulation('duration:=0.01', f'run_dir:={directory}'), progress=False),
+        )
+    )
+    thread.start()
+    thread.join()
+    assert ended == [(0, directory)]
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+
+
+def test_handlers_are_as_before_afterwards():
+    before = signal.getsignal(signal.SIGTERM)
+    with interrupts() as requests:
+        signal.raise_signal(signal.SIGTERM)
+        assert requests.number == signal.SIGTERM
+    assert signal.getsignal(signal.SIGTERM) is before
