@@ -83,6 +83,19 @@ class AdaptiveNn:
         self._compensator_centres: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_activations: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_weights: NDArray[np.float64] = np.zeros((m, m))
+        self.arrays: AdaptiveNnArrays = (
+            self.constants,
+            self.state,
+            self._centres,
+            self._weight_laws,
+            self._activations,
+            self._weights,
+            self._compensator_centres,
+            self._compensator_activations,
+            self._compensator_weights,
+            self.estimates,
+        )
+        """The arrays that the kernel takes first; the estimates are the last."""
         self._reset(parameters)
         self._take(parameters)
 
@@ -240,22 +253,6 @@ class AdaptiveNn:
         c.lag = compensator.lag
         self._compensator_centres[0] = lattice(compensator.position_minimum, compensator.position_maximum, m)
         self._compensator_centres[1] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
-
-    @property
-    def arrays(self) -> AdaptiveNnArrays:
-        """The arrays that the kernel takes first; the estimates are the last."""
-        return (
-            self.constants,
-            self.state,
-            self._centres,
-            self._weight_laws,
-            self._activations,
-            self._weights,
-            self._compensator_centres,
-            self._compensator_activations,
-            self._compensator_weights,
-            self.estimates,
-        )
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part -k r [V]; see :class:`Controller`."""

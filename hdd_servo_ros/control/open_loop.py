@@ -65,6 +65,8 @@ class OpenLoop:
         self._output_limit = math.inf
         self.constants = zeros(CONSTANTS)
         self.estimates = zeros(ESTIMATES)
+        self.arrays: OpenLoopArrays = (self.constants, self.estimates)
+        """The arrays that the kernel takes first: constants, estimates."""
         self.update(parameters)
 
     def update(self, parameters: OpenLoopParameters) -> None:
@@ -81,11 +83,6 @@ class OpenLoop:
         c = record(self.constants, CONSTANTS)
         c.time_step = self.sample_time
         c.control_limit = min(parameters.control_limit, self._output_limit)
-
-    @property
-    def arrays(self) -> OpenLoopArrays:
-        """The arrays that the kernel takes first: constants, estimates."""
-        return self.constants, self.estimates
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part (0) [V]; see :class:`Controller`."""

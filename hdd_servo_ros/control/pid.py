@@ -191,6 +191,8 @@ class Pid:
         self.constants = zeros(CONSTANTS)
         self.state = zeros(STATE)
         self.estimates = zeros(ESTIMATES)
+        self.arrays: PidArrays = (self.constants, self.state, self.estimates)
+        """The arrays that the kernel takes first: constants, state, estimates."""
         self._take(parameters)
 
     def update(self, parameters: PidParameters) -> None:
@@ -238,11 +240,6 @@ class Pid:
         c.velocity_feedforward = parameters.velocity_feedforward
         c.acceleration_feedforward = parameters.acceleration_feedforward
         c.control_limit = min(parameters.control_limit, self._output_limit)
-
-    @property
-    def arrays(self) -> PidArrays:
-        """The arrays that the kernel takes first: constants, state, estimates."""
-        return self.constants, self.state, self.estimates
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and u without feedforward [V]; see :class:`Controller`."""

@@ -216,7 +216,7 @@ def test_without_the_reference_filter_the_filters_lag_is_an_error():
     np.testing.assert_allclose(rows[False][1000:], expected[1000:], atol=1e-6 * w)
 
 
-def test_the_estimates_rest_at_the_limit_of_what_comes_behind():
+def test_the_estimates_freeze_at_the_limit_of_what_comes_behind():
     told, own = controller_of(), controller_of(control_limit=12.0)
     told.limit_output(12.0)
     inputs = signals(400, seed=4)
