@@ -79,7 +79,7 @@ def signal_analyzer_step(
     *values
         The fields of :class:`ControllerInputs`.
     """
-    c, s, found = constants.view(CONSTANTS)[0], state.view(STATE)[0], estimates.view(ESTIMATES)[0]
+    c, s, found = record(constants, CONSTANTS), record(state, STATE), record(estimates, ESTIMATES)
     inputs = ControllerInputs(*values)
     displacement_volts, velocity_volts = inputs.displacement_volts, inputs.velocity_volts
     found.t = float(inputs.tick) * c.time_step
@@ -90,7 +90,7 @@ def signal_analyzer_step(
     if index >= len(points):
         found.amplitude = 0.0
         return 0.0, 0.0, 0.0
-    point = points.view(POINT)[index, 0]
+    point = record(points, POINT, index)
     cycles = np.int64(point.cycles)
     length = np.int64(point.length)
     settle = int(point.settle)
@@ -98,7 +98,7 @@ def signal_analyzer_step(
     segment = int(s.segment)
     if tick == 0 and segment == 0:
         s.overloaded = 0.0
-        if index == 0 or point.band != points.view(POINT)[index - 1, 0].band:
+        if index == 0 or point.band != record(points, POINT, index - 1).band:
             s.level = 1.0
             s.reductions = 0.0
     limit = c.overload_level
@@ -129,7 +129,7 @@ def signal_analyzer_step(
     if tick == length:
         tick = np.int64(0)
         if segment >= settle:
-            measured = correlations.view(CORRELATION)[segment - settle, 0]
+            measured = record(correlations, CORRELATION, segment - settle)
             measured.mean_output = sums.mean_output / float(length)
             measured.in_phase = sums.in_phase / float(length)
             measured.quadrature = sums.quadrature / float(length)
@@ -139,7 +139,7 @@ def signal_analyzer_step(
         segment += 1
         if segment == settle + int(point.averages):
             segment = 0
-            result = results.view(RESULT)[index, 0]
+            result = record(results, RESULT, index)
             _conclude(c.time_step, point, correlations, amplitude, result)
             if s.overloaded != 0.0:
                 result.amplitude = 0.0
@@ -156,14 +156,13 @@ def signal_analyzer_step(
 @compiled
 def _conclude(time_step: float, point: Any, correlations: NDArray[np.float64], amplitude: float, result: Any) -> None:
     """Write the response and coherence that the records of a point give into its result."""
-    measured = correlations.view(CORRELATION)
     averages = int(point.averages)
     # The trend of the records' means, over whole cycles each, is the drift; it adds i slope/sin to every correlation.
     middle = 0.5 * float(averages - 1)
     above = 0.0
     below = 0.0
     for k in range(averages):
-        above += (float(k) - middle) * measured[k, 0].mean_output
+        above += (float(k) - middle) * record(correlations, CORRELATION, k).mean_output
         below += (float(k) - middle) * (float(k) - middle)
     half_turn, _ = sine_cosine_of_turns(0.5 * point.cycles / point.length)
     drift = above / (below * point.length) / half_turn
@@ -171,8 +170,9 @@ def _conclude(time_step: float, point: Any, correlations: NDArray[np.float64], a
     imag = 0.0
     power = 0.0
     for k in range(averages):
-        re = 2.0 * measured[k, 0].in_phase
-        im = 2.0 * measured[k, 0].quadrature - drift
+        measured = record(correlations, CORRELATION, k)
+        re = 2.0 * measured.in_phase
+        im = 2.0 * measured.quadrature - drift
         real += re
         imag += im
         power += re * re + im * im
@@ -262,8 +262,8 @@ class SignalAnalyzer:
         c.overload_level = parameters.overload_level
         c.level_reductions = parameters.level_reductions
         self._point_rows = np.tile(zeros(POINT), (len(self.points), 1))
-        for row, point in zip(self._point_rows, self.points, strict=True):
-            p = record(row, POINT)
+        for row, point in enumerate(self.points):
+            p = record(self._point_rows, POINT, row)
             p.cycles, p.length = point.cycles, point.length
             p.settle, p.averages = point.settle, point.averages
             p.amplitude, p.band = point.amplitude, point.band

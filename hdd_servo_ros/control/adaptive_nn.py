@@ -77,7 +77,7 @@ class AdaptiveNn:
         self.state = zeros(STATE)
         self.estimates = zeros(ESTIMATES)
         self._centres: NDArray[np.float64] = np.zeros((2, n))
-        self._weight_laws = np.tile(zeros(WEIGHT_LAW), (n, n, 1))
+        self._weight_laws = np.tile(zeros(WEIGHT_LAW), (n * n, 1))
         self._activations: NDArray[np.float64] = np.zeros((2, n))
         self._weights: NDArray[np.float64] = np.zeros((n, n))
         self._compensator_centres: NDArray[np.float64] = np.zeros((2, m))
@@ -238,8 +238,7 @@ class AdaptiveNn:
         c.weight_limit = network.maximum if self.parameters.projection else math.inf
         self._centres[0] = lattice(network.position_minimum, network.position_maximum, network.nodes)
         self._centres[1] = lattice(network.velocity_minimum, network.velocity_maximum, network.nodes)
-        laws = self._weight_laws.reshape(-1, 2)
-        laws[:] = [decay_and_step(gain, network.leakage, self.sample_time) for gain in network.gain]
+        self._weight_laws[:] = [decay_and_step(gain, network.leakage, self.sample_time) for gain in network.gain]
 
     def _fill_compensator(self, c: Any) -> None:
         compensator = self.parameters.compensator

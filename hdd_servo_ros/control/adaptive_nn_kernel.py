@@ -12,7 +12,7 @@ from hdd_servo_ros.control.rbf import activate, lattice_sum
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
-from hdd_servo_ros.numerics.records import layout
+from hdd_servo_ros.numerics.records import layout, record
 
 # One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate.
 LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum')
@@ -191,12 +191,12 @@ def _adapt_weights(
 ) -> None:
     """Adapt W_hat by (4.21)."""
     n = len(weights)
-    law = laws.view(WEIGHT_LAW)
     for i in range(n):
         drive = activations[0, i] * abs(r)
         for j in range(n):
-            w = law[i, j, 0].decay * weights[i, j]
-            w += law[i, j, 0].step * (drive * activations[1, j])
+            law = record(laws, WEIGHT_LAW, i * n + j)
+            w = law.decay * weights[i, j]
+            w += law.step * (drive * activations[1, j])
             weights[i, j] = max(-limit, min(limit, w))
 
 
@@ -234,7 +234,7 @@ def adaptive_nn_step(
     centres, activations
         Of the network with n x n nodes: those of the position axis, then those of the velocity axis, shape (2, n).
     weight_laws
-        ``WEIGHT_LAW`` of each node, shape (n, n, 2).
+        ``WEIGHT_LAW`` of each node, shape (n n, 2).
     weights
         W_hat [V], shape (n, n), position index first.
     compensator_centres, compensator_activations, compensator_weights
@@ -245,7 +245,7 @@ def adaptive_nn_step(
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    c, s = constants.view(CONSTANTS)[0], state.view(STATE)[0]
+    c, s = record(constants, CONSTANTS), record(state, STATE)
     x = inputs.position
     dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
     x_d = shaped(s.shaping, inputs.desired_position, dx_d, c.shaping_share, c.shaping_ticks)
@@ -292,7 +292,7 @@ def adaptive_nn_step(
         u += compensator
     limited = saturated(u, c.control_limit)
 
-    found = estimates.view(ESTIMATES)[0]
+    found = record(estimates, ESTIMATES)
     found.t = float(inputs.tick) * c.time_step
     found.r = r
     found.sigma_hat = s.sigma_hat

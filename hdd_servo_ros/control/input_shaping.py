@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.numerics.compiled import compiled
-from hdd_servo_ros.numerics.records import layout
+from hdd_servo_ros.numerics.records import layout, record
 
 # The last reference and its velocity, what is held back, and for how many ticks; zeros at first.
 SHAPING_STATE = layout('last_position', 'last_velocity', 'held', 'ticks')
@@ -52,6 +52,6 @@ def fill_shaped(
     state: NDArray[np.float64], x_d: NDArray[np.float64], dx_d: NDArray[np.float64], share: float, ticks: float
 ) -> None:
     """Replace x_d (n,) of consecutive ticks by what :func:`shaped` makes of it; ``state`` is of ``SHAPING_STATE``."""
-    s = state.view(SHAPING_STATE)[0]
+    s = record(state, SHAPING_STATE)
     for row in range(len(x_d)):
         x_d[row] = shaped(s, x_d[row], dx_d[row], share, ticks)

@@ -38,8 +38,8 @@ def open_loop_step(
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    c = constants.view(CONSTANTS)[0]
-    estimates.view(ESTIMATES)[0].t = float(inputs.tick) * c.time_step
+    c = record(constants, CONSTANTS)
+    record(estimates, ESTIMATES).t = float(inputs.tick) * c.time_step
     u = inputs.desired_position
     return saturated(u, c.control_limit), u, 0.0
 

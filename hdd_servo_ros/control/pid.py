@@ -104,7 +104,7 @@ def pid_step(
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
-    c, s = constants.view(CONSTANTS)[0], state.view(STATE)[0]
+    c, s = record(constants, CONSTANTS), record(state, STATE)
     position = inputs.position
     dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
     error = position - inputs.desired_position
@@ -142,7 +142,7 @@ def pid_step(
         feedback = derivative + integral + s.bump - c.proportional_gain * error
         unsaturated = feedback + compensation
     u = saturated(unsaturated, limit)
-    found = estimates.view(ESTIMATES)[0]
+    found = record(estimates, ESTIMATES)
     found.t = float(inputs.tick) * c.time_step
     found.e = error
     found.integral = integral
