@@ -1,25 +1,31 @@
-"""Blocks of decimated signals for who looks on: each bin's smallest and largest values, so that no peak is lost."""
+"""Blocks of decimated signals for live viewers: each bin's smallest and largest values, so that no peak is lost."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.cdr import array_names_and_offset
+from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.messages.topics import ESTIMATES, SIGNAL_TOPICS, LoopTopic
 
 BINS = 200
-"""Bins of one block; a block of fewer ticks than two a bin is not decimated."""
-NAMES = ('t', 'x_d', 'x', 'error', 'u', 'feedback')
-"""Columns of a block before those of the estimates: time [s], positions and error x - x_d, u and its feedback part."""
+"""Bins of one block; a block of fewer ticks than two per bin is not decimated."""
+TIME, ERROR = 't', 'error'
+"""Columns that are no field of a topic: time [s], and the tracking error x - x_d."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Block:
-    """Names of the columns, and rows in the order of time; two a bin, its smallest and its largest values."""
+    """Names of the columns, and rows in the order of time; two per bin, its smallest and its largest values."""
 
     names: tuple[str, ...]
     rows: NDArray[np.float64]
+
+
+def column_name(topic: LoopTopic, field: str) -> str:
+    """Return the name of the column that holds a field of a topic, such as ``control.voltage``."""
+    return f'{topic.name}.{field}'
 
 
 def decimated(values: NDArray[np.float64], bins: int = BINS) -> NDArray[np.float64]:
@@ -49,30 +55,20 @@ def decimated(values: NDArray[np.float64], bins: int = BINS) -> NDArray[np.float
     return rows
 
 
-def make_block(first_tick: int, sample_time: float, ticks: Sequence[Sequence[bytes]]) -> Block:
-    """
-    Return the block of consecutive ticks.
-
-    Parameters
-    ----------
-    first_tick, sample_time
-        The first tick, and T [s].
-    ticks
-        For each tick its messages in the order of ``LOOP_TOPICS``.
-    """
-    count = len(ticks)
-    time = np.arange(first_tick, first_tick + count) * sample_time
-    reference, head, control = (_vectors(ticks, place) for place in (1, 2, 4))
-    x_d, x = reference[:, 0], head[:, 0]
-    labels, offset = array_names_and_offset(ticks[0][5])
-    estimates = _doubles([messages[5][offset:] for messages in ticks]).reshape(count, len(labels))
-    columns = [time, x_d, x, x - x_d, control[:, 0], control[:, 2], *estimates[:, 1:].T]
-    return Block((*NAMES, *(f'estimates.{label}' for label in labels[1:])), decimated(np.column_stack(columns)))
+def make_block(signals: Signals) -> Block:
+    """Return the block of consecutive ticks: time, error, every field of every topic, and the estimates."""
+    columns = dict(_columns(signals))
+    return Block(tuple(columns), decimated(np.column_stack(list(columns.values()))))
 
 
-def _vectors(ticks: Sequence[Sequence[bytes]], place: int) -> NDArray[np.float64]:
-    return _doubles([messages[place][-24:] for messages in ticks]).reshape(len(ticks), 3)
-
-
-def _doubles(parts: Sequence[bytes]) -> NDArray[np.float64]:
-    return np.frombuffer(b''.join(parts), dtype='<f8')
+def _columns(signals: Signals) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    yield TIME, signals.time
+    yield ERROR, signals.error
+    for topic in SIGNAL_TOPICS:
+        if topic.name in signals:
+            for index, field in enumerate(topic.field_names):
+                yield column_name(topic, field), signals[topic.name][:, index]
+    for name, values in signals.estimates.items():
+        # The time of the tick is a column already.
+        if name != TIME:
+            yield column_name(ESTIMATES, name), values

@@ -14,6 +14,7 @@ from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.scope_blocks import Block, make_block
 from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
+from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
@@ -99,8 +100,10 @@ class BagRecorder(CatalogueNode):
             self._take_parameter_event(taken[0])
         watched, self._watched = self._watched, []
         if watched:
-            block = make_block(self.tick - len(watched), self._ticks.sample_time, watched)
-            self._scope.publish(self._scope_message(block))
+            topics = [port.topic for port in self.inputs]
+            first_tick = self.tick - len(watched)
+            signals = signals_of_messages(first_tick, self._ticks.sample_time, topics, watched)
+            self._scope.publish(self._scope_message(make_block(signals)))
         self._is_watched = self._scope.get_subscription_count() > 0
 
     def _scope_message(self, block: Block) -> Float64MultiArray:

@@ -15,6 +15,9 @@ from numba.core import config as numba_config
 config: Any = numba_config
 jit: Any = numba.njit
 
+_TYPES = ('messages/controller_inputs.py',)
+"""Sources without a kernel whose types kernels take."""
+
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
@@ -24,7 +27,7 @@ def kernel_cache_directory() -> Path:
     Return the writable folder in which compiled kernels are kept between runs.
 
     Numba keys a cached kernel by the age of its own file only: a kernel that calls into another file would go stale
-    unseen when that file changes. The folder's name therefore carries a digest of the sources (and of their place), and
+    unseen when that file changes. The folder's name therefore carries a digest of the sources (and of their path), and
     the folder lies in the user's cache, not beside the sources, so that a read-only install starts warm as well.
     """
     package = Path(__file__).parent.parent
@@ -34,8 +37,9 @@ def kernel_cache_directory() -> Path:
     # Kernels take constants from the files beside them, so a folder with a kernel counts as a whole.
     folders = {source.parent for source in sources if b'@compiled' in source.read_bytes()}
     for source in sources:
-        if any(folder in source.parents for folder in folders):
-            digest.update(source.relative_to(package).as_posix().encode() + source.read_bytes())
+        path = source.relative_to(package).as_posix()
+        if path in _TYPES or any(folder in source.parents for folder in folders):
+            digest.update(path.encode() + source.read_bytes())
     name = f'numba-{numba.__version__}-{digest.hexdigest()[:16]}'
     for base in _bases():
         try:

@@ -8,13 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.scope_blocks import NAMES, Block
+from hdd_servo_ros.messages.scope_blocks import ERROR, TIME, Block, column_name
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.picture import Stack
-
-_TOPICS = frozenset(topic.name for topic in (REFERENCE, HEAD, CONTROL, ESTIMATES))
 
 Array = NDArray[np.float64]
 
@@ -40,43 +38,43 @@ class BlockSignals:
         self.units = units
 
     def __contains__(self, topic: str) -> bool:
-        return topic in _TOPICS
+        return any(name.startswith(f'{topic}.') for name in self._columns)
 
     @property
     def time(self) -> Array:
         """Time of each row [s]."""
-        return self._columns['t']
+        return self._columns[TIME]
 
     @property
     def desired_position(self) -> Array:
         """x_d [um]."""
-        return self._columns['x_d']
+        return self._columns[column_name(REFERENCE, 'position')]
 
     @property
     def position(self) -> Array:
         """Head position [um]."""
-        return self._columns['x']
+        return self._columns[column_name(HEAD, 'position')]
 
     @property
     def error(self) -> Array:
         """Tracking error, x - x_d [um]."""
-        return self._columns['error']
+        return self._columns[ERROR]
 
     @property
     def command(self) -> Array:
         """Drive voltage [V]."""
-        return self._columns['u']
+        return self._columns[column_name(CONTROL, 'voltage')]
 
     @property
     def feedback(self) -> Array:
         """Feedback part of the command [V]."""
-        return self._columns['feedback']
+        return self._columns[column_name(CONTROL, 'feedback')]
 
     @property
     def estimates(self) -> Mapping[str, Array]:
         """The controller's inner state by name."""
-        own = (name for name in self._columns if name not in NAMES)
-        return {name.removeprefix(f'{ESTIMATES.name}.'): self._columns[name] for name in own}
+        prefix = column_name(ESTIMATES, '')
+        return {name.removeprefix(prefix): rows for name, rows in self._columns.items() if name.startswith(prefix)}
 
 
 class LiveView:

@@ -1,4 +1,4 @@
-"""Decimation for who looks on keeps every peak."""
+"""The decimation for live viewers keeps every peak, and the blocks hold every field of the contract."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
-from hdd_servo_ros.messages.scope_blocks import NAMES, decimated, make_block
+from hdd_servo_ros.messages.scope_blocks import decimated, make_block
 from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.messages.topics import LOOP_TOPICS, SIGNAL_TOPICS
+from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.simulation.experiment import Experiment
 
 
@@ -40,11 +42,15 @@ def test_a_block_holds_the_signals_of_its_ticks(controller):
         ldv = vectors.pack(stamp, *rows.ldv[tick])
         array = estimates.pack(rows['estimates'][tick])
         messages.append((ClockCodec.pack(stamp), reference, head, ldv, control, array))
-    block = make_block(20, 1e-4, messages[20:])
-    assert block.names[: len(NAMES)] == NAMES
+    signals = signals_of_messages(20, 1e-4, LOOP_TOPICS, messages[20:])
+    block = make_block(signals)
+    fields = [f'{topic.name}.{name}' for topic in SIGNAL_TOPICS if topic in LOOP_TOPICS for name in topic.field_names]
+    assert block.names[: 2 + len(fields)] == ('t', 'error', *fields)
     column = dict(zip(block.names, block.rows.T, strict=True))
     assert np.allclose(column['t'], rows.time[20:], rtol=0.0, atol=1e-12)
     assert np.array_equal(column['error'], rows.head[20:, 0] - rows.reference[20:, 0])
-    assert np.array_equal(column['u'], rows.control[20:, 0])
+    for name in fields:
+        topic, _, field = name.partition('.')
+        assert np.array_equal(column[name], getattr(getattr(rows, topic), field)[20:]), name
     for name in rows.estimate_names[1:]:
         assert np.array_equal(column[f'estimates.{name}'], rows.estimates[name][20:])

@@ -31,9 +31,12 @@ def test_a_change_of_any_kernel_source_takes_another_folder(tmp_path, monkeypatc
     before = compiled.kernel_cache_directory.__wrapped__()
     (package / 'nodes' / 'rig.py').write_text('')
     assert compiled.kernel_cache_directory.__wrapped__() == before
-    source = package / 'drive' / 'friction' / 'parameters.py'
-    source.write_text(source.read_text() + '\n')
-    assert compiled.kernel_cache_directory.__wrapped__() != before
+    for changed in ('drive/friction/parameters.py', 'messages/controller_inputs.py'):
+        source = package / changed
+        source.write_text(source.read_text() + '\n')
+        after = compiled.kernel_cache_directory.__wrapped__()
+        assert after != before, changed
+        before = after
 
 
 def test_kernels_are_cached_there_and_not_beside_the_sources():

@@ -4,13 +4,14 @@ import matplotlib.colors
 import numpy as np
 from matplotlib.figure import Figure
 
-from hdd_servo_ros.messages.scope_blocks import NAMES, Block, decimated
+from hdd_servo_ros.messages.scope_blocks import Block, decimated
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.live_view import LiveView
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.panel import COLOURS
 
 T = 1e-4
+NAMES = ('t', 'reference.position', 'head.position', 'error', 'control.voltage', 'control.feedback')
 
 
 def block(first, count, rng=None):
