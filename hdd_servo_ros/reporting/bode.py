@@ -4,6 +4,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
+from hdd_servo_ros.messages.units import shown
 
 
 def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
@@ -13,7 +14,8 @@ def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
     Parameters
     ----------
     responses
-        By their labels; the later ones are drawn as lines over the points of the first.
+        By their labels, at least one, all in the same unit; the later ones are drawn as lines over the points of the
+        first.
     title
         Of the figure.
     """
@@ -29,7 +31,8 @@ def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
         style = {'marker': '.', 'markersize': 3.5, 'linewidth': 0.8} if i == 0 else {'linewidth': 1.2}
         gain.semilogx(response.frequency, decibels(response), label=label, **style)
         phase.semilogx(response.frequency, degrees(response), **style)
-    gain.set_ylabel('gain [dB, µm/V]')
+    unit = shown(next(iter(responses.values())).unit)
+    gain.set_ylabel(f'gain [dB, {unit}]')
     phase.set_ylabel('phase [°]')
     if len(responses) > 1:
         gain.legend(fontsize=8)

@@ -83,8 +83,9 @@ def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
 
 
 def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
-    """Return the head's positions of several runs of one experiment, with the reference of the first."""
-    run = items[0].run
+    """Return the head's positions of several runs of one experiment, with its reference."""
+    # One that failed ends early.
+    run = max((item.run for item in items), key=lambda run: run.duration)
     lines = Lines(run, follows=True, close_up=close_up, buckets=_buckets(items))
     reference = lines.over_time('reference', run.desired_position, GREY, wide=True)
     heads = _lines(items, close_up, lambda run: run.position, reference)

@@ -34,7 +34,7 @@ def response_of_run(run: RecordedRun) -> FrequencyResponse:
 
 
 def node_parameters(run: RecordedRun, name: str) -> Mapping[str, object]:
-    """Return the parameters that ``run.yaml`` tells of a node; raises ValueError if it does not know it."""
+    """Return the parameters of a node that ``run.yaml`` records; raises ValueError if it lists no such node."""
     for full_name, node in run.description.get('nodes', {}).items():
         if full_name.rsplit('/', 1)[-1] == name:
             return with_tuples(node['parameters'])

@@ -53,11 +53,17 @@ class Ranges:
         clipped: dict[str, NDArray[np.bool_]] = {}
         if self.ldv is not None and LDV.name in signals:
             lowest, highest = self.ldv
-            for output, volts in zip(OUTPUTS, signals.ldv.T, strict=False):
-                clipped[f'{output} output'] = (volts <= lowest) | (volts >= highest)
+            volts = signals[LDV.name]
+            # Most runs are nowhere near: a look at the extremes is enough, and quick.
+            if volts.min() <= lowest or volts.max() >= highest:
+                for index, output in enumerate(OUTPUTS):
+                    clipped[f'{output} output'] = (volts[:, index] <= lowest) | (volts[:, index] >= highest)
         if self.control_step is not None and CONTROL.name in signals:
-            wanted, given = np.abs(signals.control.before_saturation), np.abs(signals.command)
-            clipped[CONTROL_OUTPUT] = wanted > given + self.control_step
+            wanted, given = signals.control.before_saturation, signals.command
+            excess = wanted - given
+            # Written so that what is not a number gets a closer look as well.
+            if not (-self.control_step <= excess.min() and excess.max() <= self.control_step):
+                clipped[CONTROL_OUTPUT] = np.abs(wanted) > np.abs(given) + self.control_step
         return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
 
 

@@ -47,8 +47,8 @@ def summary(source: Signals | RunSums, description: Mapping[str, Any], directory
         unit, factor = shown(units.error), units.error_factor
         rms, peak = factor * sums.rms_error, factor * sums.peak_error
         lines.append(('tracking error', f'{rms:.4g} {unit} rms, {peak:.4g} {unit} max (after {sums.transient:g} s)'))
-    if sums.peak_control is not None:
-        lines.append(('peak control', f'{sums.peak_control:.4g} {shown(units.control)}'))
+    if sums.control.count:
+        lines.append(('peak control', f'{sums.control.largest:.4g} {shown(units.control)}'))
     estimates = ', '.join(f'{name} {value:.4g}' for name, value in sums.estimates.items())
     lines.append(('estimates', f'{estimates or "none"} (at the end)'))
     lines.append(

@@ -206,7 +206,8 @@ def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
             dataclasses.replace(item, colour=COLOURS[controllers.index(item.name) % len(COLOURS)])
             for item in compared({controller: run for (of, controller), run in runs.items() if of == experiment})
         ]
-        close_up = close_up_of(items[0].run)
+        # One that failed ends early.
+        close_up = close_up_of(max((item.run for item in items), key=lambda run: run.duration))
         positions, errors = position_panel(items, close_up), error_panel(items, close_up)
         large = close_up is not None
         draw_panel(column[0], dataclasses.replace(positions, title=experiment), close_up=large, is_alone=True)

@@ -9,7 +9,7 @@ from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import transient_of
-from hdd_servo_ros.reporting.run_sums import Moments, RunSums
+from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.reporting.verdict import verdict, verdict_of
 
@@ -160,17 +160,6 @@ def test_a_summary_in_other_units():
 def test_no_sample_no_summary():
     with pytest.raises(ValueError, match='a run without a sample'):
         summary(RunSums(DESCRIPTION, 0.0), DESCRIPTION)
-
-
-def test_moments():
-    values = 1e6 + np.random.default_rng(1).normal(size=1000)
-    moments = Moments()
-    for part in np.split(values, (1, 1, 400)):
-        moments.add(part)
-    assert moments.rms_about() == pytest.approx(values.std(), rel=1e-9)
-    assert moments.rms_about(1e6) == pytest.approx(np.sqrt(np.mean((values - 1e6) ** 2)), rel=1e-9)
-    assert moments.span == values.max() - values.min()
-    assert Moments().span == 0.0
 
 
 @pytest.mark.parametrize(
