@@ -99,7 +99,7 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
         layout['annotations'].append(_title(panel.title, 0.0, top))
         data += whole.lines(panel, panel.traces, sample_time, legend=f'legend{whole.number}')
         if panel.close_up is not None:
-            first = next(place for place, other in enumerate(panels) if other.close_up is not None)
+            first = next(number for number, other in enumerate(panels) if other.close_up is not None)
             close_up = _Axes(_number(count + index), _number(count + first), [_SPLIT[1], 1.0], vertical)
             layout |= close_up.layout(panel, panel.in_close_up())
             layout[f'xaxis{close_up.number}']['range'] = [panel.close_up.start, panel.close_up.end]

@@ -21,7 +21,7 @@ NOT_FINITE = 'not finite'
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """
-    What is to be said of a run, beyond how it ended.
+    Judgement of a run, beyond how it ended.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     :data:`DIVERGED_SPANS` times the span of the reference, diverged. One with more than :data:`SATURATED_SHARE` of the
     samples of the command or of a sensor output clipped was saturated. One whose rms error is not smaller than
     :data:`TRACKING_SHARE` times the reference's own rms about its mean does not track. Where the reference stands still
-    after the transient, its distance from the head's first position takes the place of that rms.
+    after the transient, its distance from the head's first position replaces that rms.
 
     Parameters
     ----------

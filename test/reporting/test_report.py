@@ -97,7 +97,7 @@ class References(HTMLParser):
 
 def test_a_report_of_one_run(runs, tmp_path, capsys):
     assert main([str(runs['nn']), '--output', str(tmp_path / 'out')]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     run = Run.open(runs['nn'])
     late = run.time >= 0.5 - 1e-9
     rms = 1e3 * np.sqrt(np.mean(run.error[late] ** 2))
@@ -105,7 +105,7 @@ def test_a_report_of_one_run(runs, tmp_path, capsys):
     content = yaml.safe_load((tmp_path / 'out' / 'metrics.yaml').read_text())
     assert content['errors_from'] == 0.5
     assert content['metrics']['rms_error'] == {'value': pytest.approx(rms), 'unit': 'nm'}
-    assert f'{rms:.4g}' in said
+    assert f'{rms:.4g}' in printed
     assert matplotlib.image.imread(tmp_path / 'out' / 'report.png').shape[1] == 1300
 
     page = (tmp_path / 'out' / 'report.html').read_text('utf8')
@@ -186,12 +186,12 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, 
     titles = []
     monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: titles.append(text))
     assert main([str(runs['nn']), str(tmp_path / 'broken'), '--output', str(tmp_path / 'out')]) == 0
-    said = capsys.readouterr().out.splitlines()
-    rows = [line.split() for line in said]
+    printed = capsys.readouterr().out.splitlines()
+    rows = [line.split() for line in printed]
     assert ['status', 'finished', 'failed'] in rows
     assert ['verdict', 'tracks', 'tracks'] in rows
     assert ['saturated', 'samples', 'of', 'the', 'displacement', 'output', '0', str(count)] in rows
-    assert 'broken: failed: the drive is gone' in said
+    assert 'broken: failed: the drive is gone' in printed
     assert titles[1].endswith(': broken\nfailed: the drive is gone')
     assert titles[2] == 'nn, broken (failed)'
     assert 'finished' not in titles[0]
@@ -243,8 +243,8 @@ def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
     """Without run.yaml /reference itself says what repeats, and what is not known is told."""
     (tmp_path / 'alone').symlink_to(runs['nn'] / 'bag')
     assert main([str(tmp_path / 'alone'), '--output', str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert 'bag: there is no run.yaml: how the run ended, its controller, its parameters and saturation are' in said
+    printed = capsys.readouterr().out
+    assert 'bag: there is no run.yaml: how the run ended, its controller, its parameters and saturation are' in printed
     known, alone = Run.open(runs['nn']), Run.open(tmp_path / 'alone')
     assert alone.description == {}
     assert reference_period(alone) == pytest.approx(100.0, rel=1e-9)
@@ -318,10 +318,10 @@ def test_no_line_of_a_comparison_is_hidden_by_a_larger_one(tmp_path):
     assert shares[True] > 2.0 * shares[False]
 
 
-@pytest.mark.parametrize('said', ['a: [', '- 1', 'controller: pid', b'\xff'])
-def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, said):
+@pytest.mark.parametrize('content', ['a: [', '- 1', 'controller: pid', b'\xff'])
+def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, content):
     (tmp_path / 'bag').symlink_to(runs['nn'] / 'bag')
-    (tmp_path / 'run.yaml').write_bytes(said if isinstance(said, bytes) else said.encode())
+    (tmp_path / 'run.yaml').write_bytes(content if isinstance(content, bytes) else content.encode())
     assert main([str(tmp_path)]) == 2
     assert re.match(
         rf'report: {tmp_path / "run.yaml"} (cannot be read|does not describe a run): ', capsys.readouterr().err
@@ -353,8 +353,8 @@ def test_a_time_that_is_none_is_refused(runs, tmp_path, capsys, after):
     with pytest.raises(SystemExit) as ended:
         main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
     assert ended.value.code == 2
-    said = f'report: error: argument --after: {after} is no time: it must be finite and not negative [s]'
-    assert capsys.readouterr().err.splitlines()[-1] == said
+    expected = f'report: error: argument --after: {after} is no time: it must be finite and not negative [s]'
+    assert capsys.readouterr().err.splitlines()[-1] == expected
     assert not (tmp_path / 'out').exists()
 
 
@@ -401,13 +401,13 @@ def write_constants(path, values):
     writer = BagWriter(path, 'mcap', [(f'/x/{topic.name}', topic.type_name, 10) for topic in values], {})
     codec, ticks = VectorCodec('drive'), Ticks(1e-3)
     for tick in range(1000):
-        for place, x in enumerate(values.values()):
-            writer.write((place,), (10**9 + tick,), (codec.pack(ticks.stamp(tick), x, 0.0, 0.0),))
+        for index, x in enumerate(values.values()):
+            writer.write((index,), (10**9 + tick,), (codec.pack(ticks.stamp(tick), x, 0.0, 0.0),))
     writer.close()
 
 
 def test_a_bag_of_another_recorder_with_two_topics(tmp_path):
-    """Without run.yaml, without /control and /estimates: what can be said is said."""
+    """Without run.yaml, without /control and /estimates: what can be reported is reported."""
     write_constants(tmp_path / 'bag', {REFERENCE: 0.0, HEAD: 0.02})
     run = Run.open(tmp_path / 'bag')
     found = {metric.name: metric.value for metric in run_metrics(run)}
