@@ -81,7 +81,7 @@ class Bench:
         """Run this interpreter to its end."""
         command = [sys.executable, *arguments]
         return subprocess.run(
-            command, cwd=self.directory, env=self.environment, capture_output=True, text=True, timeout=60
+            command, cwd=self.directory, env=self.environment, capture_output=True, text=True, timeout=250
         )
 
     def start(self, name: str, *ros_arguments: str, script: Path | None = None, defaults: bool = True) -> Process:

@@ -1,12 +1,12 @@
 """A case of a study: one run to make, told by its parameters."""
 
 import dataclasses
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.campaign.start import run_arguments
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -29,7 +29,7 @@ def parameter_file(name: str) -> Path:
         If there is none of that name.
     """
     package = Path(__file__).resolve().parents[1]
-    share = [place / 'share' / 'hdd_servo_ros' / 'params' for place in package.parents]
+    share = [parent / 'share' / 'hdd_servo_ros' / 'params' for parent in package.parents]
     for directory in (package.parent / 'params', *share):
         if (directory / name).is_file():
             return directory / name
@@ -69,18 +69,8 @@ class Case:
         run_dir
             Folder of the run.
         """
-        arguments = ['--ros-args']
-        for file in self.files:
-            arguments += ['--params-file', str(file if isinstance(file, Path) else parameter_file(file))]
-        values = {**defaults, **self.overrides, 'controller': self.controller, 'plot': False, 'run_dir': str(run_dir)}
-        for name, value in values.items():
-            arguments += ['-p', f'{name}:={_as_yaml(value)}']
-        return arguments
-
-
-def _as_yaml(value: object) -> str:
-    """Return a value as ROS reads it on a command line; JSON is YAML, and quotes every string."""
-    return json.dumps(value)
+        files = [file if isinstance(file, Path) else parameter_file(file) for file in self.files]
+        return run_arguments(files, {**defaults, **self.overrides, 'controller': self.controller}, run_dir)
 
 
 class PlannedRun:

@@ -10,8 +10,10 @@ from hdd_servo_ros.campaign.runner import StudyError
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError
 
+KEPT = 'finished runs are kept, and the next call goes on from there'
 
-def exit_code(name: str, work: Callable[[], int]) -> int:
+
+def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
     """
     Do a command's work, and return its exit code.
 
@@ -21,6 +23,8 @@ def exit_code(name: str, work: Callable[[], int]) -> int:
         What the command is called, for messages.
     work
         Returns 0 for done, 1 for done in part.
+    kept
+        What an interrupted user is told of the work so far.
 
     Returns
     -------
@@ -37,7 +41,7 @@ def exit_code(name: str, work: Callable[[], int]) -> int:
         print(f'{name}: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print(f'{name}: interrupted; what has finished stays, and the next call goes on from there', file=sys.stderr)
+        print(f'{name}: interrupted; {kept}', file=sys.stderr)
         return 128 + signal.SIGINT
 
 

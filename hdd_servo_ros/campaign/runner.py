@@ -14,6 +14,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hdd_servo_ros.campaign.case import Case, PlannedRun
+from hdd_servo_ros.campaign.start import start_run
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
@@ -126,7 +127,7 @@ class _Runner:
         self._due = due
         self._keep_failed = keep_failed
         self._say = say
-        self._module = 'hdd_servo_ros.simulation.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
+        self._without_ros = without_ros
         self._jobs = len(os.sched_getaffinity(0)) if without_ros else 1
         self._running: dict[PlannedRun, subprocess.Popen[bytes]] = {}
         self._ticks_due = sum(run.ticks for run in due)
@@ -160,11 +161,8 @@ class _Runner:
             self._end_all()
 
     def _start(self, run: PlannedRun) -> 'subprocess.Popen[bytes]':
-        # The runs are this machine's own affair unless the user says otherwise.
-        environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ}
-        command = [sys.executable, '-m', self._module, *run.arguments]
         with run.log.open('wb') as log:
-            return subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
+            return start_run(run.arguments, without_ros=self._without_ros, stdout=log)
 
     def _finish(self, run: PlannedRun, exit_code: int) -> None:
         kept = self._keep_failed and exit_code and _failure(run)

@@ -95,8 +95,8 @@ def load_controller(name: str) -> ControllerKind:
     found: Any = _import(name, module_name)
     for part in attribute.split('.'):
         if not hasattr(found, part):
-            place = getattr(sys.modules[module_name], '__file__', None)
-            raise _refused(name, f'there is no {attribute} in {module_name} ({place})')
+            file = getattr(sys.modules[module_name], '__file__', None)
+            raise _refused(name, f'there is no {attribute} in {module_name} ({file})')
         found = getattr(found, part)
     return checked_controller(found, name)
 

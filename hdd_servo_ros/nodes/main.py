@@ -16,7 +16,7 @@ from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
-from hdd_servo_ros.parameters.schedule import refuse_strangers
+from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.transport import use_udp_alone
@@ -95,7 +95,7 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
             # handshake will know.
             if len(nodes) > 1:
                 names = [node.get_fully_qualified_name() for node in nodes]
-                refuse_strangers(changes, [*names, *names_with_parameters()])
+                refuse_unknown_nodes(changes, [*names, *names_with_parameters()])
 
 
 def _refuse_unknown_nodes(name: str, arguments: RosArguments, nodes: Sequence[str]) -> None:

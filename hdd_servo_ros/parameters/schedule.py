@@ -116,7 +116,7 @@ def format_entry(time_ns: int, node: str, name: str, value: Value, *, then: bool
     return f'{THEN + " " if then else ""}{time:f} {node} {name} {text}'
 
 
-def refuse_strangers(changes: Iterable[Change], nodes: Sequence[str]) -> None:
+def refuse_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> None:
     """
     Refuse changes of nodes that do not take part.
 

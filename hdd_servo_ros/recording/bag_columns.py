@@ -175,7 +175,7 @@ def _joined(parts: Sequence[Column]) -> Column:
     if np.any(times[1:] < times[:-1]):
         order = np.argsort(times, kind='stable')
         times = times[order]
-        payloads = [payloads[place] for place in order] if isinstance(payloads, list) else payloads[order]
+        payloads = [payloads[index] for index in order] if isinstance(payloads, list) else payloads[order]
     return Column(times, payloads)
 
 
@@ -220,23 +220,23 @@ class _McapFile:
         self._read_summary()
 
     def _read_summary(self) -> None:
-        place, end = self._summary, len(self._content) - _FOOTER_SIZE
-        while place < end:
-            opcode, size = struct.unpack_from('<BQ', self._content, place)
-            place += 9
+        offset, end = self._summary, len(self._content) - _FOOTER_SIZE
+        while offset < end:
+            opcode, size = struct.unpack_from('<BQ', self._content, offset)
+            offset += 9
             if opcode == _CHANNEL:
-                channel, _, length = struct.unpack_from('<HHI', self._content, place)
-                name = self._content[place + 8 : place + 8 + length].decode()
+                channel, _, length = struct.unpack_from('<HHI', self._content, offset)
+                name = self._content[offset + 8 : offset + 8 + length].decode()
                 self._channels.setdefault(name, set()).add(channel)
             elif opcode == _CHUNK_INDEX:
-                start, _, map_size = struct.unpack_from('<QQI', self._content, place + 16)
-                entries = self._content[place + 36 : place + 36 + map_size]
+                start, _, map_size = struct.unpack_from('<QQI', self._content, offset + 16)
+                entries = self._content[offset + 36 : offset + 36 + map_size]
                 indexes = dict(struct.iter_unpack('<HQ', entries))
-                (compression,) = struct.unpack_from('<I', self._content, place + 36 + map_size + 8)
+                (compression,) = struct.unpack_from('<I', self._content, offset + 36 + map_size + 8)
                 if compression or not indexes:
                     raise _NotInBulk
                 self._chunks.append((start, indexes))
-            place += size
+            offset += size
         if not self._chunks:
             raise _NotInBulk
 

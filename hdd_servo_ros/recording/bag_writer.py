@@ -68,7 +68,7 @@ class BagWriter:
     storage
         ``mcap`` or ``sqlite3``.
     topics
-        Absolute name, type name and offered queue depth of each topic; messages name a topic by its place here.
+        Absolute name, type name and offered queue depth of each topic; messages name a topic by its index here.
     metadata
         Texts kept in the bag's ``custom_data``.
 
@@ -95,7 +95,7 @@ class BagWriter:
         ]
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
-        """Write messages in order: place of the topic, receive time [ns] and payload of each."""
+        """Write messages in order: index of the topic, receive time [ns] and payload of each."""
         write, connections = self._writer.write, self._connections
         for topic, stamp, message in zip(topics, stamps, messages, strict=True):
             write(connections[topic], stamp, message)

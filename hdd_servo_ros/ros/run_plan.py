@@ -8,7 +8,7 @@ from typing import Any
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
-from hdd_servo_ros.parameters.schedule import Change, parse_schedule, refuse_strangers
+from hdd_servo_ros.parameters.schedule import Change, parse_schedule, refuse_unknown_nodes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +101,7 @@ def make_run_plan(
         if 'refuses' in node:
             raise RunError(node['refuses'])
     needed = {name: node['last_tick_needed'] for name, node in nodes.items() if 'last_tick_needed' in node}
-    refuse_strangers(timer.changes, list(nodes))
+    refuse_unknown_nodes(timer.changes, list(nodes))
     last_tick = last_tick_of_run(timer, needed)
     return RunPlan(
         timer.sample_time, last_tick, timer.rate, frame_id, timer_name, nodes, list(processes), list(timer.schedule)

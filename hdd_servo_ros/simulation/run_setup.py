@@ -34,7 +34,7 @@ from hdd_servo_ros.parameters.run_parameters import (
     TimerParameters,
     last_tick_of_run,
 )
-from hdd_servo_ros.parameters.schedule import Step, plan, refuse_strangers
+from hdd_servo_ros.parameters.schedule import Step, plan, refuse_unknown_nodes
 from hdd_servo_ros.recording.playback import PLAYBACK, Playback
 from hdd_servo_ros.simulation.experiment import Experiment
 
@@ -144,7 +144,7 @@ class Simulation:
         """Return what the schedule changes, node and step, in the order of the ticks."""
         changes = self.timer.changes
         full_names = {name: f'{self._namespace}/{name}' for name in sets}
-        refuse_strangers(changes, list(full_names.values()))
+        refuse_unknown_nodes(changes, list(full_names.values()))
         steps = [
             (name, step)
             for name, kinds in sets.items()

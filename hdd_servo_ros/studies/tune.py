@@ -310,7 +310,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--same-peak', action='store_true', help='tune PID alone, under the peak control of the adaptive NN controller'
     )
     options = parser.parse_args(arguments)
-    return exit_code('tune', lambda: _tune(options))
+    return exit_code('tune', lambda: _tune(options), kept='nothing is kept')
 
 
 def _tune(options: argparse.Namespace) -> int:

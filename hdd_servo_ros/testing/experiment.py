@@ -1,13 +1,11 @@
 """Make a run for a test: through the graph by `rig`, or through `simulate`."""
 
-import json
-import os
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.campaign.start import run_arguments, start_run
 from hdd_servo_ros.testing.domain import take_domain
 from hdd_servo_ros.testing.run import Run
 
@@ -56,47 +54,46 @@ def make_run(
     ExperimentFailed
         If the run fails, is refused, or takes too long.
     """
-    module = 'hdd_servo_ros.simulation.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
-    parameters = {'run_dir': str(directory), 'plot': False, 'progress': False}
-    arguments = ['--ros-args']
-    for file in parameter_files:
-        arguments += ['--params-file', str(file)]
+    values: dict[str, Any] = {'progress': False}
     if controller is not None:
-        parameters['controller'] = controller
-    for name, value in {**parameters, **(overrides or {})}.items():
+        values['controller'] = controller
+    for name, value in (overrides or {}).items():
         if isinstance(value, Mapping):
-            pairs = [(f'{name}:{inner}', inner_value) for inner, inner_value in value.items()]
+            values.update({f'{name}:{inner}': inner_value for inner, inner_value in value.items()})
         else:
-            pairs = [(name, value)]
-        for full_name, one in pairs:
-            # JSON is YAML, and keeps texts, numbers and lists apart.
-            arguments += ['-p', f'{full_name}:={json.dumps(one)}']
-    # What a sourced ROS would have set, and a domain of its own, so that tests may run side by side.
-    environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'AMENT_PREFIX_PATH': sys.prefix, **os.environ}
+            values[name] = value
+    arguments = run_arguments(map(Path, parameter_files), values, directory)
+    # A domain of its own, so that tests may run side by side.
     domain, lock = take_domain()
-    try:
-        with lock:
-            ended = subprocess.run(
-                [sys.executable, '-m', module, *arguments],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                timeout=timeout,
-                env={**environment, 'ROS_DOMAIN_ID': str(domain)},
-            )
-    except subprocess.TimeoutExpired as error:
-        said = error.stdout.decode(errors='replace') if isinstance(error.stdout, bytes) else error.stdout or ''
-        raise ExperimentFailed(f'{_called(module, arguments)} took more than {timeout:g} s; {_said(said)}') from None
+    with (
+        lock,
+        start_run(
+            arguments,
+            without_ros=without_ros,
+            environment={'ROS_DOMAIN_ID': str(domain)},
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as process,
+    ):
+        try:
+            output, _ = process.communicate(timeout=timeout)
+        except BaseException as error:
+            process.kill()
+            output, _ = process.communicate()
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            said = _said(output)
+            raise ExperimentFailed(f'{_called(process)} took more than {timeout:g} s; {said}') from None
     bag = directory / 'bag' / 'metadata.yaml'
-    if ended.returncode != 0 and not (may_fail and bag.is_file()):
-        raise ExperimentFailed(
-            f'{_called(module, arguments)} ended with exit code {ended.returncode}; {_said(ended.stdout)}'
-        )
+    if process.returncode != 0 and not (may_fail and bag.is_file()):
+        raise ExperimentFailed(f'{_called(process)} ended with exit code {process.returncode}; {_said(output)}')
     return Run.open(directory)
 
 
-def _called(module: str, arguments: Sequence[str]) -> str:
-    return ' '.join(['python -m', module, *arguments])
+def _called(process: 'subprocess.Popen[str]') -> str:
+    command = process.args
+    assert isinstance(command, list)
+    return ' '.join(['python', *map(str, command[1:])])
 
 
 def _said(output: str) -> str:

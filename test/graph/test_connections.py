@@ -9,6 +9,7 @@ from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROLLER, DISTURBAN
 EXPECTED = {
     'deterministic_timer': ([('control', 1)], [('recorded', 0)], ['clock']),
     'reference_generator': ([('clock', 0)], [], ['reference']),
+    'playback': ([('clock', 0)], [], ['disturbance']),
     'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1)], ['head']),
     'ldv_sensor': ([('head', 0)], [], ['ldv']),
     **dict.fromkeys(CONTROLLERS.values(), ([('reference', 0), ('ldv', 0)], [], ['control', 'estimates'])),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hdd_servo_ros.control.pid import PidParameters
 from hdd_servo_ros.parameters import ParameterError, to_mapping
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, TimerParameters
-from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule, plan, refuse_strangers
+from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule, plan, refuse_unknown_nodes
 
 T = 1e-4
 PID = '/bench1/pid_controller'
@@ -92,9 +92,9 @@ def test_one_parameter_twice_at_once():
 def test_other_nodes_are_passed_over_and_strangers_refused():
     assert planned('0.5 vcm_plant gain 1', '0.5 /bench2/pid_controller proportional_gain 1') == ()
     changes = parse_schedule(['0.5 vcm_plant gain 1'], T, 10_000)
-    refuse_strangers(changes, ['/vcm_plant'])
+    refuse_unknown_nodes(changes, ['/vcm_plant'])
     with pytest.raises(ParameterError, match='no such node; there are /bench1/pid_controller'):
-        refuse_strangers(changes, [PID])
+        refuse_unknown_nodes(changes, [PID])
 
 
 @given(
