@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hdd_servo_ros.recording.bag_reader import Signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
@@ -31,11 +30,9 @@ def run(ticks, controller=None, drive=None, reference=None, base=BASE, sample_ti
     }
     experiment = Experiment(sample_time, 'adaptive_nn', sections)
     rows = experiment.run(0, ticks)
-    arrays = (rows[name] for name in ('reference', 'head', 'ldv', 'control', 'estimates'))
-    signals = Signals(rows.time, *arrays, rows.estimate_names)
     was_run = experiment.plant.parameters, experiment.controller.parameters, experiment.dsp.parameters
-    found = certify(signals, sample_time, *was_run, experiment.scales)
-    kept = conditions(signals, sample_time, *was_run, found)
+    found = certify(rows, sample_time, *was_run, experiment.scales)
+    kept = conditions(rows, sample_time, *was_run, found)
     return found, {each.name: each for each in kept}
 
 
