@@ -23,7 +23,6 @@ import yaml
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
 from hdd_servo_ros.graph.catalogue import parameter_sets
-from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_writer import BagWriter
@@ -130,7 +129,7 @@ class Bench:
 
 def alternating(repeats, **measures):
     """Run the measures in turn, several times; return each one's figures."""
-    figures = {name: [] for name in measures}
+    figures: dict[str, list[float]] = {name: [] for name in measures}
     for _ in range(repeats):
         for name, measure in measures.items():
             figures[name].append(measure())
@@ -155,8 +154,9 @@ def simulate_figures(bench, repeats, ticks):
         whole.append(yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor'])
 
         simulation = Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)]))
-        packer = Packer(Ticks(1e-4), simulation.frame_id, simulation.experiment.controller)
-        packed = packer.pack(simulation.experiment.run(0, ticks))
+        names = simulation.experiment.controller.estimate_names
+        packer = Packer([topic for topic, _ in simulation.topics], 1e-4, simulation.frame_id, names)
+        packed = packer.pack(simulation.experiment.run(0, ticks), {})
         topics = [(name, topic.type_name, QUEUE_DEPTH) for topic, name in simulation.topics]
         writer = BagWriter(bench.folder(), 'mcap', topics, {})
         started = time.perf_counter()
