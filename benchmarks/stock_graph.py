@@ -5,9 +5,11 @@ The baseline of the benchmarks. The blocks, the messages and the recording are t
 ``python -m benchmarks.stock_graph TICKS BAG [NODE ...]`` runs the named nodes, all by default, in one process.
 """
 
+import functools
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Vector3Stamped
@@ -37,18 +39,17 @@ def tick_of(stamp):
 class StockNode(Node):
     """Collects inputs by tick, and calls ``fire`` once all of a tick are there."""
 
-    inputs = ()
-    outputs = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     def __init__(self, name, last_tick):
         super().__init__(name)
         self.last_tick = last_tick
-        self.waiting = {}
+        self.waiting: dict[int, dict[str, Any]] = {}
         self.out = {t: self.create_publisher(TYPES.get(t, Vector3Stamped), t, QUEUE_DEPTH) for t in self.outputs}
         for topic in self.inputs:
-            self.create_subscription(
-                TYPES.get(topic, Vector3Stamped), topic, lambda m, t=topic: self.take(t, m), QUEUE_DEPTH
-            )
+            kind = TYPES.get(topic, Vector3Stamped)
+            self.create_subscription(kind, topic, functools.partial(self.take, topic), QUEUE_DEPTH)
 
     def take(self, topic, message):
         stamp = message.clock if topic == 'clock' else message.header.stamp
@@ -58,6 +59,9 @@ class StockNode(Node):
         if len(found) == len(self.inputs):
             del self.waiting[tick]
             self.fire(tick, stamp, found)
+
+    def fire(self, tick, stamp, messages):
+        raise NotImplementedError
 
     def publish(self, topic, stamp, x, y, z):
         message = Vector3Stamped()
@@ -170,7 +174,7 @@ class StockRecorder(Node):
             self.create_subscription(
                 TYPES.get(topic.name, Vector3Stamped),
                 topic.name,
-                lambda m, p=place: self.take(p, m),
+                functools.partial(self.take, place),
                 QUEUE_DEPTH,
                 raw=True,
             )

@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,7 +53,8 @@ def launch_arguments(file):
 @pytest.mark.parametrize('block', BLOCKS)
 def test_commands(bench, block):
     """The `ros2 run` of a block together, shortened; of the others, that they would run."""
-    started, reported = [], set()
+    started: list[Any] = []
+    reported: set[str] = set()
     for command in commands(block):
         if command[:3] == ['ros2', 'run', 'hdd_servo_ros']:
             name, arguments = command[3], command[4:]

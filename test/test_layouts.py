@@ -20,7 +20,9 @@ def check_signal(topic, fields):
     """Assert that a message of the topic has a number there."""
     value = message_class(TOPICS[topic].type_name)()
     for field in fields:
-        name, index = re.fullmatch(r'(\w+)(?:\[(\d+)\])?', field).groups()
+        found = re.fullmatch(r'(\w+)(?:\[(\d+)\])?', field)
+        assert found is not None
+        name, index = found.groups()
         value = getattr(value, name)
         if index is not None:
             assert int(index) < len(ESTIMATES)

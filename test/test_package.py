@@ -47,8 +47,14 @@ def test_same_name_version_and_license(manifest, distribution):
 
 
 def keys(requirements):
-    names = [re.match(r'[\w-]+', requirement).group() for requirement in requirements]
+    names = [name_of(requirement) for requirement in requirements]
     return {ROSDEP_KEYS.get(name, f'python3-{name.lower()}') for name in names}
+
+
+def name_of(requirement):
+    found = re.match(r'[\w-]+', requirement)
+    assert found is not None
+    return found.group()
 
 
 def test_every_requirement_has_its_rosdep_key(manifest, distribution):

@@ -1,6 +1,7 @@
 """The shipped parameter files: every key is known, and the numbers do what they are shipped for."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -54,7 +55,7 @@ def test_section_4_4():
 def test_the_shipped_bounds_hold_what_the_estimates_pass(file, sample_time, ticks):
     """With projection the runs of both chapters stay what they are, and a bound that is too near changes them."""
     sections = read_parameter_files([PARAMS / f'{file}.yaml'])
-    nn = {**sections['adaptive_nn_controller'], 'projection': True}
+    nn: dict[str, Any] = {**sections['adaptive_nn_controller'], 'projection': True}
     near = 0.05 * nn['mass.maximum']
     without, with_bounds, with_near_bounds = (
         Experiment(sample_time, 'adaptive_nn', {**sections, 'adaptive_nn_controller': own}).run(0, ticks)['estimates']

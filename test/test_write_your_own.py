@@ -52,7 +52,8 @@ def test_it_tracks_alike_with_another_sensor(bench):
 def test_command(bench, command):
     shutil.copy(EXAMPLE, bench.directory)
     words = [str(PARAMS) if word == 'PARAMS' else word for word in shlex.split(command)]
-    program, arguments = words[:2], words[2:]
+    program: str | list[str] = words[:2]
+    arguments = words[2:]
     if words[:3] == ['ros2', 'run', 'hdd_servo_ros']:
         program, arguments = words[3], words[4:]
     if program == 'compare':

@@ -59,6 +59,7 @@ def test_what_safe_gain_says_does_not_count_where_the_drive_is_known():
 def test_a_loop_called_unstable_is():
     values = {'adaptive_nn_controller': {'phi.leakage': 5e3, 'phi.gain': 1e-3}}
     experiment = Experiment(1e-4, 'adaptive_nn', values)
+    assert isinstance(experiment.controller, AdaptiveNn)
     assert math.isinf(fragility.peak_sensitivity(experiment.controller, experiment.plant.parameters))
     rows = experiment.run(0, 30_001)
     metrics = tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 2.0)

@@ -33,7 +33,7 @@ def freqs(numerator, denominator, frequency):
 def drive(frequency, rigid):
     """The drive of chapter 5 by scipy, section by section; ``rigid`` is the denominator of its rigid body."""
     response = freqs([GAIN], rigid, frequency)
-    return functools.reduce(lambda value, section: value * freqs(*section, frequency), SECTIONS, response)
+    return functools.reduce(lambda value, section: value * freqs(section[0], section[1], frequency), SECTIONS, response)
 
 
 def noisy(response, seed, level=0.01):

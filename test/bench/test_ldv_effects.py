@@ -1,6 +1,7 @@
 """The vibrometer's demodulator, its coloured noise and its drop-outs, against scipy.signal and their statistics."""
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +12,13 @@ from scipy import signal
 from hdd_servo_ros.bench.ldv import LONGEST_DELAY, Ldv, LdvParameters, ldv_step
 
 T = 1e-4
-PURE = {'noise': False, 'adc_bits': 0, 'output_range': 0.0, 'displacement_scale': 1.0, 'velocity_scale': 1.0}
+PURE: dict[str, Any] = {
+    'noise': False,
+    'adc_bits': 0,
+    'output_range': 0.0,
+    'displacement_scale': 1.0,
+    'velocity_scale': 1.0,
+}
 NOISY = {**PURE, 'noise': True}
 
 
@@ -229,7 +236,7 @@ def test_compiling_changes_no_bit():
     )
     compiled, plain = Ldv(parameters, T), Ldv(parameters, T)
     for k, (x, v) in enumerate((2.0 * sine(150.0, 400)).tolist()):
-        expected = ldv_step.py_func(*plain.arrays, k, x, v)
+        expected = cast(Any, ldv_step).py_func(*plain.arrays, k, x, v)
         assert compiled.step(k, x, v) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()
     assert compiled.history.tolist() == plain.history.tolist()

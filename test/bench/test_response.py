@@ -9,7 +9,7 @@ from hdd_servo_ros.bench.response import FrequencyResponse, held, read_csv
 
 def measured(count=5, averages=4):
     frequency = np.geomspace(10.0, 1e4, count)
-    response = 40.0 / (1.0 + 1j * frequency / 100.0)
+    response = np.asarray(40.0 / (1.0 + 1j * frequency / 100.0), dtype=np.complex128)
     ones = np.ones(count)
     return FrequencyResponse(
         frequency,

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -42,6 +43,8 @@ STUDY = {
 def twin_of(parameters, sample_time):
     path = Path(__file__).with_name('adaptive_nn_twin.py')
     spec = importlib.util.spec_from_file_location('adaptive_nn_twin', path)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.Twin(parameters, sample_time)
@@ -72,7 +75,7 @@ def signals(count, seed=0):
     return np.stack([x_d + 0.3 * rng.normal(size=count), dx_d + rng.normal(size=count), x_d, dx_d, ddx_d], axis=1)
 
 
-OPTIONS = {
+OPTIONS: dict[str, dict[str, Any]] = {
     'thesis': {},
     'other lattice': {'network.nodes': 3, 'network.normalize_inputs': True, 'network.width': [0.4, 0.9]},
     'diagonal gamma': {
@@ -295,7 +298,7 @@ def test_a_negative_learning_gain_is_warned_of(law):
 def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
     """Under bounded signals the estimates stay below the rest of their law, |drive|/leakage, whatever the constants."""
     keys = ('sigma', 'mass', 'phi', 'network')
-    values = {}
+    values: dict[str, Any] = {}
     for i, key in enumerate(keys):
         gain = constants[2 * i]
         values[f'{key}.gain'] = [gain] if key == 'network' else gain
@@ -401,7 +404,7 @@ def test_compiling_changes_no_bit():
     parameters = parameters_of(**{'width.enabled': True, 'compensator.enabled': True, 'integral_gain': 1.0})
     compiled, plain = AdaptiveNn(parameters, 1e-2), AdaptiveNn(parameters, 1e-2)
     for k, row in enumerate(signals(100).tolist()):
-        expected = adaptive_nn_step.py_func(*plain.arrays, *UNIT.inputs(k, *row))
+        expected = cast(Any, adaptive_nn_step).py_func(*plain.arrays, *UNIT.inputs(k, *row))
         assert step(compiled, k, *row) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()
     assert compiled.estimates.tolist() == plain.estimates.tolist()

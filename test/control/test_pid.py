@@ -1,6 +1,7 @@
 """The PID controller against its textbook form, by hand and by a plain twin."""
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 T = 1e-4
 UNIT = SensorScales(1.0, 1.0)
-PLAIN = {'control_limit': 1e9, 'derivative_bandwidth': 0.0}
+PLAIN: dict[str, Any] = {'control_limit': 1e9, 'derivative_bandwidth': 0.0}
 
 
 def pid(**parameters):
@@ -161,7 +162,7 @@ def test_update_makes_no_bump():
 
 @pytest.mark.parametrize('integral', [10.0, 0.0])
 def test_update_to_no_integral_fades(integral):
-    gains = {'integral_gain': 0.0, 'derivative_gain': 0.2, 'transfer_time': 0.05}
+    gains: dict[str, Any] = {'integral_gain': 0.0, 'derivative_gain': 0.2, 'transfer_time': 0.05}
     controller = pid(proportional_gain=1.0, **{**gains, 'integral_gain': integral})
     before = run(controller, np.full(200, 0.3), np.full(200, 0.1))[-1, 0]
     controller.update(PidParameters(**PLAIN, proportional_gain=3.0, **gains))
@@ -172,7 +173,12 @@ def test_update_to_no_integral_fades(integral):
 
 
 def test_a_new_feedforward_fades_in():
-    gains = {'proportional_gain': 1.0, 'integral_gain': 4.0, 'derivative_gain': 0.0, 'transfer_time': 0.05}
+    gains: dict[str, Any] = {
+        'proportional_gain': 1.0,
+        'integral_gain': 4.0,
+        'derivative_gain': 0.0,
+        'transfer_time': 0.05,
+    }
     controller = pid(**gains)
     before = step(controller, 0, 0.0, 0.0, 0.0, 2.0, -3.0)[0]
     controller.update(PidParameters(**PLAIN, **gains, velocity_feedforward=0.5, acceleration_feedforward=0.1))
@@ -197,6 +203,6 @@ def test_compiling_changes_no_bit():
     rng = np.random.default_rng(2)
     for k in range(500):
         inputs = rng.normal(size=5).tolist()
-        expected = pid_step.py_func(*plain.arrays, *UNIT.inputs(k, *inputs))
+        expected = cast(Any, pid_step).py_func(*plain.arrays, *UNIT.inputs(k, *inputs))
         assert step(compiled, k, *inputs) == tuple(float(value) for value in expected)
     assert compiled.state.tolist() == plain.state.tolist()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -173,9 +174,9 @@ INSTANT = [
 
 @pytest.mark.parametrize('driver', ['reduced', 'rigid', 'current', 'voltage'])
 @pytest.mark.parametrize('changes', INSTANT)
-def test_state_spaces_are_the_transfer_functions(driver: str, changes: dict[str, float]) -> None:
+def test_state_spaces_are_the_transfer_functions(driver: str, changes: dict[str, Any]) -> None:
     """An instant amplifier or coil has no state."""
-    p = ActuatorParameters(driver=driver, **changes)  # type: ignore[arg-type]
+    p = ActuatorParameters(driver=driver, **changes)
     states = 2 + 2 * (driver in ('current', 'voltage'))
     states -= sum(name != 'back_emf_constant' for name in changes) * (driver in ('current', 'voltage'))
     assert transfer.driven_actuator_state_space(p)[0].shape == (states, states)
@@ -193,7 +194,7 @@ def test_state_spaces_are_the_transfer_functions(driver: str, changes: dict[str,
 
 
 @pytest.mark.parametrize('changes', INSTANT)
-def test_approximations_hold_without_back_emf_or_inductance(changes: dict[str, float]) -> None:
+def test_approximations_hold_without_back_emf_or_inductance(changes: dict[str, Any]) -> None:
     p = replace(CURRENT, **changes)
     exact = at(transfer.current_driven_exact(p), 700.0)
     for function in (transfer.current_driven_approximate(p), transfer.current_driven_factored(p)):
@@ -204,8 +205,8 @@ def test_approximations_hold_without_back_emf_or_inductance(changes: dict[str, f
 
 @pytest.mark.parametrize('changes', INSTANT)
 @pytest.mark.parametrize('driver', ['rigid', 'current', 'voltage'])
-def test_sampled_response_of_instant_drivers_is_the_blocks(driver: str, changes: dict[str, float]) -> None:
-    actuator = ActuatorParameters(driver=driver, **changes)  # type: ignore[arg-type]
+def test_sampled_response_of_instant_drivers_is_the_blocks(driver: str, changes: dict[str, Any]) -> None:
+    actuator = ActuatorParameters(driver=driver, **changes)
     parameters = PlantParameters(
         actuator=actuator, friction=FrictionParameters(model='viscous', viscous_coefficient=0.0), substeps=64
     )

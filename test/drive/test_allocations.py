@@ -1,8 +1,11 @@
 """Nothing allocates in the loop."""
 
+from typing import Any
+
 import numba
+import numba.core.runtime._nrt_python as nrt
 import pytest
-from numba.core.runtime import _nrt_python, rtsys
+from numba.core.runtime.nrt import rtsys
 
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
 from hdd_servo_ros.drive.plant import Plant, PlantArrays, PlantParameters, plant_step
@@ -31,12 +34,12 @@ def allocations(function: object, parameters: PlantParameters, count: int) -> in
     return int(rtsys.get_allocation_stats().alloc - before)
 
 
-NODES = {'node_positions': (0.0, 5.0), 'node_velocities': (0.0, 900.0), 'node_weights': (0.1, -0.1)}
+NODES: dict[str, Any] = {'node_positions': (0.0, 5.0), 'node_velocities': (0.0, 900.0), 'node_weights': (0.1, -0.1)}
 
 
 @pytest.mark.parametrize('model', MODELS)
 def test_a_thousand_steps_allocate_as_much_as_none(model: str) -> None:
-    _nrt_python.memsys_enable_stats()
+    nrt.memsys_enable_stats()
     parameters = PlantParameters(friction=FrictionParameters(model=model, **NODES))
     few = allocations(steps, parameters, 0)
     assert allocations(steps, parameters, 1000) == few

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -18,6 +18,7 @@ from hdd_servo_ros.drive.friction.dahl import dahl_slope
 from hdd_servo_ros.drive.friction.parameters import FRICTION, MODELS, FrictionParameters, friction_constants
 from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.compiled import jit
 from hdd_servo_ros.numerics.records import record
 
 Array = npt.NDArray[np.float64]
@@ -36,7 +37,7 @@ NETWORK = FrictionParameters(
 )
 
 
-def plant(friction: FrictionParameters, **changes: object) -> PlantParameters:
+def plant(friction: FrictionParameters, **changes: Any) -> PlantParameters:
     return replace(PlantParameters(friction=friction, resonance=RIGID), **changes)
 
 
@@ -257,7 +258,7 @@ def test_complete_model_slides_by_2_13(run: Run) -> None:
     assert np.all(errors[0] > 3.5 * errors[1])
 
 
-@numba.njit
+@jit
 def elastoplastic_reference(control: Array, steps: int, stiffness: float, p: Array) -> Array:
     """(2.13) and its contact as they stand, by many small symplectic Euler steps with the contact cut to its level."""
     level, root, viscous, drag = p

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,7 +132,8 @@ def test_a_lowered_level_holds_from_the_update_on(model: str, level: str) -> Non
         plant.step(tick, 0.12)
     assert abs(plant.output()[2]) > 0.06
     position, velocity, _ = plant.output()
-    plant.update(replace(RIGID, friction=replace(friction, **{level: 0.05})))
+    lowered: dict[str, Any] = {level: 0.05}
+    plant.update(replace(RIGID, friction=replace(friction, **lowered)))
     assert plant.output()[:2] == (position, velocity)
     assert abs(plant.output()[2]) == pytest.approx(0.05, rel=1e-12)
     for tick in range(60, 400):

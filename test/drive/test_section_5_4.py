@@ -9,7 +9,6 @@ the 1e5 jumps of the input, checks it over the times where the friction changes 
 import math
 from collections.abc import Callable
 
-import numba
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -18,6 +17,7 @@ from scipy.integrate import solve_ivp
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.compiled import jit
 
 Array = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ PLANT = PlantParameters(
 )
 
 
-@numba.njit
+@jit
 def rates(y: Array, u: float) -> Array:
     """(4.1)-(4.4) as they stand."""
     g = F_C + (F_S - F_C) * math.exp(-((y[1] / V_S) ** 2))
@@ -53,7 +53,7 @@ def rates(y: Array, u: float) -> Array:
     return np.array([y[1], u - (SIGMA_0 * y[2] + SIGMA_1 * z_rate + SIGMA_2 * y[1]), z_rate])
 
 
-@numba.njit
+@jit
 def jacobian(y: Array) -> Array:
     falling = math.exp(-((y[1] / V_S) ** 2))
     g = F_C + (F_S - F_C) * falling
@@ -64,7 +64,7 @@ def jacobian(y: Array) -> Array:
     return np.array([[0.0, 1.0, 0.0], [0.0, -SIGMA_1 * z_v - SIGMA_2, -SIGMA_0 - SIGMA_1 * z_z], [0.0, z_v, z_z]])
 
 
-@numba.njit
+@jit
 def radau_iia(control: Array, steps: int, tableau: Array) -> Array:
     result = np.zeros((control.size + 1, 3))
     y = np.zeros(3)

@@ -25,11 +25,11 @@ def test_curves_of_fig_2_1_and_2_2() -> None:
     x, y = coulomb.lines[0].get_data()
     np.testing.assert_array_equal(y, np.sign(np.asarray(x)))
     x, y = viscous.lines[0].get_data()
-    np.testing.assert_allclose(y, np.sign(np.asarray(x)) + 0.3 * np.asarray(x))
+    np.testing.assert_allclose(np.asarray(y), np.sign(np.asarray(x)) + 0.3 * np.asarray(x))
     any_exponent, _ = friction_curves.draw_dahl().axes
     x, y = any_exponent.lines[1].get_data()
     # alpha = 1, first loading: F/f_c = 1 - exp(-sigma x/f_c)
-    np.testing.assert_allclose(y[:401], 1.0 - np.exp(-np.asarray(x)[:401]), atol=1e-12)
+    np.testing.assert_allclose(np.asarray(y)[:401], 1.0 - np.exp(-np.asarray(x)[:401]), atol=1e-12)
 
 
 def test_drive_response(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hdd_servo_ros.graph import catalogue
-from hdd_servo_ros.graph.catalogue import COMMANDS, CONTROLLERS, EXECUTABLES, NODES, resolve
+from hdd_servo_ros.graph.catalogue import COMMANDS, CONTROLLERS, EXECUTABLES, NODES, CommandRow, NodeRow, resolve
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.messages import topics
 from hdd_servo_ros.parameters import ParameterSet
@@ -46,7 +46,8 @@ def test_every_path_of_a_command_leads_somewhere(row):
 
 def test_names():
     assert len(set(EXECUTABLES)) == len(EXECUTABLES)
-    for row in (*NODES.values(), *COMMANDS.values()):
+    rows: tuple[NodeRow | CommandRow, ...] = (*NODES.values(), *COMMANDS.values())
+    for row in rows:
         assert row.purpose.endswith('.')
         assert catalogue.purpose(row.name) == row.purpose
         assert dataclasses.is_dataclass(row)

@@ -274,6 +274,7 @@ def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
     law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
     made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
     exit_code, directory = simulate(made, progress=False)
+    assert directory is not None
     ticks = len(Run.open(directory).time)
     errors = capsys.readouterr().err
     if not said:
@@ -292,6 +293,7 @@ def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, 
     exit_code, directory = simulate(made, progress=False)
     assert exit_code == 1
     assert 'spring: update raised AssertionError' in capsys.readouterr().err
+    assert directory is not None
     assert len(Run.open(directory).time) == 300
     assert [change.tick for change in Run.open(directory).parameter_changes] == [100]
 

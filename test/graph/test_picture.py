@@ -35,7 +35,9 @@ def test_each_line_goes_from_its_writer_to_its_reader(drawn):
     boxes = [element for element in drawn.iter(f'{SVG}text') if element.get('font-weight') == 'bold']
     columns = {box.text: int(box.get('x')) for box in boxes}
     for line in attributes(drawn, 'path', 'data-topic'):
-        start, end = map(int, re.fullmatch(r'M(\d+) \d+ H(\d+)', line.get('d')).groups())
+        path = re.fullmatch(r'M(\d+) \d+ H(\d+)', line.get('d'))
+        assert path is not None
+        start, end = map(int, path.groups())
         (topic,) = [topic for topic in TOPICS if topic.name == line.get('data-topic')]
         assert start == columns[topic.writer]
         assert abs(end - columns[line.get('data-reader')]) == 8  # the arrow head

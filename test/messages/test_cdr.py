@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,7 +33,7 @@ names = st.text(st.characters(codec='utf-8', exclude_characters='\x00,', exclude
 )
 def test_vector_is_what_an_independent_deserializer_reads(frame, x, y, z):
     packed = VectorCodec(frame).pack(TICKS.stamp(123_456), x, y, z)
-    message = TYPES.deserialize_cdr(packed, 'geometry_msgs/msg/Vector3Stamped')
+    message: Any = TYPES.deserialize_cdr(packed, 'geometry_msgs/msg/Vector3Stamped')
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (12, 345_600_000)
     assert message.header.frame_id == frame
     assert (message.vector.x, message.vector.y, message.vector.z) == (x, y, z)
@@ -43,7 +45,7 @@ def test_array_is_what_an_independent_deserializer_reads(names):
     values = [float(place) for place in range(len(names))]
     codec = ArrayCodec(names)
     packed = codec.pack(values)
-    message = TYPES.deserialize_cdr(packed, 'std_msgs/msg/Float64MultiArray')
+    message: Any = TYPES.deserialize_cdr(packed, 'std_msgs/msg/Float64MultiArray')
     assert message.layout.dim[0].label.split(',') == names
     assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names)
     assert message.data.tolist() == values
@@ -51,7 +53,7 @@ def test_array_is_what_an_independent_deserializer_reads(names):
 
 
 def test_clock():
-    message = TYPES.deserialize_cdr(ClockCodec.pack(TICKS.stamp(10_001)), 'rosgraph_msgs/msg/Clock')
+    message: Any = TYPES.deserialize_cdr(ClockCodec.pack(TICKS.stamp(10_001)), 'rosgraph_msgs/msg/Clock')
     assert (message.clock.sec, message.clock.nanosec) == (1, 100_000)
 
 

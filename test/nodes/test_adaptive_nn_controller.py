@@ -31,7 +31,7 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     for tick in range(2):
         controller.step(SensorScales(8.0, 5000.0).inputs(tick, 0.0, 0.0, 1.0, 0.0, 0.0))
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
-    found = AdaptiveNnController._diagnose_adaptation(node)
+    found = AdaptiveNnController._diagnose_adaptation(node)  # type: ignore[arg-type]
     assert (found.level, said in found.message) == (level, True)
 
 
@@ -61,7 +61,7 @@ def test_the_certificate_says_what_it_does_not_cover(values, limited, said, r, l
         _controller=SimpleNamespace(estimates=np.full(len(AdaptiveNn.estimate_names), r)),
         _dsp=SimpleNamespace(saturated_samples=limited),
     )
-    found = AdaptiveNnController._diagnose_certificate(node)
+    found = AdaptiveNnController._diagnose_certificate(node)  # type: ignore[arg-type]
     assert (found.level, found.message) == (level, f'{where} the bound of {said}')
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def test_names_write_the_numbers_of_the_array_in_order():
     assert BODY.isalignedstruct
 
 
-@pytest.mark.parametrize('function', [step, step.py_func])
+@pytest.mark.parametrize('function', [step, cast(Any, step).py_func])
 def test_a_kernel_reads_and_writes_by_name(function):
     array = body()
     assert function(array, np.array([[1.0, 10.0], [2.0, 20.0]]), 10.0) == 1.0 + 0.5 * 4.0 + 30.0

@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 import yaml
 from rosbags.highlevel import AnyReader
@@ -29,7 +31,7 @@ def write(writer_class, path, storage='mcap'):
 def test_what_is_written_is_read(tmp_path, writer_class, storage):
     write(writer_class, tmp_path / 'bag', storage)
     with AnyReader([tmp_path / 'bag']) as reader:
-        found = [
+        found: list[tuple[str, int, Any]] = [
             (connection.topic, stamp, reader.deserialize(payload, connection.msgtype))
             for connection, stamp, payload in reader.messages()
         ]
@@ -71,8 +73,9 @@ def test_type_hashes_are_those_of_rclpy(tmp_path):
     content = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     recorded = content['topics_with_message_count'][1]['topic_metadata']['type_description_hash']
     import rclpy
+    from rclpy.context import Context
 
-    context = rclpy.Context()
+    context = Context()
     rclpy.init(context=context)
     node = rclpy.create_node('hashes', context=context)
     try:

@@ -66,7 +66,9 @@ def test_identical(tmp_path):
 )
 def test_the_first_difference_is_named(tmp_path, other, words):
     left, right = bag(tmp_path / 'a'), bag(tmp_path / 'b', **other)
-    assert words in first_difference(left, right, labels=('the one', 'the other'))
+    difference = first_difference(left, right, labels=('the one', 'the other'))
+    assert difference is not None
+    assert words in difference
     assert first_difference(left, right) is not None
     assert main([str(left), str(right)]) == 1
 
@@ -82,9 +84,9 @@ def test_of_two_the_earlier_tick_then_the_earlier_topic(tmp_path):
         (name, tick): VECTOR.pack(TICKS.stamp(tick), -1.0, 2.0, 3.0)
         for name, tick in (('/reference', 4), ('/control', 2), ('/head', 2))
     }
-    assert first_difference(bag(tmp_path / 'a'), bag(tmp_path / 'b', changes=changed)).startswith(
-        'head differs first at tick 2'
-    )
+    difference = first_difference(bag(tmp_path / 'a'), bag(tmp_path / 'b', changes=changed))
+    assert difference is not None
+    assert difference.startswith('head differs first at tick 2')
 
 
 def test_signals(tmp_path):

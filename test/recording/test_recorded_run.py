@@ -1,5 +1,7 @@
 """A run read in bulk is what an independent reader reads message by message."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
@@ -36,10 +38,10 @@ def directory(request, simulated, tmp_path_factory):
 def test_every_array_is_what_an_independent_reader_reads(directory):
     run = Run.open(directory)
     name_of = {full_name: name for name, full_name in run.description['topics'].items()}
-    found = {name: [] for name in name_of.values()}
+    found: dict[str, list[Any]] = {name: [] for name in name_of.values()}
     with AnyReader([directory / 'bag']) as reader:
         for connection, _, payload in reader.messages():
-            message = reader.deserialize(payload, connection.msgtype)
+            message: Any = reader.deserialize(payload, connection.msgtype)
             if hasattr(message, 'vector'):
                 message = (message.vector.x, message.vector.y, message.vector.z)
             elif hasattr(message, 'clock'):
@@ -79,9 +81,14 @@ def test_what_the_run_says_of_itself(directory):
 
 
 def test_a_topic_is_read_when_it_is_asked_for(directory, monkeypatch):
-    read = []
+    read: list[str] = []
     column = Bag.column
-    monkeypatch.setattr(Bag, 'column', lambda bag, topic: read.append(topic) or column(bag, topic))
+
+    def noted(bag, topic):
+        read.append(topic)
+        return column(bag, topic)
+
+    monkeypatch.setattr(Bag, 'column', noted)
     run = Run.open(directory)
     assert (run.controller, run.counts['head'], read) == ('adaptive_nn', COUNT, [])
     names = run.description['topics']
@@ -123,7 +130,7 @@ def test_an_estimate_that_there_is_not(directory):
 def parameter_event(tick, node, **values):
     """Return a serialized parameter event; floats and whole arrays as ROS has them."""
     kinds = {name.rsplit('/', 1)[-1]: kind for name, kind in TYPES.types.items()}
-    empty = {'bool_value': False, 'integer_value': 0, 'double_value': 0.0, 'string_value': ''}
+    empty: dict[str, Any] = {'bool_value': False, 'integer_value': 0, 'double_value': 0.0, 'string_value': ''}
     empty['byte_array_value'] = np.zeros(0, np.uint8)
     empty['bool_array_value'] = np.zeros(0, bool)
     empty['integer_array_value'] = np.zeros(0, np.int64)

@@ -1,5 +1,7 @@
 """The compiled loop against the blocks called one by one, to the bit, wherever the run is cut."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -31,7 +33,7 @@ EVERY_EFFECT = {
 
 
 def experiment(controller, effects=None):
-    sections = {
+    sections: dict[str, dict[str, Any]] = {
         'reference_generator': {'waveform': 'chirp', 'frequency': 20.0, 'end_frequency': 300.0, 'sweep_time': 0.2},
         'vcm_plant': {'disturbance.amplitude': 0.01, 'disturbance.angular_frequency': 300.0},
         'adaptive_nn_controller': {'compensator.enabled': True, 'width.enabled': True, 'integral_gain': 1e4},
@@ -49,7 +51,7 @@ def experiment(controller, effects=None):
 
 def block_by_block(blocks):
     """Tick k: reference; the head where u_{k-1} has brought it; the vibrometer; u_k."""
-    rows = {name: [] for name in SIGNALS}
+    rows: dict[str, list[Any]] = {name: [] for name in SIGNALS}
     u = 0.0
     for k in range(TICKS):
         reference = blocks.reference.step(k)

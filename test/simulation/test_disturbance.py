@@ -1,5 +1,7 @@
 """A disturbance from outside in the loop, its playback from a recorded run, and what is compared of it."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -56,7 +58,7 @@ def simulate(directory, *arguments):
 @pytest.mark.parametrize('pieces', [(500,), (1, 2, 7, 490)])
 def test_a_force_against_u_is_a_smaller_u(pieces):
     """Without friction a force acts as the same voltage less, from the tick after on."""
-    sections = {
+    sections: dict[str, dict[str, Any]] = {
         'vcm_plant': {'friction.model': 'none'},
         'ldv_sensor': {'noise': False},
         'reference_generator': {'waveform': 'sine', 'amplitude': 1e-3, 'frequency': 200.0},
@@ -108,7 +110,9 @@ def test_what_is_missing_or_different_is_found(shaken, tmp_path):
     content = data.read_bytes()
     force = Shaker().rows(7, 1)[0, 0].tobytes()
     data.write_bytes(content.replace(force, np.float64(0.5).tobytes(), 1))
-    assert first_difference(shaken, other).startswith('disturbance differs first at tick')
+    difference = first_difference(shaken, other)
+    assert difference is not None
+    assert difference.startswith('disturbance differs first at tick')
 
 
 @pytest.mark.parametrize(

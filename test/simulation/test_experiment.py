@@ -156,6 +156,7 @@ def test_sections_reach_their_blocks():
     assert experiment.reference.parameters.amplitude == 1.0
     assert not experiment.ldv.parameters.noise
     assert experiment.plant.parameters.friction.model == 'none'
+    assert isinstance(experiment.controller, Pid)
     assert experiment.controller.parameters.control_limit == 3.0
 
 

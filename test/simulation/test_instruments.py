@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_each_effect_at_100_hz(ldv, least, most):
 
 
 def test_a_controller_from_outside_gets_the_same_dsp():
-    dsp = {'computation_delay': 1, 'dac_bits': 12, 'dac_range': 0.05}
+    dsp: dict[str, Any] = {'computation_delay': 1, 'dac_bits': 12, 'dac_range': 0.05}
     outside = Experiment(T, Pid(PidParameters(), T), dsp=DspParameters(**dsp))
     inside = Experiment(T, 'pid', {'pid_controller': {f'dsp.{name}': value for name, value in dsp.items()}})
     np.testing.assert_array_equal(outside.run(0, 500).control, inside.run(0, 500).control)

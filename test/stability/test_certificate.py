@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.parameters.files import parse_ros_arguments, read_parameter_files
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -30,6 +31,7 @@ def run(ticks, controller=None, drive=None, reference=None, base=BASE, sample_ti
     }
     experiment = Experiment(sample_time, 'adaptive_nn', sections)
     rows = experiment.run(0, ticks)
+    assert isinstance(experiment.controller, AdaptiveNn)
     was_run = experiment.plant.parameters, experiment.controller.parameters, experiment.dsp.parameters
     found = certify(rows, sample_time, *was_run, experiment.scales)
     kept = conditions(rows, sample_time, *was_run, found)

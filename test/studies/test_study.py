@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import pytest
 import yaml
@@ -28,7 +29,7 @@ def case(name='a', controller='pid', **overrides):
 
 
 def run(directory, *cases, defaults=SHORT):
-    said = []
+    said: list[str] = []
     run_cases(cases, directory, without_ros=True, defaults=defaults, say=said.append)
     return said
 
@@ -139,7 +140,7 @@ def test_the_graph_gives_the_same_bits(tmp_path, monkeypatch, bench):
 def test_an_interrupted_study_leaves_no_process_behind(tmp_path):
     study = [sys.executable, '-m', 'hdd_servo_ros.studies.main', 'chapter4', '--without-ros', '--output', str(tmp_path)]
     # Tests that run in the background of a shell script inherit an ignored SIGINT.
-    heeding = {'preexec_fn': lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    heeding: dict[str, Any] = {'preexec_fn': lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     with subprocess.Popen(study, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **heeding) as process:
         deadline = time.monotonic() + 40.0
         while not any(bag.stat().st_size > 1e6 for bag in tmp_path.glob('*/bag/*')) and time.monotonic() < deadline:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,9 +11,10 @@ from hdd_servo_ros.analysis.metrics import tracking_metrics
 from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
-from hdd_servo_ros.simulation.experiment import Experiment, block_parameters
+from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.tune import (
     FREQUENCIES,
     computation_delay,
@@ -52,7 +54,7 @@ def test_step_references_are_the_rules_result():
     base = from_mapping(AdaptiveNnParameters, overlaid['adaptive_nn_controller'])
     # The rule asks for more damping than a loop needs whose jumps are shaped: its gains for 1500 1/s keep Ms <= 2 too.
     slower = dataclasses.replace(base, error_filter_lambda=1500.0, integral_gain=3.1e5)
-    found = tune_adaptive_nn(PlantParameters(), T, slower)
+    found: dict[str, Any] = tune_adaptive_nn(PlantParameters(), T, slower)
     assert found.pop('error_filter_lambda') == 1500.0
     shipped = {name: overlaid['adaptive_nn_controller'][name] for name in found}
     assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
@@ -163,7 +165,7 @@ def test_other_drives_track_for_a_minute(overlay, limit, frequency):
 def test_section_4_4_says_what_gain_it_bears():
     sections = read_parameter_files([PARAMS / 'simulation_study.yaml'])
     plant = block_parameters('vcm_plant', sections['vcm_plant'])
-    nn = sections['adaptive_nn_controller']
+    nn: dict[str, Any] = sections['adaptive_nn_controller']
     bears = largest_gain_on_r(LoopMargins(plant, T), nn['error_filter_lambda'])
     assert round_down(bears) == nn['safe_gain']
 

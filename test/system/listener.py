@@ -5,7 +5,7 @@ from geometry_msgs.msg import Vector3Stamped
 
 rclpy.init()
 node = rclpy.create_node('listener')
-heard = []
+heard: list[Vector3Stamped] = []
 
 
 def hear(message):

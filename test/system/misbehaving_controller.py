@@ -22,6 +22,8 @@ class FaultyParameters(PidParameters):
 
 
 class FaultyPid(Pid):
+    parameters: FaultyParameters
+
     def step(self, inputs):
         u, unsaturated, feedback = super().step(inputs)
         if inputs.tick == AT:

@@ -1,5 +1,7 @@
 """A proportional controller written with plain rclpy: no lockstep, only the contract of topics and stamps."""
 
+import functools
+
 import rclpy
 from geometry_msgs.msg import Vector3Stamped
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
@@ -8,7 +10,7 @@ rclpy.init()
 node = rclpy.create_node('ordinary_controller')
 control = node.create_publisher(Vector3Stamped, 'control', 10)
 estimates = node.create_publisher(Float64MultiArray, 'estimates', 10)
-waiting = {'ldv': {}, 'reference': {}}
+waiting: dict[str, dict[tuple[int, int], Vector3Stamped]] = {'ldv': {}, 'reference': {}}
 
 
 def take(topic, message):
@@ -30,5 +32,5 @@ def answer(ldv):
 
 
 for name in waiting:
-    node.create_subscription(Vector3Stamped, name, lambda message, name=name: take(name, message), 10)
+    node.create_subscription(Vector3Stamped, name, functools.partial(take, name), 10)
 rclpy.spin(node)

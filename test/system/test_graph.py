@@ -22,7 +22,7 @@ def double(name, value):
 
 
 def test_types_and_default_subscribers(bench, outside):
-    received = []
+    received: list[Vector3Stamped] = []
     outside.create_subscription(Vector3Stamped, '/head', received.append, 10)
     process = bench.start('rig', '-p', 'deterministic_timer:duration:=5.0', '-p', 'deterministic_timer:rate:=0.1')
     outside.spin_until(lambda: len(received) > 100)
@@ -81,7 +81,7 @@ def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed
         processes = [bench.start('rig', *arguments, '-p', 'bag_recorder:run_dir:=run')]
     else:
         processes = list(bench.start_nodes('run', *arguments).values())
-    heard = []
+    heard: list[Vector3Stamped] = []
     outside.create_subscription(Vector3Stamped, '/reference', heard.append, 10)
     outside.spin_until(lambda: heard)
 
@@ -180,4 +180,6 @@ def test_disturbance_joins_when_its_node_runs(bench):
     messages = Run.open(bench.directory / 'run').messages_by_topic()
     assert len(messages['/disturbance'][0]) == 501
     bench.run('simulate', *arguments, '-p', 'bag_recorder:run_dir:=undisturbed')
-    assert 'differs first at tick 1' in first_difference(bench.directory / 'run', bench.directory / 'undisturbed')
+    difference = first_difference(bench.directory / 'run', bench.directory / 'undisturbed')
+    assert difference is not None
+    assert 'differs first at tick 1' in difference

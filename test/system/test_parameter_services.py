@@ -59,7 +59,7 @@ def service(node, kind):
 def run(bench, outside):
     """A slow run that has begun; returns how to ask its nodes, and the seconds that each answer took."""
     process = bench.start('rig', *RUN, '-p', 'deterministic_timer:rate:=0.3', '-p', 'bag_recorder:run_dir:=run')
-    heard = []
+    heard: list[Vector3Stamped] = []
     outside.create_subscription(Vector3Stamped, '/reference', heard.append, 10)
     outside.spin_until(lambda: heard)
     process.seconds = []

@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -313,7 +314,11 @@ def test_parameters_during_a_run(ros2):
 
 
 def test_dumped_parameters_are_a_parameter_file(ros2):
-    changed = {'reference_generator': {'amplitude': 1.5}, 'vcm_plant': {'substeps': 3}, CONTROLLER: {'phi.gain': 1e-5}}
+    changed: dict[str, dict[str, Any]] = {
+        'reference_generator': {'amplitude': 1.5},
+        'vcm_plant': {'substeps': 3},
+        CONTROLLER: {'phi.gain': 1e-5},
+    }
     given = [f'{node}:{name}:={value}' for node, values in changed.items() for name, value in values.items()]
     rig = ros2.start_slow_rig('run', *(word for text in given for word in ('-p', text)))
     dumps = ros2.say(*(f'param dump /{node}' for node in changed))

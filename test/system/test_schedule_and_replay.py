@@ -52,7 +52,9 @@ def test_a_schedule_gives_the_same_bits_everywhere(bench):
     assert changes_of(simulated) == CHANGES
     bench.run('simulate', *DURATION, '-p', 'run_dir:=plain', '-p', 'plot:=false')
     # The reference is the first to show what happens at 0.05 s.
-    assert first_difference(simulated, bench.directory / 'plain').startswith('reference differs first at tick 500')
+    difference = first_difference(simulated, bench.directory / 'plain')
+    assert difference is not None
+    assert difference.startswith('reference differs first at tick 500')
 
 
 def test_a_change_at_every_tick(bench):

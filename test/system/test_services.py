@@ -116,7 +116,7 @@ def test_stop_ends_the_wait_for_peers(bench, remote):
 
 
 def test_reset_and_diagnostics(bench, outside, remote):
-    reports = []
+    reports: list[DiagnosticArray] = []
     outside.create_subscription(DiagnosticArray, '/diagnostics', reports.append, 10)
     process = bench.start(
         'rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run', '-p', 'autostart:=false'

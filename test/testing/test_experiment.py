@@ -1,6 +1,7 @@
 """An experiment that does not run fails the test and says why."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ def test_why_it_did_not_run(tmp_path, files, options, words):
 
 def test_a_run_that_fails_is_returned_where_that_is_wanted(tmp_path):
     # The first derivative of this sine is beyond every number.
-    options = {'without_ros': True, 'overrides': {'duration': 0.1, 'amplitude': 1e308}}
+    options: dict[str, Any] = {'without_ros': True, 'overrides': {'duration': 0.1, 'amplitude': 1e308}}
     with pytest.raises(ExperimentFailed, match='not finite'):
         make_run([DEFAULT], tmp_path / 'a', **options)
     run = make_run([DEFAULT], tmp_path / 'b', may_fail=True, **options)

@@ -38,7 +38,9 @@ def test_runs_are_made_and_checked(pytester, run_pytest):
     result = run_pytest('--servo-plots', 'plots')
     result.assert_outcomes(passed=2, failed=1)
     text = result.stdout.str()
-    plot = Path(re.search(r'plot: (\S+)', text).group(1))
+    found = re.search(r'plot: (\S+)', text)
+    assert found is not None
+    plot = Path(found.group(1))
     assert plot.parent == pytester.path / 'plots'
     assert plot.is_file()
     # The failure is shown at the line of the test, not inside the package.
