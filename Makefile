@@ -28,7 +28,7 @@ help:
 	@echo 'make simulate  the same experiment without middleware'
 	@echo 'make figures   the experiments of chapters 4 and 5 by the graph, figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
-	@echo 'make lint      ruff, mypy and the floors of the package (.importlinter)'
+	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
 	@echo 'make docs      docs/parameters.md, docs/topics.md and the picture of the graph, from the declarations'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
@@ -46,10 +46,13 @@ figures: $(VENV)/.run
 test: $(VENV)/.develop
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
+# mypy runs twice: the folders of the tests are not packages and some of their files share a name, so that it needs their
+# paths; by paths it would take the folder launch/ for the package launch, so that the package is checked without.
 lint: $(VENV)/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy hdd_servo_ros
+	$(BIN)/mypy --namespace-packages --explicit-package-bases test benchmarks
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.develop

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -32,7 +33,7 @@ NODES = (
 class Process:
     """One executable of the package, running."""
 
-    def __init__(self, name: str, popen: subprocess.Popen, log: Path) -> None:
+    def __init__(self, name: str, popen: subprocess.Popen[bytes], log: Path) -> None:
         self.name = name
         self.popen = popen
         self._log = log
@@ -77,7 +78,7 @@ class Bench:
             'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
         }
 
-    def python(self, *arguments: str) -> subprocess.CompletedProcess:
+    def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run this interpreter to its end."""
         command = [sys.executable, *arguments]
         return subprocess.run(
@@ -113,7 +114,7 @@ class Bench:
         recorded = ('-p', f'run_dir:={run}')
         return {node: self.start(node, *recorded, *ros_arguments) for node in nodes}
 
-    def run_yaml(self, run: str) -> dict:
+    def run_yaml(self, run: str) -> dict[str, Any]:
         """Return the content of a run's ``run.yaml``."""
         return yaml.safe_load((self.directory / run / 'run.yaml').read_text())
 

@@ -1,17 +1,18 @@
 """Nothing allocates in the loop."""
 
+from collections.abc import Callable
 from typing import Any
 
-import numba
 import numba.core.runtime._nrt_python as nrt
 import pytest
 from numba.core.runtime.nrt import rtsys
 
 from hdd_servo_ros.drive.friction.parameters import MODELS, FrictionParameters
 from hdd_servo_ros.drive.plant import Plant, PlantArrays, PlantParameters, plant_step
+from hdd_servo_ros.numerics.compiled import jit
 
 
-@numba.njit
+@jit
 def steps(arrays: PlantArrays, count: int) -> float:
     last = 0.0
     for k in range(count):
@@ -19,7 +20,7 @@ def steps(arrays: PlantArrays, count: int) -> float:
     return last
 
 
-@numba.njit
+@jit
 def allocating_steps(arrays: PlantArrays, count: int) -> float:
     last = 0.0
     for k in range(count):
@@ -27,10 +28,10 @@ def allocating_steps(arrays: PlantArrays, count: int) -> float:
     return last
 
 
-def allocations(function: object, parameters: PlantParameters, count: int) -> int:
+def allocations(function: Callable[..., float], parameters: PlantParameters, count: int) -> int:
     plant = Plant(parameters, 1.0e-4)
     before = rtsys.get_allocation_stats().alloc
-    function(plant.arrays, count)  # type: ignore[operator]
+    function(plant.arrays, count)
     return int(rtsys.get_allocation_stats().alloc - before)
 
 

@@ -17,13 +17,14 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters, modal_form, sections_of
 
 Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 Run = Callable[..., Array]
 
 NONE = FrictionParameters(model='none')
 DEFAULT = PlantParameters(friction=NONE)
 
 
-def measured_response(run: Run, parameters: PlantParameters, sample_time: float, frequencies: Array) -> npt.NDArray:
+def measured_response(run: Run, parameters: PlantParameters, sample_time: float, frequencies: Array) -> Complex:
     """
     Measure head position over control on the block, exactly up to rounding.
 
@@ -40,7 +41,7 @@ def measured_response(run: Run, parameters: PlantParameters, sample_time: float,
     return (np.exp(phase) @ head) / (np.exp(phase[:, :3]) @ control[:3])
 
 
-def cascade_response(parameters: PlantParameters, sample_time: float, frequencies: Array) -> npt.NDArray:
+def cascade_response(parameters: PlantParameters, sample_time: float, frequencies: Array) -> Complex:
     """Return the sampled response from a cascade of the sections' own state spaces and a matrix exponential."""
     a = np.array([[0.0, 1.0], [0.0, 0.0]])
     b = np.array([[0.0], [parameters.gain]])
@@ -72,12 +73,12 @@ def test_sampled_response_is_exact(run: Run, sample_time: float, substeps: int) 
     )
 
 
-def hold(frequencies: Array, sample_time: float) -> npt.NDArray:
+def hold(frequencies: Array, sample_time: float) -> Complex:
     """Return the response of the control's hold."""
     return np.sinc(frequencies * sample_time) * np.exp(-1j * np.pi * frequencies * sample_time)
 
 
-def decibel_and_degrees(ratio: npt.NDArray) -> tuple[float, float]:
+def decibel_and_degrees(ratio: Complex) -> tuple[float, float]:
     return float(np.abs(20.0 * np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
 
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,9 +32,9 @@ FREQUENCIES = (4000.0, 5100.0, 7300.0)
 DAMPINGS = (0.01, 0.02, 0.05)
 
 
-def modal_response(form: object, s: complex) -> complex:
+def modal_response(form: Any, s: complex) -> complex:
     assert hasattr(form, 'modes')
-    value = form.r0 / s**2 + form.r1 / s  # type: ignore[attr-defined]
+    value = form.r0 / s**2 + form.r1 / s
     return value + sum((m.beta * s + m.gamma) / (s * s + m.a1 * s + m.a0) for m in form.modes)
 
 

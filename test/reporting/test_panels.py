@@ -148,6 +148,7 @@ def test_a_fitted_range_holds_all_values(values, logarithmic):
     inside = [value for value in values if value > 0.0 or not logarithmic]
     assert (found is None) == (not inside)
     if inside:
+        assert found is not None
         assert found[0] < min(inside)
         assert found[1] > max(inside)
 

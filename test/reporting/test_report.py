@@ -10,6 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 import yaml
+from matplotlib.figure import Figure
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.bench.response import read_csv
@@ -63,7 +64,9 @@ def numbers(coded):
 
 
 def figures(page):
-    coded = json.loads(re.search(r'^const figures = (.*);$', page, re.MULTILINE).group(1))
+    found = re.search(r'^const figures = (.*);$', page, re.MULTILINE)
+    assert found is not None
+    coded = json.loads(found.group(1))
     for figure in coded:
         for line in figure['data']:
             line['x'], line['y'] = numbers(line['x']), numbers(line['y'])
@@ -226,12 +229,16 @@ def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulat
     error, *_ = comparison_panels([Run.open(runs['nn']), Run.open(unstable)])
     assert [trace.name for trace in error.traces] == ['nn', 'unstable (diverged, clipped)']
     largest = np.abs(error.traces[0].y).max()
-    low, high = error.range_of(error.traces)
+    limits = error.range_of(error.traces)
+    assert limits is not None
+    low, high = limits
     assert 0.5 * largest < max(-low, high) < 1.2 * largest
     assert np.abs(error.traces[1].y).max() > 100.0 * largest
     # The axis of the close-up as well.
     near = error.in_close_up()
-    assert max(np.abs(error.range_of(near))) < 1.2 * np.abs(near[0].y).max()
+    limits_near = error.range_of(near)
+    assert limits_near is not None
+    assert max(np.abs(limits_near)) < 1.2 * np.abs(near[0].y).max()
     assert figures(page)[0]['layout']['yaxis']['range'] == [low, high]
     # Where none tracks, all scale it.
     (alone, *_) = comparison_panels([Run.open(unstable), Run.open(unstable)])
@@ -374,7 +381,7 @@ def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
 def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_path, monkeypatch):
     drawn = []
 
-    class Kept(picture.Figure):
+    class Kept(Figure):
         def __init__(self, **options):
             super().__init__(**options)
             drawn.append(self)

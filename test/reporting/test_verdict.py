@@ -183,4 +183,7 @@ def test_simulated_runs(simulated, tmp_path, arguments, text):
     sums = RunSums(run.description, transient_of(rows.duration))
     sums.add(rows)
     in_memory = verdict(sums)
-    assert in_memory == found or dataclasses.asdict(in_memory) == pytest.approx(dataclasses.asdict(found))
+    if in_memory != found:
+        assert in_memory is not None
+        assert found is not None
+        assert dataclasses.asdict(in_memory) == pytest.approx(dataclasses.asdict(found))

@@ -19,7 +19,7 @@ ENTRY_POINT = 'import sys; from hdd_servo_ros.executables import scope; sys.exit
 @pytest.fixture
 def scope(bench):
     """Start `scope`; ended with the bench's other processes."""
-    started = []
+    started: list[subprocess.Popen[str]] = []
 
     def start(*arguments):
         environment = {name: value for name, value in bench.environment.items() if 'DISPLAY' not in name}
@@ -33,7 +33,9 @@ def scope(bench):
                 text=True,
             )
         )
-        line = started[-1].stdout.readline()
+        output = started[-1].stdout
+        assert output is not None
+        line = output.readline()
         assert 'waiting for a run' in line
         return started[-1]
 
@@ -41,6 +43,7 @@ def scope(bench):
     for process in started:
         process.kill()
         process.wait()
+        assert process.stdout is not None
         process.stdout.close()
 
 
