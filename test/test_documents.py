@@ -44,6 +44,15 @@ def assert_options_exist(bench, name, arguments):
         assert re.search(rf'(^|[\s\[,]){option}\b', answer.stdout), (name, option)
 
 
+def record_disturbed(bench, *names):
+    """Record a run with a disturbance under each name, where there is none."""
+    for name in names:
+        if not (bench.directory / name).exists():
+            node = bench.start('disturbance', script=ROOT / 'test' / 'system' / 'disturbance.py')
+            for process in [node, *bench.start_nodes(name, '-p', 'duration:=0.02').values()]:
+                assert process.wait() == 0, process.output
+
+
 def launch_arguments(file):
     """Return the names of the arguments that a launch file declares."""
     texts = [(ROOT / 'launch' / file).read_text(), (ROOT / 'hdd_servo_ros' / 'graph' / 'launching.py').read_text()]
@@ -74,6 +83,8 @@ def test_commands(bench, block):
                 continue
             paths = [str(ROOT / word) if word.startswith('params/') else word for word in arguments]
             assert paths.pop(0) == '--ros-args'
+            for word in arguments:
+                record_disturbed(bench, *re.findall(r'recorded_run:=(.+)', word))
             shortened = SHORT_SWEEP if 'params/swept_sine.yaml' in arguments else ('-p', 'duration:=0.02')
             started.append(bench.start(name, *paths, *shortened, '-p', 'plot:=false', defaults=False))
         elif command[0] == 'make':

@@ -9,8 +9,12 @@ KERNELS = os.environ.get('XDG_CACHE_HOME') or str(Path.home() / '.cache')
 
 
 @pytest.fixture
-def run_pytest(pytester, monkeypatch):
-    """Run pytest with the plugin on what pytester has made."""
-    # pytester gives its sessions another home, and the compiled kernels lie in this one's.
+def kernel_cache(pytester, monkeypatch):
+    """Let what pytester runs find the compiled kernels: it gives its processes another home."""
     monkeypatch.setenv('XDG_CACHE_HOME', KERNELS)
+
+
+@pytest.fixture
+def run_pytest(pytester, kernel_cache):
+    """Run pytest with the plugin on what pytester has made."""
     return lambda *arguments: pytester.runpytest_subprocess('-p', 'hdd_servo_ros.testing.plugin', *arguments)
