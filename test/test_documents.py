@@ -1,5 +1,6 @@
 """The commands in the documents run, and what they name exists."""
 
+import configparser
 import re
 import shlex
 import subprocess
@@ -12,12 +13,19 @@ from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module, names_
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / 'hdd_servo_ros'
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 TEXTS = [*DOCUMENTS, *sorted((ROOT / 'params').glob('*.yaml')), *sorted((ROOT / 'hdd_servo_ros').rglob('*.py'))]
 """Whatever may tell a user to run a command."""
 
 
 MODULES = {name: executable_module(name) for name in EXECUTABLES}
+SOURCES = {
+    path.name
+    for folder in ('hdd_servo_ros', 'test', 'examples', 'benchmarks', 'launch')
+    for path in (ROOT / folder).rglob('*.py')
+} | {path.name for path in ROOT.glob('*.py')}
+FOLDERS_OF_RUNS = ('runs/', 'RUN/', 'bag/')
 OWN_TEST = ('write-your-own-controller',)
 """Documents whose commands have a test of their own."""
 BLOCKS = [
@@ -100,13 +108,21 @@ def test_commands(bench, block):
         assert process.wait() == 0, process.output
 
 
+def anchors(document):
+    """Return the names by which links reach the headings of a document."""
+    headings = re.findall(r'^#+ (.+)$', document.read_text('utf8'), re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', heading).lower().replace(' ', '-') for heading in headings}
+
+
 @pytest.mark.parametrize('document', DOCUMENTS, ids=lambda document: document.stem)
 def test_modules_and_files_that_the_text_names_exist(bench, document):
     text = document.read_text('utf8')
     for name, arguments in set(re.findall(r'`ros2 run hdd_servo_ros ([a-z]\w+)([^`]*)`', text)):
         assert_options_exist(bench, name, arguments.split())
-    for link in re.findall(r'\]\(([^)#:]+)\)', text):
-        assert (document.parent / link).exists(), link
+    for link, anchor in set(re.findall(r'\]\(([^)#:]*)(?:#([^)]+))?\)', text)):
+        target = document.parent / link if link else document
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), (link, anchor)
     for target in set(re.findall(r'`make (\w+)`', text)):
         assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE), target
 
@@ -119,11 +135,62 @@ def test_commands_that_a_text_names_are_executables(path):
     assert set(re.findall(r'python -m\s+hdd_servo_ros\.([\w.]+)', text)) <= {'graph.manual'}
 
 
+@pytest.mark.parametrize('path', TEXTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_source_files_that_a_text_names_exist(path):
+    text = path.read_text('utf8')
+    # A name alone is that of a file somewhere; a path begins at the root, in the package or beside the text.
+    for name in set(re.findall(r'(?<![\w./*<{-])(?:[\w.-]+/)*\w+\.py\b', text)):
+        if '/' in name:
+            assert any((base / name).is_file() for base in (ROOT, PACKAGE, path.parent)), name
+        else:
+            assert name in SOURCES, name
+    # Folders with the slash after them, as the documents write them: `control/`, `drive/friction/`.
+    for name in set(re.findall(r'`((?:\w+/)+)`', text)):
+        is_there = any((base / name).is_dir() for base in (ROOT, PACKAGE, path.parent))
+        assert is_there or name.startswith(FOLDERS_OF_RUNS), name
+
+
+@pytest.mark.parametrize('path', TEXTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_modules_that_a_text_names_exist(path):
+    for name in set(re.findall(r'\bhdd_servo_ros((?:\.\w+)+)', path.read_text('utf8'))):
+        assert is_in_package(name.strip('.').split('.')), name
+
+
+def is_in_package(parts):
+    """Return whether dotted names lead to a module, or to what a module's text names."""
+    folder = PACKAGE
+    for number, part in enumerate(parts):
+        if (folder / part).is_dir():
+            folder = folder / part
+            continue
+        module = folder / f'{part}.py'
+        rest = parts[number + 1 :] if module.is_file() else parts[number:]
+        text = (module if module.is_file() else folder / '__init__.py').read_text('utf8')
+        return all(re.search(rf'\b{name}\b', text) for name in rest)
+    return True
+
+
+def table_rows(document, header):
+    """Return the first cell of each row of a document's table with this header, as the names that it holds."""
+    table = document.read_text('utf8').partition(f'\n{header}\n')[2].partition('\n\n')[0]
+    return [re.findall(r'`(.+?)`', line.split('|')[1]) for line in table.splitlines()[1:]]
+
+
 def first_column(header):
     """Return what the first column of README's table with this header names."""
-    table = (ROOT / 'README.md').read_text('utf8').partition(f'\n{header}\n')[2].partition('\n\n')[0]
-    cells = [line.split('|')[1] for line in table.splitlines()[1:]]
-    return [name for cell in cells for name in re.findall(r'`(.+?)`', cell)]
+    return [name for names in table_rows(ROOT / 'README.md', header) for name in names]
+
+
+def test_the_architecture_lists_the_floors_of_the_contract_and_every_folder():
+    contract = configparser.ConfigParser()
+    contract.read(ROOT / '.importlinter')
+    layers = contract['importlinter:contract:floors']['layers'].split('\n')
+    floors = [set(re.findall(r'\w+', layer)) for layer in layers if layer]
+    listed = [set(names) for names in table_rows(ROOT / 'docs' / 'architecture.md', '| floor | holds |')]
+    assert listed == floors
+    folders = {path.parent.name for path in PACKAGE.glob('*/__init__.py')}
+    modules = {path.stem for path in PACKAGE.glob('*.py')} - {'__init__'}
+    assert set.union(*listed) == folders | modules
 
 
 def test_readme_names_every_executable_and_every_topic_of_the_loop():

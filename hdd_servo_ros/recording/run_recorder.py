@@ -30,7 +30,7 @@ class RunRecorder:
     topics
         For every topic that has one message a tick: the loop topic, and the full name that it goes by.
     description
-        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.Run`.
+        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.RunPlan`.
     separate_process
         Whether a second process writes the bag: worth it where the loop keeps one core busy by itself.
 
