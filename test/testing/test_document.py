@@ -35,7 +35,7 @@ def test_readme_opens_a_run(pytester, kernel_cache, python_blocks):
     made = pytester.run(sys.executable, '-m', 'hdd_servo_ros.simulation.simulate', '--ros-args', *parameters)
     assert made.ret == 0
     script, _ = python_blocks('README.md')
-    printed = re.search('this prints `(.+)`', (ROOT / 'README.md').read_text('utf8')).group(1)
+    (printed,) = re.findall('this prints `(.+)`', (ROOT / 'README.md').read_text('utf8'))
     assert pytester.runpython_c(script).outlines == [printed]
 
 
