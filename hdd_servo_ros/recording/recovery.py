@@ -8,7 +8,7 @@ from typing import Any
 
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import CLOCK, LOOP_TOPICS, PARAMETER_EVENTS
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
@@ -114,7 +114,7 @@ class Recovery:
         """Return the loop topics' full names, by their own."""
         if 'topics' in self._said:
             return dict(self._said['topics'])
-        own = {topic.name for topic in LOOP_TOPICS}
+        own = {topic.name for topic in ALL_LOOP_TOPICS}
         return {name.rsplit('/', 1)[-1]: name for name in self._salvage.types if name.rsplit('/', 1)[-1] in own}
 
     def _tick_ns(self) -> int:

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from hdd_servo_ros import Run
+from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recovery import Recovery, RecoveryError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
@@ -211,6 +212,25 @@ def test_what_run_yaml_says_afterwards(runs, tmp_path):
     (run / 'run.yaml').write_text('')
     assert recover([str(run)]) == 0
     assert_mended(run, runs['mcap'], LAST_TICK)
+
+
+def test_a_disturbance_is_found_without_run_yaml(runs, tmp_path):
+    topics = {**Run.open(runs['mcap']).topics, '/disturbance': 'geometry_msgs/msg/Vector3Stamped'}
+    messages = Run.open(runs['mcap']).messages_by_topic()
+    messages['/disturbance'] = messages['/head']
+    run = tmp_path / 'run'
+    writer = BagWriter(run / 'bag', 'mcap', [(topic, kind, 1024) for topic, kind in topics.items()], {})
+    for index, topic in enumerate(topics):
+        times, payloads = messages[topic]
+        # The last tick has no disturbance any more.
+        count = len(times) - (topic == '/disturbance')
+        writer.write([index] * count, times[:count].tolist(), payloads[:count])
+    writer.close()
+    (run / 'bag' / 'metadata.yaml').unlink()
+    assert recover([str(run)]) == 0
+    assert read_run_yaml(run)['last_tick'] == LAST_TICK - 1
+    mended = Run.open(run)
+    assert mended.disturbance.force.tolist() == Run.open(runs['mcap']).head.position[:LAST_TICK].tolist()
 
 
 def test_a_whole_run_is_left_alone(runs, tmp_path, capsys):
