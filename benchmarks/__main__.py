@@ -22,7 +22,7 @@ import yaml
 
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
-from hdd_servo_ros.graph.catalogue import parameter_sets
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run, parameter_sets
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_writer import BagWriter
@@ -33,14 +33,7 @@ from hdd_servo_ros.simulation.run_setup import Simulation
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 DOCUMENT = ROOT / 'docs' / 'performance.md'
-NODES = (
-    'bag_recorder',
-    'adaptive_nn_controller',
-    'ldv_sensor',
-    'vcm_plant',
-    'reference_generator',
-    'deterministic_timer',
-)
+NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 STOCK_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer')
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.compiled import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -20,14 +21,7 @@ from hdd_servo_ros.testing.domain import take_domain
 
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'
-NODES = (
-    'bag_recorder',
-    'adaptive_nn_controller',
-    'ldv_sensor',
-    'vcm_plant',
-    'reference_generator',
-    'deterministic_timer',
-)
+NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 
 
 class Process:

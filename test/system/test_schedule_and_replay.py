@@ -141,12 +141,12 @@ def test_what_cannot_be_replayed(bench):
     path.write_text(yaml.safe_dump(said))
     code, text = replay(bench, 'run')
     assert code == 2
-    assert '/control, /estimates came from a node that run.yaml knows nothing of' in text
+    assert '/control, /estimates came from a node that run.yaml does not name' in text
     for content, words in (
         ('', 'does not describe a run'),
         ('{ : [', 'cannot be read'),
         (yaml.safe_dump({**said, 'last_tick': 'many'}), "last_tick is 'many'"),
-        (yaml.safe_dump({'status': 'finished'}), "run.yaml does not say 'nodes'"),
+        (yaml.safe_dump({'status': 'finished'}), "run.yaml does not say 'topics'"),
     ):
         path.write_text(content)
         code, text = replay(bench, 'run', '--without-ros')
