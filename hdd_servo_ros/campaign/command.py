@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn
@@ -31,7 +32,8 @@ def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
     int
         As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 130 if interrupted.
     """
-    signal.signal(signal.SIGTERM, _end)
+    if threading.current_thread() is threading.main_thread():  # Python allows no handlers elsewhere.
+        signal.signal(signal.SIGTERM, _end)
     try:
         return work()
     except (ParameterError, ArgumentError) as error:

@@ -14,8 +14,10 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration, PathJ
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.messages.topics import RECORDER
+from hdd_servo_ros.parameters.files import parse_ros_arguments
 
 PACKAGE = 'hdd_servo_ros'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -118,9 +120,8 @@ def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return every node of the graph as a process of its own."""
     controller = value(context, 'controller')
     node = CONTROLLERS.get(controller, 'outside_controller')
-    names = [
-        name for name in nodes_of_run({CONTROLLER: node}) if name != RECORDER or value(context, 'record') == 'true'
-    ]
+    roles = roles_of_run(node, parse_ros_arguments(['--ros-args', *_ros_arguments(context)]))
+    names = [name for name in nodes_of_run(roles) if name != RECORDER or value(context, 'record') == 'true']
     end = EndOfRun(len(names))
     named = {'outside_controller': [controller]}
     return [_node(context, name, [], end, arguments=named.get(name, [])) for name in names]
@@ -136,6 +137,15 @@ def value(context: LaunchContext, name: str) -> str:
     return str(LaunchConfiguration(name).perform(context))
 
 
+def _ros_arguments(context: LaunchContext) -> list[str]:
+    """Return the ROS arguments that all processes get."""
+    words = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
+    for name in _OF_NODES:
+        if value(context, name):
+            words += ['-p', f'{name}:={value(context, name)}']
+    return [*words, *shlex.split(value(context, 'ros_args'))]
+
+
 def _node(
     context: LaunchContext,
     executable: str,
@@ -143,16 +153,12 @@ def _node(
     end: 'EndOfRun',
     arguments: Sequence[str] = (),
 ) -> Node:
-    of_all = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
-    for name in _OF_NODES:
-        if value(context, name):
-            of_all += ['-p', f'{name}:={value(context, name)}']
     return Node(
         package=PACKAGE,
         executable=executable,
         namespace=value(context, 'namespace') or None,
         arguments=list(arguments),
-        ros_arguments=[*of_all, *ros_arguments, *shlex.split(value(context, 'ros_args'))],
+        ros_arguments=[*ros_arguments, *_ros_arguments(context)],
         output='both',
         on_exit=end,
         sigterm_timeout=_CLOSING,

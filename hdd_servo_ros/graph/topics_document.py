@@ -30,8 +30,7 @@ reliable and keep the last {QUEUE_DEPTH} messages. Units are those of a drive in
 others (`length_unit`, `control_unit`).
 
 A node reads a topic at tick k with a *delay* of d ticks if it needs the message of tick k - d; `lookahead` is its
-parameter. An *optional* topic is a
-topic of the loop in a run in which a node publishes it, and absent from others.
+parameter. An *optional* topic is a topic of the loop in a run in which a node publishes it, and absent from others.
 """
 _COMPONENTS = {CLOCK_TYPE: ('clock',), RECORDED.type_name: ('data',)}
 

@@ -49,8 +49,27 @@ class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
             return column
         raise AttributeError(f'no field {name!r}; there are {", ".join(self.fields) or "none"}')
 
+    def __getitem__(self, key: Any) -> Any:
+        found = super().__getitem__(key)
+        # Chosen or reordered columns are no longer those that the topic declares.
+        return found.view(np.ndarray) if isinstance(key, tuple) and isinstance(found, np.ndarray) else found
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        # What is computed from the rows of a topic has other fields, or none.
+        plain = array.view(np.ndarray)
+        return plain[()] if plain.ndim == 0 else plain
+
+    def __reduce__(self) -> Any:
+        return _unpickled, (self.view(np.ndarray), self.fields)
+
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]
+
+
+def _unpickled(rows: Array, fields: tuple[str, ...]) -> SignalArray:
+    view = rows.view(SignalArray)
+    view.fields = fields
+    return view
 
 
 class Signals(abc.ABC):

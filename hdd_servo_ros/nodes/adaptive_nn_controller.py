@@ -10,6 +10,7 @@ from std_srvs.srv import Trigger
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
@@ -28,9 +29,11 @@ class AdaptiveNnController(ControllerNode):
         self._at_start: AdaptiveNnParameters = self.parameters[AdaptiveNnParameters]
         self._first_r = 0.0
         self._margin: CertificateMargin | None = None
+        self._is_disturbed = False
 
     def prepare(self, run: RunPlan) -> None:
         super().prepare(run)
+        self._is_disturbed = run.publisher_of(self.resolve_topic_name(DISTURBANCE.name)) is not None
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]
 
@@ -68,7 +71,9 @@ class AdaptiveNnController(ControllerNode):
         found = self._margin.at(self.tick * self._ticks.sample_time, r)
         if found is None:
             return Diagnosis('certificate', OK, self._margin.why_not or 'not known yet')
-        effects = self._margin.not_covered(self.parameters[ControllerOutputParameters].dsp, self._dsp.saturated_samples)
+        dsp = self.parameters[ControllerOutputParameters].dsp
+        limited = self._dsp.saturated_samples
+        effects = self._margin.not_covered(dsp, limited, is_disturbed=self._is_disturbed)
         caveat = f', which does not cover {effects}' if effects else ''
         if found['margin'] < 0.0:
             return Diagnosis('certificate', WARN, f'outside the bound of theorem 4.1{caveat}', {**found, 'r': r})

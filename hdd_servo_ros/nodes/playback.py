@@ -3,12 +3,13 @@
 import sys
 from collections.abc import Sequence
 
+from hdd_servo_ros.graph.roles import RECORDED_RUN
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.run_parameters import PlaybackParameters
-from hdd_servo_ros.recording.playback import PARAMETER, Playback
+from hdd_servo_ros.recording.playback import Playback
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
@@ -26,7 +27,7 @@ class PlaybackNode(CatalogueNode):
         super().__init__('playback')
         recorded_run = self.parameters[PlaybackParameters].recorded_run
         if not recorded_run:
-            raise ParameterError(PARAMETER, recorded_run, 'the folder of a recorded run')
+            raise ParameterError(RECORDED_RUN, recorded_run, 'the folder of a recorded run')
         self._playback = Playback(recorded_run)
         # Of the topics that it may publish, those that the recorded run holds.
         self.outputs = self._playback.topics

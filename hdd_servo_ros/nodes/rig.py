@@ -6,10 +6,11 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, DISTURBANCE_SOURCE, NODES, nodes_of_run, resolve
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, nodes_of_run, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
+from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.messages.topics import RECORDER
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
@@ -17,7 +18,6 @@ from hdd_servo_ros.nodes.main import run_nodes
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.parameters.files import RosArguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
-from hdd_servo_ros.recording.playback import PARAMETER, PLAYBACK
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import last_ticks_needed
@@ -44,10 +44,7 @@ class Rig:
             # Before names are refused, for it may bring parameters of its own.
             custom = load_controller(controller)
         refuse_unknown(given.unknown, given.as_mapping())
-        roles = {CONTROLLER: CONTROLLERS[controller] if custom is None else custom.node}
-        if arguments.parameters_of(PLAYBACK).get(PARAMETER):
-            roles[DISTURBANCE_SOURCE] = PLAYBACK
-        names = nodes_of_run(roles)
+        names = nodes_of_run(roles_of_run(CONTROLLERS[controller] if custom is None else custom.node, arguments))
         self.nodes: list[LoopNode] = [
             OutsideControllerNode(custom) if custom is not None and name == custom.node else make_node(name)
             for name in names

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.graph.roles import RECORDED_RUN
 from hdd_servo_ros.messages.topics import OPTIONAL_TOPICS, LoopTopic
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import DescriptionError
-
-PLAYBACK, PARAMETER = 'playback', 'recorded_run'
 
 
 class Playback:
@@ -37,14 +36,14 @@ class Playback:
             self._rows = {topic.name: self._run[topic.name] for topic in self.topics}
             columns = {topic.name: self._run.column(topic.name).payloads for topic in self.topics}
         except (OSError, BagError, DescriptionError) as error:
-            raise ParameterError(PARAMETER, path, f'a recorded run: {error}') from None
+            raise ParameterError(RECORDED_RUN, path, f'a recorded run: {error}') from None
         if not self.topics:
             names = ', '.join(f'/{topic.name}' for topic in OPTIONAL_TOPICS)
-            raise ParameterError(PARAMETER, path, f'a run that holds one of {names}')
+            raise ParameterError(RECORDED_RUN, path, f'a run that holds one of {names}')
         self._messages: dict[str, NDArray[np.uint8]] = {}
         for name, payloads in columns.items():
             if isinstance(payloads, list):
-                raise ParameterError(PARAMETER, path, f'a run whose messages on /{name} have one size')
+                raise ParameterError(RECORDED_RUN, path, f'a run whose messages on /{name} have one size')
             self._messages[name] = payloads
 
     def check(self, sample_time: float, last_tick: int) -> None:
@@ -63,11 +62,11 @@ class Playback:
         """
         if self._run.sample_time != sample_time:
             allowed = f'a run with sample_time = {sample_time!r} s; that one has {self._run.sample_time!r} s'
-            raise ParameterError(PARAMETER, self._path, allowed)
+            raise ParameterError(RECORDED_RUN, self._path, allowed)
         ticks = self._run.ticks
         if ticks[0] != 0 or len(ticks) != ticks[-1] + 1 or ticks[-1] < last_tick:
             allowed = f'a run that holds the ticks 0 to {last_tick}; that one holds {ticks[0]} to {ticks[-1]}'
-            raise ParameterError(PARAMETER, self._path, allowed)
+            raise ParameterError(RECORDED_RUN, self._path, allowed)
 
     def rows(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.float64]:
         """Return the values of a topic at consecutive ticks, shape (count, 3)."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from hdd_servo_ros.messages.errors import RunError
-from hdd_servo_ros.messages.topics import RECORDED
+from hdd_servo_ros.messages.topics import RECORDED, RECORDER
 from hdd_servo_ros.parameters.run_parameters import SampleTimeParameters, TimerParameters
 from hdd_servo_ros.ros.announcement import READY
 from hdd_servo_ros.ros.loop_input import Input
@@ -13,7 +13,6 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import Member
 from hdd_servo_ros.ros.publishers import UNDISCOVERED_NODE, publishers_of
 
-RECORDER = 'bag_recorder'
 _EXTERNAL_AFTER = 5.0
 """
 How long a publisher may go unannounced before it counts as an external, ordinary ROS node that keeps to the stamps [s].

@@ -164,7 +164,7 @@ class Experiment:
         Raises
         ------
         ValueError
-            If ``first_tick`` is not the one after the last.
+            If ``first_tick`` is not the one after the last, or the disturbance has another shape than (n, 3).
         ControllerError
             If a controller from outside fails; ``rows``, if given, then hold the ticks before that one.
         """
@@ -175,7 +175,13 @@ class Experiment:
             self.empty_rows(first_tick, count) if rows is None or len(rows) != count else rows.starting_at(first_tick)
         )
         if self._disturbance is not None and count:
-            rows.disturbance[:] = self._disturbance.rows(first_tick, count)
+            found = self._disturbance.rows(first_tick, count)
+            if np.shape(found) != rows.disturbance.shape:
+                raise ValueError(
+                    f'/disturbance: the rows of ticks {first_tick} to {first_tick + count - 1} have shape '
+                    f'{np.shape(found)}, not {rows.disturbance.shape}'
+                )
+            rows.disturbance[:] = found
         if self._kind is None:
             self._run_from_python(rows)
         else:

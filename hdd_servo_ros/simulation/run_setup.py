@@ -20,6 +20,7 @@ from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
+from hdd_servo_ros.graph.roles import PLAYBACK
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -35,7 +36,7 @@ from hdd_servo_ros.parameters.run_parameters import (
     last_tick_of_run,
 )
 from hdd_servo_ros.parameters.schedule import Step, plan, refuse_unknown_nodes
-from hdd_servo_ros.recording.playback import PLAYBACK, Playback
+from hdd_servo_ros.recording.playback import Playback
 from hdd_servo_ros.simulation.experiment import Experiment
 
 CHUNK = 4096

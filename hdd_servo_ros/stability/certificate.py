@@ -119,7 +119,7 @@ def certify(
     ------
     ParameterError
         If the theorem does not cover this controller at all.
-    ReplayError
+    WeightReplayError
         If the controller's states cannot be recovered.
     """
     mass = 1.0 / plant.rigid_gain

@@ -58,9 +58,9 @@ class CertificateMargin:
             self._monitor = monitor
 
     @staticmethod
-    def not_covered(dsp: DspParameters, limited_commands: int) -> str:
+    def not_covered(dsp: DspParameters, limited_commands: int, *, is_disturbed: bool) -> str:
         """
-        Return what the theorem does not cover of a controller's way out, empty if that is nothing.
+        Return what the theorem does not cover of a loop, empty if that is nothing.
 
         Parameters
         ----------
@@ -68,11 +68,14 @@ class CertificateMargin:
             What lies between the controller's law and `/control`.
         limited_commands
             How many commands were limited so far, by the controller or behind it.
+        is_disturbed
+            Whether a node publishes `/disturbance`, whose bound the controller does not know.
         """
         effects = {
             'saturation': limited_commands > 0,
             'dsp.dac_bits': dsp.dac_bits > 0,
             'dsp.computation_delay': dsp.computation_delay > 0,
+            '/disturbance': is_disturbed,
         }
         return ', '.join(name for name, is_on in effects.items() if is_on)
 

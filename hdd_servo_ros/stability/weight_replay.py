@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _PIECE = 8192
 
 
-class ReplayError(ValueError):
+class WeightReplayError(ValueError):
     """A replay that does not give what was recorded."""
 
 
@@ -53,7 +53,7 @@ def replay_weights(
 
     Raises
     ------
-    ReplayError
+    WeightReplayError
         If the replay differs from the record; says where and what.
     """
     controller = AdaptiveNn(parameters, sample_time)
@@ -64,7 +64,7 @@ def replay_weights(
     recorded = np.column_stack((estimates, control))
     inputs = np.column_stack((ldv[:, :2], reference))
     if recorded.shape[1] != replayed.shape[1]:
-        raise ReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(names)}')
+        raise WeightReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(names)}')
     for start in range(0, len(inputs), _PIECE):
         piece = slice(start, min(start + _PIECE, len(inputs)))
         weights = np.empty((piece.stop - start, len(controller.weights)))
@@ -78,7 +78,7 @@ def replay_weights(
         if len(wrong):
             row, column = (int(index) for index in wrong[0])
             name = (*names, 'u', 'u before the limit', '-k r')[column]
-            raise ReplayError(
+            raise WeightReplayError(
                 f'replayed from the bag, the controller does not do what was recorded: at tick {start + row} {name} is '
                 f'{float(replayed[row, column])!r}, but {float(recorded[start + row, column])!r} was recorded'
             )

@@ -27,7 +27,7 @@ from hdd_servo_ros.parameters import ParameterError, with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.stability.certificate import Certificate, Condition, certify, conditions
-from hdd_servo_ros.stability.weight_replay import ReplayError
+from hdd_servo_ros.stability.weight_replay import WeightReplayError
 
 CONTROLLER, DRIVE, SENSOR = 'adaptive_nn_controller', 'vcm_plant', 'ldv_sensor'
 _POINTS = 4000
@@ -60,7 +60,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
 
     Raises
     ------
-    CertificateError, ParameterError, ReplayError
+    CertificateError, ParameterError, WeightReplayError
         If the theorem says nothing of this run, or its states cannot be recovered.
     FileNotFoundError, ValueError
         If there is no readable run.
@@ -76,8 +76,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
             f'{directory}: parameters of {", ".join(sorted(changed))} changed during the run; the theorem is about '
             'one set of constants'
         )
-    outputs = {topic.rsplit('/', 1)[-1] for node in nodes.values() for topic in node['outputs']}
-    if DISTURBANCE.name in outputs and extra_disturbance is None:
+    if DISTURBANCE.name in run['topics'] and extra_disturbance is None:
         raise CertificateError(f'{directory}: a node published {DISTURBANCE.name}: say its bound with --disturbance')
     of_controller = with_tuples(nodes[CONTROLLER]['parameters'])
     controller = block_parameters(CONTROLLER, of_controller)
@@ -211,7 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(table(report))
         picture = options.run / 'certificate.png'
         draw(report, picture)
-    except (CertificateError, ParameterError, ReplayError, OSError, ValueError) as error:
+    except (CertificateError, ParameterError, WeightReplayError, OSError, ValueError) as error:
         print(f'stability_certificate: {error}', file=sys.stderr)
         return 2
     print(f'\npicture  {picture}')

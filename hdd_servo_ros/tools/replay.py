@@ -52,36 +52,36 @@ class Recording:
 
     def __init__(self, run: Path) -> None:
         self.run = run
-        said = self.said = read_run_yaml(run)
-        optional = {name for topic, name in said['topics'].items() if topic in _OPTIONAL_NAMES}
+        metadata = self.metadata = read_run_yaml(run)
+        optional = {name for topic, name in metadata['topics'].items() if topic in _OPTIONAL_NAMES}
         self.nodes: dict[str, dict[str, Any]] = {
             name: node
-            for name, node in said['nodes'].items()
+            for name, node in metadata['nodes'].items()
             if not node['outputs'] or not optional.issuperset(node['outputs'])
         }
         """The nodes that run again; those that publish optional topics alone are played back."""
-        if said['status'] == RUNNING:
+        if metadata['status'] == RUNNING:
             raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` mends it')
-        if said['last_tick'] is None or said['last_tick'] < 0:
+        if metadata['last_tick'] is None or metadata['last_tick'] < 0:
             raise ReplayError(f'{run}: it holds no tick')
         external = [
             name
-            for topic, name in said['topics'].items()
+            for topic, name in metadata['topics'].items()
             if topic not in _OPTIONAL_NAMES and not self._is_published(name)
         ]
         if external:
             raise ReplayError(
                 f'{run}: {", ".join(external)} came from a node that run.yaml does not name, so it cannot be replayed'
             )
-        self.played = [topic for topic in said['topics'] if topic in _OPTIONAL_NAMES]
+        self.played = [topic for topic in metadata['topics'] if topic in _OPTIONAL_NAMES]
         """The optional topics of the run."""
         timers = [name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER]
         if len(timers) != 1:
             raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
         self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
-        self.last_tick: int = said['last_tick']
-        self.sample_time: float = said['sample_time']
+        self.last_tick: int = metadata['last_tick']
+        self.sample_time: float = metadata['sample_time']
 
     def _is_published(self, topic: str) -> bool:
         return any(topic in node['outputs'] for node in self.nodes.values())
@@ -97,7 +97,9 @@ class Recording:
         seen = {(change.time_ns, change.node, name) for change in changes for name in change.values}
         # A run that was cut short may have lost the event of a change that its schedule knows of.
         planned = parse_schedule(
-            self.nodes[self.timer]['parameters'].get('schedule', ()), self.sample_time, self.said['last_tick_planned']
+            self.nodes[self.timer]['parameters'].get('schedule', ()),
+            self.sample_time,
+            self.metadata['last_tick_planned'],
         )
         lost = [
             NodeChange(node, change.tick * step, {change.name: _value(change.value)})
@@ -131,21 +133,21 @@ class Recording:
             played = {'recorded_run': str(self.run.resolve())}
             content[f'{self.namespace}/playback'] = {'ros__parameters': played}
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
-        rig = {'controller': self.said.get('controller_class', self.said['controller']), 'plot': False}
+        rig = {'controller': self.metadata.get('controller_class', self.metadata['controller']), 'plot': False}
         return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
 
     def remaps(self) -> list[str]:
         """Return the ROS arguments that give namespace and topics the names that they had."""
         arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
         own = {topic.name for topic in ALL_LOOP_TOPICS}
-        for topic, name in self.said['topics'].items():
+        for topic, name in self.metadata['topics'].items():
             if topic in own and name != f'{self.namespace}/{topic}':
                 arguments += ['-r', f'{topic}:={name}']
         return arguments
 
     def differing_versions(self) -> Iterator[str]:
         """Iterate over what is another version here than when the run was recorded, in words."""
-        recorded = {**self.said.get('versions', {}), 'git revision': self.said.get('git_revision', 'unknown')}
+        recorded = {**self.metadata.get('versions', {}), 'git revision': self.metadata.get('git_revision', 'unknown')}
         here = {**versions(), 'git revision': git_revision()}
         for name in sorted(recorded.keys() & here.keys()):
             if recorded[name] != here[name]:

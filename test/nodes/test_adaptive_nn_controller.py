@@ -36,27 +36,30 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
 
 
 @pytest.mark.parametrize(
-    ('values', 'limited', 'said'),
+    ('values', 'limited', 'is_disturbed', 'said'),
     [
-        ({}, 0, 'theorem 4.1'),
-        ({'dac_range': 10.0}, 0, 'theorem 4.1'),
-        ({}, 3, 'theorem 4.1, which does not cover saturation'),
-        ({'computation_delay': 1}, 0, 'theorem 4.1, which does not cover dsp.computation_delay'),
+        ({}, 0, False, 'theorem 4.1'),
+        ({'dac_range': 10.0}, 0, False, 'theorem 4.1'),
+        ({}, 3, False, 'theorem 4.1, which does not cover saturation'),
+        ({}, 0, True, 'theorem 4.1, which does not cover /disturbance'),
+        ({'computation_delay': 1}, 0, False, 'theorem 4.1, which does not cover dsp.computation_delay'),
         (
             {'dac_bits': 16, 'dac_range': 10.0, 'computation_delay': 1},
             0,
+            False,
             'theorem 4.1, which does not cover dsp.dac_bits, dsp.computation_delay',
         ),
     ],
 )
 @pytest.mark.parametrize(('r', 'level', 'where'), [(10.0, OK, 'inside'), (1e12, WARN, 'outside')])
-def test_the_certificate_says_what_it_does_not_cover(values, limited, said, r, level, where, margin):
+def test_the_certificate_says_what_it_does_not_cover(values, limited, is_disturbed, said, r, level, where, margin):
     node = SimpleNamespace(
         tick=1,
         changes=(),
         parameters={ControllerOutputParameters: ControllerOutputParameters(dsp=DspParameters(**values))},
         _drive={'parameters': {}},
         _margin=margin,
+        _is_disturbed=is_disturbed,
         _ticks=SimpleNamespace(sample_time=1e-4),
         _controller=SimpleNamespace(estimates=np.full(len(AdaptiveNn.estimate_names), r)),
         _dsp=SimpleNamespace(saturated_samples=limited),

@@ -146,3 +146,13 @@ def test_of_a_playback_all_ticks_are_there(shaken):
     assert np.frombuffer(message[-24:])[0] == Shaker().rows(5, 1)[0, 0]
     with pytest.raises(ParameterError, match='ticks 0 to 301'):
         playback.check(T, TICKS + 1)
+
+
+@pytest.mark.parametrize('shape', [(9, 3), (10, 1), (10,)])
+def test_rows_of_another_shape_are_refused(shape):
+    class Wrong:
+        def rows(self, first_tick, count):
+            return np.zeros(shape)
+
+    with pytest.raises(ValueError, match=r'/disturbance: the rows of ticks 0 to 9 have shape .*, not \(10, 3\)'):
+        Experiment(T, disturbance=Wrong()).run(0, 10)

@@ -8,7 +8,7 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.stability.weight_replay import ReplayError, replay_weights
+from hdd_servo_ros.stability.weight_replay import WeightReplayError, replay_weights
 
 T = 1e-4
 SCALES = SensorScales(8.0, 5000.0)
@@ -50,11 +50,11 @@ def test_a_record_that_does_not_fit_is_refused(recorded):
     rows, _ = recorded
     estimates = rows['estimates'].copy()
     estimates[8500, 4] = np.nextafter(estimates[8500, 4], 1.0)
-    with pytest.raises(ReplayError, match='tick 8500 phi_hat is'):
+    with pytest.raises(WeightReplayError, match='tick 8500 phi_hat is'):
         replayed(rows, estimates=estimates)
-    with pytest.raises(ReplayError, match='at tick 0 position_width is'):
+    with pytest.raises(WeightReplayError, match='at tick 0 position_width is'):
         replayed(rows, from_mapping(AdaptiveNnParameters, VALUES | {'network.width': (0.7,)}))
-    with pytest.raises(ReplayError, match='3 estimates'):
+    with pytest.raises(WeightReplayError, match='3 estimates'):
         replayed(rows, estimates=estimates[:, :3])
 
 
@@ -75,9 +75,9 @@ def test_a_run_through_the_dsp_is_replayed_to_the_bit(values, recorded):
     dsp = DspParameters(**values)
     # It raises where one bit of one recorded number differs.
     assert sum(len(weights) for _, weights, _ in replayed(rows, dsp=dsp)) == 3000
-    with pytest.raises(ReplayError, match='does not do what was recorded'):
+    with pytest.raises(WeightReplayError, match='does not do what was recorded'):
         replayed(rows)
     control = rows.control.copy()
     control[2500, 0] = np.nextafter(control[2500, 0], 1.0)
-    with pytest.raises(ReplayError, match='at tick 2500 u is'):
+    with pytest.raises(WeightReplayError, match='at tick 2500 u is'):
         replayed(rows, dsp=dsp, control=control)
