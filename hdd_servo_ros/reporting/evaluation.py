@@ -15,9 +15,18 @@ LONGEST_TRANSIENT = 2.0
 """What counts as transient in a long run [s]; in a short one it is the first half."""
 
 
-def transient_of(duration: float) -> float:
-    """Return the time before which errors of a run of a duration do not count [s]."""
-    return min(0.5 * duration, LONGEST_TRANSIENT)
+def transient_of(duration: float, last_change: float = 0.0) -> float:
+    """
+    Return the time before which errors of a run do not count [s].
+
+    Parameters
+    ----------
+    duration
+        Of the whole run [s].
+    last_change
+        Time of the last change of the reference [s], which starts anew then; 0 if there was none.
+    """
+    return max(min(0.5 * duration, LONGEST_TRANSIENT), last_change)
 
 
 def follows_reference(run: RecordedRun) -> bool:
@@ -39,10 +48,8 @@ def transient_end(run: RecordedRun, after: float | None = None) -> float:
     """
     if after is not None:
         return after
-    transient = transient_of(run.duration)
     changes = [change.tick for change in run.parameter_changes if change.node.endswith(f'/{REFERENCE_GENERATOR}')]
-    # A reference that was changed later starts anew then.
-    return max(transient, changes[-1] * run.sample_time) if changes else transient
+    return transient_of(run.duration, changes[-1] * run.sample_time if changes else 0.0)
 
 
 def steady_start(run: RecordedRun, after: float | None = None) -> int:

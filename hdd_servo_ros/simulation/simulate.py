@@ -22,7 +22,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.run_recorder import RunRecorder
-from hdd_servo_ros.reporting.evaluation import transient_of
+from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, transient_of
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import write_response
 from hdd_servo_ros.reporting.run_sums import RunSums
@@ -61,7 +61,7 @@ class SimulatedRun:
         self._packer = Packer(
             topics, simulation.timer.sample_time, simulation.frame_id, self._experiment.controller.estimate_names
         )
-        self.sums = RunSums(self._metadata(), transient_of(simulation.last_tick * simulation.timer.sample_time))
+        self.sums = RunSums(self._metadata(), self._transient())
         self._warned: frozenset[str] = frozenset()
         self._started = time.monotonic()
 
@@ -112,6 +112,12 @@ class SimulatedRun:
         for output in sorted(warnings.keys() - self._warned):
             print(f'simulate: warning: ldv_sensor: {warnings[output]}', file=sys.stderr)
         self._warned = frozenset(warnings)
+
+    def _transient(self) -> float:
+        """Return the time before which errors do not count [s]; the schedule must still be whole."""
+        changes = [step.tick for node, step in self._simulation.schedule if node == REFERENCE_GENERATOR]
+        sample_time = self._simulation.timer.sample_time
+        return transient_of(self._simulation.last_tick * sample_time, max(changes, default=0) * sample_time)
 
     def _metadata(self) -> dict[str, Any]:
         return {'controller': self._simulation.rig.controller, **self._simulation.description()}

@@ -56,9 +56,18 @@ def summary_lines(text):
     return dict(line.strip().split('  ', 1) for line in text.splitlines())
 
 
-def test_a_run_that_is_not_recorded_prints_the_same_summary(tmp_path, capsys):
+@pytest.mark.parametrize(
+    'more',
+    [
+        (),
+        ('-p', "schedule:=['0.3 reference_generator amplitude 1.0']"),
+        ('-p', "schedule:=['0.7 reference_generator amplitude 1.0','0.9 ldv_sensor noise false']"),
+    ],
+    ids=['no change', 'early change', 'late change'],
+)
+def test_a_run_that_is_not_recorded_prints_the_same_summary(tmp_path, capsys, more):
     """From its rows, piece by piece, what the recorded one prints from its bag."""
-    arguments = ['--ros-args', '-p', 'duration:=1.0', '-p', 'progress:=false', '-p', 'plot:=false']
+    arguments = ['--ros-args', '-p', 'duration:=1.0', '-p', 'progress:=false', '-p', 'plot:=false', *more]
     assert main([*arguments, '-p', f'run_dir:={tmp_path / "run"}']) == 0
     recorded = summary_lines(capsys.readouterr().out)
     assert main([*arguments, '-p', 'record:=false']) == 0
