@@ -43,6 +43,11 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
     return lines
 
 
+def response_line(response: FrequencyResponse) -> str:
+    """Return the line that stands for the summary of a sweep, which follows no reference."""
+    return f'{"response":>16}  {describe(response)}'
+
+
 def describe(response: FrequencyResponse) -> str:
     """Return a measured response in a few words."""
     lowest, highest = response.frequency[0], response.frequency[-1]

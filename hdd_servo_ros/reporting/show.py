@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.response import CSV, describe
+from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.summary import summary
 
@@ -13,7 +13,7 @@ def show_run(directory: Path, *, plot: bool) -> None:
     """Print the summary of a recorded run, and draw it into its folder as ``run.png`` if asked to."""
     if (directory / CSV).is_file():
         # A sweep follows no reference: what there is to show has been written when it ended.
-        print(f'{"response":>16}  {describe(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
+        print(f'{response_line(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory))

@@ -21,10 +21,10 @@ from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
-from hdd_servo_ros.recording.run_recorder import RunRecorder
+from hdd_servo_ros.recording.run_recorder import RunRecorder, controller_name
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, transient_of
 from hdd_servo_ros.reporting.progress import Progress
-from hdd_servo_ros.reporting.response import write_response
+from hdd_servo_ros.reporting.response import response_line, write_response
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.simulation.interrupts import Interrupts, interrupts
@@ -120,10 +120,14 @@ class SimulatedRun:
         return transient_of(self._simulation.last_tick * sample_time, max(changes, default=0) * sample_time)
 
     def _metadata(self) -> dict[str, Any]:
-        return {'controller': self._simulation.rig.controller, **self._simulation.description()}
+        return {'controller': controller_name(self._simulation.nodes), **self._simulation.description()}
 
     def summary(self, outcome: Outcome) -> str:
-        """Return the summary of a run that was not recorded."""
+        """Return the summary of a run that was not recorded; of a sweep that has measured something, that."""
+        if isinstance(self._experiment.controller, SignalAnalyzer):
+            response = self._experiment.controller.response()
+            if len(response.frequency):
+                return response_line(response)
         looped = max(time.monotonic() - self._started, 1e-9)
         ended = {
             'status': outcome.status,

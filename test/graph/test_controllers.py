@@ -15,8 +15,9 @@ from hdd_servo_ros.graph.known_parameters import node_declarations, refuse_unkno
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.simulation.interrupts import interrupts
 from hdd_servo_ros.simulation.run_setup import Simulation
-from hdd_servo_ros.simulation.simulate import main, simulate
+from hdd_servo_ros.simulation.simulate import SimulatedRun, main, simulate
 
 T = 1e-4
 MODULE = (f'module_of_test_controllers_{number}' for number in itertools.count())
@@ -246,6 +247,14 @@ def test_its_parameters_are_taken_and_refused_like_any(tmp_path):
         simulation(tmp_path, module, '-p', 'spring:stiffness:=-1.0')
     with pytest.raises(ParameterError, match='did you mean stiffness'):
         simulation(tmp_path, module, '-p', 'spring:stifness:=1.0')
+
+
+def test_a_summary_without_a_record_names_its_node(tmp_path):
+    made = simulation(tmp_path, write(tmp_path), '-p', 'record:=false')
+    run = SimulatedRun(made)
+    with interrupts() as requests:
+        outcome = run.run(requests, None)
+    assert 'controller  spring, drive' in run.summary(outcome)
 
 
 def test_run_yaml_says_which_class_it_was(tmp_path):

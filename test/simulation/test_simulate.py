@@ -79,6 +79,18 @@ def test_a_run_that_is_not_recorded_prints_the_same_summary(tmp_path, capsys, mo
     }
 
 
+def test_a_sweep_that_is_not_recorded_prints_the_same_response(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ['controller:=signal_analyzer', 'duration:=0.0', 'start_frequency:=2000.0', 'stop_frequency:=4000.0']
+    words += ['points_per_decade:=[10]', 'settle_time:=0.002', 'integrate_time:=0.002']
+    words += ['progress:=false', 'plot:=false']
+    arguments = ['--ros-args', *(word for value in words for word in ('-p', value))]
+    assert main([*arguments, '-p', 'run_dir:=run']) == 0
+    recorded = summary_lines(capsys.readouterr().out)
+    assert main([*arguments, '-p', 'record:=false']) == 0
+    assert summary_lines(capsys.readouterr().out) == {'response': recorded['response']}
+
+
 def test_a_run_off_the_main_thread(tmp_path):
     """Python allows signal handlers on the main thread alone; a run elsewhere does without."""
     directory = tmp_path / 'run'
