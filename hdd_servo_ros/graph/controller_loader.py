@@ -26,6 +26,12 @@ ENTRY_POINTS = 'hdd_servo_ros.controllers'
 
 _STEP_ARGUMENTS = ('inputs',)
 _FORMER_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
+_CHANGED_STEP = (
+    'step takes one argument now: inputs, with inputs.tick, inputs.position [um] and '
+    'inputs.velocity [um/s] (or inputs.displacement_volts and inputs.velocity_volts [V]), '
+    'inputs.desired_position [um], inputs.desired_velocity [um/s] and inputs.desired_acceleration [um/s^2]; '
+    'see docs/write-your-own-controller.md'
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +66,16 @@ class ControllerKind:
         try:
             made.step(NO_INPUTS)
         except ControllerError as error:
-            raise _refused(self.name, f'tried with zeros: {error}') from error
+            raise self.refused_trial(error) from error
         return made
+
+    def refused_trial(self, error: ControllerError) -> ParameterError:
+        """Return the error of a failed step with zeros, with what to change if ``step`` can take six arguments."""
+        signature = _signature_of(self.kind.step)
+        # The former arguments may hide behind *args or defaults, where only the trial finds them.
+        former = signature is not None and _takes(signature, ('self', *_FORMER_STEP_ARGUMENTS))
+        hint = f'; {self.kind.__name__}.{_CHANGED_STEP}' if former else ''
+        return _refused(self.name, f'tried with zeros: {error}{hint}')
 
     def offers(self) -> dict[str, str]:
         """Return what ``run.yaml`` says of it: where the class was found, and the digest of its file."""
@@ -117,7 +131,7 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
         if not callable(getattr(kind, method, None)):
             raise _refused(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
         if method == 'step':
-            _refuse_former_step(name, kind)
+            _refuse_former_step(name, kind.__name__, _signature_of(getattr(kind, method)), ('self',))
         _check_call(name, getattr(kind, method), f'{kind.__name__}.{method}', ('self', *arguments))
     _check_call(name, kind, kind.__name__, ('parameters', 'sample_time'))
     parameters = _parameters_of(kind, name)
@@ -131,6 +145,12 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
     except ValueError as error:
         raise _refused(name, f'{error}; give class {kind.__name__} an attribute node_name') from None
     return ControllerKind(name, node, kind, parameters)
+
+
+def refuse_former_object(controller: object) -> None:
+    """Refuse an object whose ``step`` takes the six arguments that it took once; raises :class:`ParameterError`."""
+    name = type(controller).__name__
+    _refuse_former_step(name, name, _signature_of(getattr(controller, 'step', None)), ())
 
 
 def snake_case(name: str) -> str:
@@ -173,22 +193,22 @@ def _import(name: str, module: str) -> Any:
         raise _refused(name, f'importing {module} raised {described(error)}') from error
 
 
-def _refuse_former_step(name: str, kind: type[Any]) -> None:
-    """Refuse a class whose ``step`` takes the six arguments that it took once, and say what to change."""
+def _signature_of(function: Any) -> inspect.Signature | None:
+    """Return a function's signature, None if nothing is known of it, as of a compiled one."""
     try:
-        signature = inspect.signature(kind.step)
-    except ValueError:  # of a compiled one nothing is known
+        return inspect.signature(function)
+    except (TypeError, ValueError):
+        return None
+
+
+def _refuse_former_step(name: str, kind: str, step: inspect.Signature | None, before: tuple[str, ...]) -> None:
+    """Refuse a ``step`` that takes the former six arguments behind those ``before``, and say what to change."""
+    if step is None:
         return
-    if list(signature.parameters)[1:2] == ['tick'] or (
-        _takes(signature, ('self', *_FORMER_STEP_ARGUMENTS)) and not _takes(signature, ('self', *_STEP_ARGUMENTS))
+    if list(step.parameters)[len(before) : len(before) + 1] == ['tick'] or (
+        _takes(step, (*before, *_FORMER_STEP_ARGUMENTS)) and not _takes(step, (*before, *_STEP_ARGUMENTS))
     ):
-        raise _refused(
-            name,
-            f'{kind.__name__}.step takes one argument now: inputs, with inputs.tick, inputs.position [um] and '
-            'inputs.velocity [um/s] (or inputs.displacement_volts and inputs.velocity_volts [V]), '
-            'inputs.desired_position [um], inputs.desired_velocity [um/s] and inputs.desired_acceleration [um/s^2]; '
-            'see docs/write-your-own-controller.md',
-        )
+        raise _refused(name, f'{kind}.{_CHANGED_STEP}')
 
 
 def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
@@ -201,11 +221,8 @@ def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
 
 def _check_call(name: str, function: Any, shown: str, arguments: Sequence[str]) -> None:
     """Refuse a function that cannot be called with so many arguments."""
-    try:
-        signature = inspect.signature(function)
-    except ValueError:  # of a compiled one nothing is known
-        return
-    if not _takes(signature, arguments):
+    signature = _signature_of(function)
+    if signature is not None and not _takes(signature, arguments):
         raise _refused(name, f'{shown}{signature} cannot be called with ({", ".join(arguments)})')
 
 

@@ -38,7 +38,7 @@ class OutsideControllerNode(ControllerNode):
         try:
             super().__init__(kind.node, kind.make)
         except ControllerError as error:
-            raise ParameterError('controller', kind.name, f'tried with zeros: {error}') from error
+            raise kind.refused_trial(error) from error
 
     def offers(self) -> dict[str, str]:
         return self._outside.offers()

@@ -17,7 +17,7 @@ from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
 from hdd_servo_ros.graph.catalogue import NODES, resolve
-from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.graph.controller_loader import load_controller, refuse_former_object
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units
@@ -58,7 +58,8 @@ class Experiment:
     Raises
     ------
     ParameterError
-        If a value is refused or a name unknown; the name is preceded by its node's.
+        If a value is refused or a name unknown; the name is preceded by its node's. If the ``step`` of a controller
+        given as an object takes six arguments, as it once did.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class Experiment:
             dsp = dsp_parameters(outside.node, own)
             scales = input_parameters(outside.node, own)
         else:
+            refuse_former_object(controller)
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
         if isinstance(self.controller, KnowsOutputLimit):

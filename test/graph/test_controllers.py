@@ -170,6 +170,22 @@ def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, 
     assert errors.count('\n') == 1
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'law', 'hinted'),
+    [
+        ('*args', '(k, x, v, *reference) = args', True),
+        ('k, x=0.0, v=0.0, x_d=0.0, dx_d=0.0, ddx_d=0.0', 'k * 1e-4', True),
+        ('inputs', '(k, x, v, *reference) = inputs.tick', False),
+    ],
+)
+def test_former_arguments_that_only_a_trial_finds_are_refused_with_what_to_change(tmp_path, arguments, law, hinted):
+    error = 'e = inputs.position - inputs.desired_position'
+    module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {arguments})'), (error, law))
+    with pytest.raises(ParameterError, match=r'tried with zeros: spring: step raised (Type|Value)Error') as refused:
+        simulation(tmp_path, module)
+    assert ('; Spring.step takes one argument now: inputs, with' in str(refused.value)) == hinted
+
+
 @pytest.mark.parametrize('arguments', ['inputs', 'measured', '*arguments', 'inputs, gain=1.0'])
 def test_step_with_one_argument_of_any_name(tmp_path, arguments):
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {arguments})'))
