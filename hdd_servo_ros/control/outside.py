@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.control.controller import KnowsOutputLimit, WarnsBeforeRun
+from hdd_servo_ros.control.controller import HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.parameters import ParameterError
 
@@ -28,8 +28,10 @@ class OutsideController:
     The class is constructed with its parameters and T [s], and has ``update(parameters)`` and ``step(inputs)``, which
     returns u [V], or the three voltages of the protocol. It may name further signals in ``estimate_names`` and keep
     them in ``estimates``; the time of the tick is put in front of them if it is not there. It may satisfy
-    :class:`~hdd_servo_ros.control.controller.KnowsOutputLimit` and
-    :class:`~hdd_servo_ros.control.controller.WarnsBeforeRun`; the adapter then satisfies them too, and else does not.
+    :class:`~hdd_servo_ros.control.controller.KnowsOutputLimit`,
+    :class:`~hdd_servo_ros.control.controller.WarnsBeforeRun`,
+    :class:`~hdd_servo_ros.control.controller.ReportsFault` and
+    :class:`~hdd_servo_ros.control.controller.HasPlan`; the adapter then satisfies them too, and else does not.
 
     Parameters
     ----------
@@ -45,7 +47,7 @@ class OutsideController:
     Raises
     ------
     ParameterError
-        If the class cannot be constructed, or its ``estimate_names`` are no names.
+        If the class cannot be constructed, its ``estimate_names`` are no names, or its ``last_tick`` is no tick.
     """
 
     def __init__(self, name: str, kind: type[Any], parameters: Any, sample_time: float) -> None:
@@ -63,6 +65,10 @@ class OutsideController:
             self.limit_output = self._limit_output
         if isinstance(self._block, WarnsBeforeRun):
             self.warnings = self._block.warnings
+        if isinstance(self._block, ReportsFault):
+            self.fault = self._fault
+        if isinstance(self._block, HasPlan):
+            self.last_tick = self._planned_last_tick()
         names = getattr(self._block, 'estimate_names', ())
         if isinstance(names, str) or not all(isinstance(element, str) for element in names):
             raise ParameterError('controller', name, f'its estimate_names = {names!r} are no tuple of texts')
@@ -76,6 +82,26 @@ class OutsideController:
             self._block.limit_output(limit)
         except Exception as error:
             raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
+
+    def _fault(self) -> str:
+        # The run has failed already: what is wrong with the reason must not hide that, and is the reason then.
+        try:
+            reason = self._block.fault()
+        except Exception as error:
+            return str(ControllerError(self._name, self._tick, f'fault raised {described(error)}'))
+        if not isinstance(reason, str):
+            return str(ControllerError(self._name, self._tick, f'fault returned {reason!r}, not a text,'))
+        return ' '.join(reason.split())
+
+    def _planned_last_tick(self) -> int:
+        try:
+            tick = self._block.last_tick
+        except Exception as error:
+            raise ParameterError('controller', self._name, f'its last_tick raised {described(error)}') from error
+        if not isinstance(tick, int | np.integer) or isinstance(tick, bool) or tick < 0:
+            reason = f'its last_tick = {tick!r} is not the last tick of a plan, an integer at least 0'
+            raise ParameterError('controller', self._name, reason)
+        return int(tick)
 
     def update(self, parameters: Any) -> None:
         """Take other parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""

@@ -170,16 +170,48 @@ def test_it_can_do_what_the_class_can_do_and_no_more():
         def limit_output(self, limit):
             pass
 
+    class Explaining(Proportional):
+        def fault(self):
+            return 'the head is\n lost'
+
+    class Planning(Proportional):
+        def __init__(self, parameters, sample_time):
+            super().__init__(parameters, sample_time)
+            self.last_tick = np.int64(round(0.5 / sample_time))
+
     found = {
         kind: [isinstance(OutsideController('mine', kind, Gain(), T), protocol) for protocol in CAPABILITIES]
-        for kind in (Proportional, Cautious, Knowing)
+        for kind in (Proportional, Cautious, Knowing, Explaining, Planning)
     }
     assert found == {
         Proportional: [False, False, False, False],
         Cautious: [True, False, False, False],
         Knowing: [False, True, False, False],
+        Explaining: [False, False, True, False],
+        Planning: [False, False, False, True],
     }
     assert OutsideController('mine', Cautious, Gain(), T).warnings() == ('mind the gain',)
+    assert OutsideController('mine', Explaining, Gain(), T).fault() == 'the head is lost'
+    assert OutsideController('mine', Planning, Gain(), T).last_tick == 2000
+
+
+@pytest.mark.parametrize(
+    ('body', 'said'),
+    [
+        (lambda self: 3, 'mine: fault returned 3, not a text, at tick 4'),
+        (lambda self: 1 / 0, 'mine: fault raised ZeroDivisionError'),
+    ],
+)
+def test_a_fault_that_is_no_text_is_the_reason_then(body, said):
+    controller = OutsideController('mine', type('Faulty', (Proportional,), {'fault': body}), Gain(), T)
+    step(controller, 4)
+    assert controller.fault().startswith(said)
+
+
+@pytest.mark.parametrize('tick', [-1, 1.0, None, True])
+def test_a_plan_ends_at_a_tick(tick):
+    with pytest.raises(ParameterError, match=r"'mine' is refused: its last_tick = .* an integer at least 0"):
+        OutsideController('mine', type('Planning', (Proportional,), {'last_tick': tick}), Gain(), T)
 
 
 def test_a_controller_of_the_full_protocol_goes_through_unchanged():

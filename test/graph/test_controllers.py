@@ -311,6 +311,18 @@ def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
         assert errors.count('\n') == 1
 
 
+def test_a_fault_of_its_own_is_the_reason_and_its_plan_the_length(tmp_path, capsys):
+    law = 'return -self.parameters.stiffness * e - 4e-12 * inputs.velocity'
+    own = "return float('nan') if inputs.tick == 40 else 0.0\n"
+    own += "    last_tick = 60\n    def fault(self): return 'it is lost'"
+    module = write(tmp_path, GOOD, (law, own))
+    ros = ['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run', '-p', 'duration:=0.0']
+    made = Simulation(parse_ros_arguments(ros))
+    assert made.last_tick == 60
+    assert simulate(made, progress=False)[0] == 1
+    assert capsys.readouterr().err == 'simulate: run failed: it is lost\n'
+
+
 def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, capsys):
     refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
     module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
