@@ -1,6 +1,7 @@
 """A controller from outside this package, seen as one of its own: what it answers is checked, and its faults named."""
 
 import traceback
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,11 @@ from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.parameters import ParameterError
 
 TIME = 't'
+_OPTIONAL_METHODS = {
+    'limit_output': 'a method limit_output(limit)',
+    'warnings': 'a method warnings() that returns a list or tuple of texts',
+    'fault': 'a method fault() that returns a text',
+}
 
 
 class ControllerError(Exception):
@@ -47,7 +53,8 @@ class OutsideController:
     Raises
     ------
     ParameterError
-        If the class cannot be constructed, its ``estimate_names`` are no names, or its ``last_tick`` is no tick.
+        If the class cannot be constructed, its ``estimate_names`` are no names, its ``last_tick`` is no tick, or
+        what is to be a method is none.
     """
 
     def __init__(self, name: str, kind: type[Any], parameters: Any, sample_time: float) -> None:
@@ -60,11 +67,15 @@ class OutsideController:
             raise
         except Exception as error:
             raise ParameterError('controller', name, f'its __init__ raised {described(error)}') from error
+        for attribute, wanted in _OPTIONAL_METHODS.items():
+            found = getattr(self._block, attribute, None)
+            if found is not None and not callable(found):
+                raise ParameterError('controller', name, f'its {attribute} = {found!r} is not {wanted}')
         # Attributes of the adapter, not of its class: it is to have these only where the user's class has them.
         if isinstance(self._block, KnowsOutputLimit):
             self.limit_output = self._limit_output
         if isinstance(self._block, WarnsBeforeRun):
-            self.warnings = self._block.warnings
+            self.warnings = self._warnings
         if isinstance(self._block, ReportsFault):
             self.fault = self._fault
         if isinstance(self._block, HasPlan):
@@ -82,6 +93,18 @@ class OutsideController:
             self._block.limit_output(limit)
         except Exception as error:
             raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
+
+    def _warnings(self) -> tuple[str, ...]:
+        try:
+            lines = self._block.warnings()
+            # A text is iterable too, letter by letter.
+            found = tuple(lines) if isinstance(lines, Iterable) and not isinstance(lines, str) else (None,)
+        except Exception as error:
+            raise ControllerError(self._name, self._tick, f'warnings raised {described(error)}') from error
+        if not all(isinstance(line, str) for line in found):
+            reason = f'warnings returned {lines!r}, not a list or tuple of texts,'
+            raise ControllerError(self._name, self._tick, reason)
+        return found
 
     def _fault(self) -> str:
         # The run has failed already: what is wrong with the reason must not hide that, and is the reason then.

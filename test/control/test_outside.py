@@ -208,6 +208,31 @@ def test_a_fault_that_is_no_text_is_the_reason_then(body, said):
     assert controller.fault().startswith(said)
 
 
+@pytest.mark.parametrize('answer', ['mind the gain', None, 3, ['mind', 3]])
+def test_warnings_are_texts(answer):
+    kind = type('Cautious', (Proportional,), {'warnings': lambda self: answer})
+    controller = OutsideController('mine', kind, Gain(), T)
+    with pytest.raises(ControllerError, match=r'^mine: warnings returned .*, not a list or tuple of texts, at tick 0$'):
+        controller.warnings()
+
+
+def test_warnings_that_raise_are_told_in_one_line():
+    class Cautious(Proportional):
+        def warnings(self):
+            yield 'mind the gain'
+            raise ValueError('no\n more')
+
+    with pytest.raises(ControllerError, match=r'^mine: warnings raised ValueError: no more \(.* at tick 0$'):
+        OutsideController('mine', Cautious, Gain(), T).warnings()
+
+
+@pytest.mark.parametrize('attribute', ['limit_output', 'warnings', 'fault'])
+def test_what_is_to_be_a_method_must_be_one(attribute):
+    said = rf"'mine' is refused: its {attribute} = 3 is not a method {attribute}\("
+    with pytest.raises(ParameterError, match=said):
+        OutsideController('mine', type('Odd', (Proportional,), {attribute: 3}), Gain(), T)
+
+
 @pytest.mark.parametrize('tick', [-1, 1.0, None, True])
 def test_a_plan_ends_at_a_tick(tick):
     with pytest.raises(ParameterError, match=r"'mine' is refused: its last_tick = .* an integer at least 0"):

@@ -323,6 +323,14 @@ def test_a_fault_of_its_own_is_the_reason_and_its_plan_the_length(tmp_path, caps
     assert capsys.readouterr().err == 'simulate: run failed: it is lost\n'
 
 
+def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys):
+    warning = "def warnings(self): return 'mind'\n    def update("
+    module = write(tmp_path, GOOD, ('def update(', warning))
+    assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', 'record:=false']) == 2
+    said = "simulate: spring: warnings returned 'mind', not a list or tuple of texts, at tick 0\n"
+    assert capsys.readouterr().err.endswith(said)
+
+
 def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, capsys):
     refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
     module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
