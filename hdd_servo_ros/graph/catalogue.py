@@ -50,6 +50,8 @@ class NodeRow:
         Role by which topics name their writers and readers; empty for a node that is in every run.
     short_name
         Value of the parameter ``controller`` that stands for it; empty for what is not a built-in controller.
+    follows_reference
+        For a controller: whether the head is to follow the reference, so that the run has a tracking error.
     """
 
     name: str
@@ -59,6 +61,7 @@ class NodeRow:
     block: str = ''
     role: str = ''
     short_name: str = ''
+    follows_reference: bool = True
 
     @property
     def module(self) -> str:
@@ -175,6 +178,7 @@ _NODE_ROWS = (
         block='control.open_loop:OpenLoop',
         role=CONTROLLER,
         short_name='open_loop',
+        follows_reference=False,
     ),
     NodeRow(
         'signal_analyzer',
@@ -184,6 +188,7 @@ _NODE_ROWS = (
         block='bench.signal_analyzer:SignalAnalyzer',
         role=CONTROLLER,
         short_name='signal_analyzer',
+        follows_reference=False,
     ),
     NodeRow(
         'bag_recorder',
@@ -259,6 +264,18 @@ def purpose(name: str) -> str:
 def parameter_sets(name: str) -> tuple[type[Any], ...]:
     """Return the parameter dataclasses of a node or command; raises KeyError if there is none of that name."""
     return _row(name).parameter_sets
+
+
+def follows_reference(controller: str | None) -> bool:
+    """
+    Return whether the head is to follow the reference with a controller.
+
+    Parameters
+    ----------
+    controller
+        Value of the parameter ``controller``; one that is not built in, or not known, counts as following.
+    """
+    return controller not in CONTROLLERS or NODES[CONTROLLERS[controller]].follows_reference
 
 
 def names_with_parameters() -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.topics import HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -9,8 +10,6 @@ NOT_ADAPTED = ('t', 'r', 'e')
 """Columns of `/estimates` that are no estimates: time and errors."""
 REFERENCE_GENERATOR = 'reference_generator'
 SIGNAL_ANALYZER = 'signal_analyzer'
-OPEN_LOOP = ('open_loop', SIGNAL_ANALYZER)
-"""Controllers with which the head follows no reference: the run has no error."""
 LONGEST_TRANSIENT = 2.0
 """What counts as transient in a long run [s]; in a short one it is the first half."""
 
@@ -31,7 +30,7 @@ def transient_of(duration: float, last_change: float = 0.0) -> float:
 
 def follows_reference(run: RecordedRun) -> bool:
     """Return whether the run has an error: a head that is to follow a reference."""
-    return REFERENCE.name in run and HEAD.name in run and run.controller not in OPEN_LOOP
+    return REFERENCE.name in run and HEAD.name in run and catalogue.follows_reference(run.controller)
 
 
 def transient_end(run: RecordedRun, after: float | None = None) -> float:

@@ -14,8 +14,9 @@ from hdd_servo_ros.analysis.metrics import (
     tracking_metrics,
 )
 from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
+from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import OPEN_LOOP, follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 
 
@@ -37,7 +38,7 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
             'there is no run.yaml: how the run ended, its controller, its parameters and saturation are not known'
         )
     missing = [f'/{name}' for name in ('head', 'reference') if name not in run]
-    if missing and run.controller not in OPEN_LOOP:
+    if missing and catalogue.follows_reference(run.controller):
         lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
     if 'control' not in run:
         lines.append('no figures of the control: the bag holds no /control')

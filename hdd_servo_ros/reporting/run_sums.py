@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.numerics.moments import Moments, mark_changes
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, OPEN_LOOP, transient_end
+from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, transient_end
 from hdd_servo_ros.reporting.saturation import Ranges
 
 _HALF_MICROSECOND = 0.5e-6
@@ -55,7 +56,7 @@ class RunSums:
         self._estimate_names: tuple[str, ...] = ()
         self._first_estimates = self._last_estimates = np.empty(0)
         self._adapted = np.empty(0, dtype=np.bool_)
-        self._follows = description.get('controller') not in OPEN_LOOP
+        self._follows = catalogue.follows_reference(description.get('controller'))
         self._ranges = Ranges.of(description)
 
     def add(self, signals: Signals) -> None:

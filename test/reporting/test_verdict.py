@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdd_servo_ros.graph.catalogue import NODES as NODES_OF_PACKAGE
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -74,6 +75,15 @@ def test_a_reference_that_stands_still_is_compared_with_the_way_to_it(end, text)
 def test_nothing_to_track_has_no_verdict():
     assert judged(np.zeros(len(TIME)), 0.1 * SINE) is None
     assert judged(SINE, np.zeros(len(TIME)), controller='open_loop') is None
+
+
+@pytest.mark.parametrize('follows', [True, False])
+def test_the_row_of_a_controller_says_whether_it_follows(monkeypatch, follows):
+    row = dataclasses.replace(NODES_OF_PACKAGE['pid_controller'], follows_reference=follows)
+    monkeypatch.setitem(NODES_OF_PACKAGE, 'pid_controller', row)
+    assert (judged(SINE, np.zeros(len(TIME))) is None) == (not follows)
+    # A custom controller follows.
+    assert judged(SINE, np.zeros(len(TIME)), controller='my_package.laws:Mine') is not None
 
 
 @pytest.mark.parametrize(
