@@ -72,9 +72,9 @@ def _unpickled(rows: Array, fields: tuple[str, ...]) -> SignalArray:
     return view
 
 
-class Signals(abc.ABC):
+class TimedSignals(abc.ABC):
     """
-    The signals of consecutive or chosen ticks, aligned: row i of every array is that of ``ticks[i]``.
+    Signals over time by topic, which is all that diagrams need: row i of every array belongs to ``time[i]``.
 
     Lengths and controls are in the drive's :attr:`units`; the fields of each topic are declared in
     :mod:`hdd_servo_ros.messages.topics`.
@@ -82,13 +82,8 @@ class Signals(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def ticks(self) -> NDArray[np.int64]:
-        """The ticks, ascending, shape (n,)."""
-
-    @property
-    @abc.abstractmethod
-    def sample_time(self) -> float:
-        """T [s]."""
+    def time(self) -> Array:
+        """Time of each row [s], shape (n,)."""
 
     @property
     @abc.abstractmethod
@@ -107,21 +102,6 @@ class Signals(abc.ABC):
     @abc.abstractmethod
     def __contains__(self, topic: str) -> bool:
         """Return whether there are rows of a topic."""
-
-    @functools.cached_property
-    def time(self) -> Array:
-        """Time of each tick [s], shape (n,)."""
-        return np.multiply(self.ticks, self.sample_time, dtype=np.float64)
-
-    @property
-    def duration(self) -> float:
-        """Time of the last tick [s]."""
-        return float(self.time[-1])
-
-    def since(self, time: float) -> slice:
-        """Return the rows from ``time`` [s] on."""
-        # Half a microsecond lets a tick at that very time count, whatever its last bit.
-        return slice(int(np.searchsorted(self.time, time - 0.5e-6)), len(self.ticks))
 
     # The topics.
 
@@ -188,6 +168,35 @@ class Signals(abc.ABC):
     def feedback(self) -> Array:
         """Feedback part of the command, before any compensation [V]."""
         return self.control.feedback
+
+
+class Signals(TimedSignals):
+    """The signals of consecutive or chosen ticks, aligned: row i of every array is that of ``ticks[i]``."""
+
+    @property
+    @abc.abstractmethod
+    def ticks(self) -> NDArray[np.int64]:
+        """The ticks, ascending, shape (n,)."""
+
+    @property
+    @abc.abstractmethod
+    def sample_time(self) -> float:
+        """T [s]."""
+
+    @functools.cached_property
+    def time(self) -> Array:
+        """Time of each tick [s], shape (n,)."""
+        return np.multiply(self.ticks, self.sample_time, dtype=np.float64)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last tick [s]."""
+        return float(self.time[-1])
+
+    def since(self, time: float) -> slice:
+        """Return the rows from ``time`` [s] on."""
+        # Half a microsecond lets a tick at that very time count, whatever its last bit.
+        return slice(int(np.searchsorted(self.time, time - 0.5e-6)), len(self.ticks))
 
 
 class _Estimates(dict[str, Array]):

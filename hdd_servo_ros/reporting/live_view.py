@@ -1,7 +1,7 @@
 """The newest signals of a run that goes on, from the decimated blocks that its recorder publishes."""
 
+import functools
 from collections import deque
-from collections.abc import Mapping
 
 import matplotlib as mpl
 import numpy as np
@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.scope_blocks import ERROR, TIME, Block, column_name
-from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
+from hdd_servo_ros.messages.signals import TimedSignals
+from hdd_servo_ros.messages.topics import ESTIMATES
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.picture import Stack
@@ -17,16 +18,17 @@ from hdd_servo_ros.reporting.picture import Stack
 Array = NDArray[np.float64]
 
 
-class BlockSignals:
+class BlockSignals(TimedSignals):
     """
     The signals of a run as decimated blocks hold them.
 
-    The error is a column of its own: the difference of two extremes is not the extreme of the difference.
+    A row is no tick: it holds the extremes of a bin. The error is therefore a column of its own: the difference of two
+    extremes is not the extreme of the difference.
 
     Parameters
     ----------
     names
-        Names of the columns.
+        Names of the columns, as :func:`~hdd_servo_ros.messages.scope_blocks.make_block` orders them.
     rows
         In the order of time, shape (n, m).
     units
@@ -35,46 +37,39 @@ class BlockSignals:
 
     def __init__(self, names: tuple[str, ...], rows: Array, units: Units) -> None:
         self._columns: dict[str, Array] = dict(zip(names, rows.T, strict=True))
-        self.units = units
-
-    def __contains__(self, topic: str) -> bool:
-        return any(name.startswith(f'{topic}.') for name in self._columns)
+        self._units = units
 
     @property
     def time(self) -> Array:
-        """Time of each row [s]."""
+        """Time of each row [s], shape (n,)."""
         return self._columns[TIME]
 
     @property
-    def desired_position(self) -> Array:
-        """x_d [um]."""
-        return self._columns[column_name(REFERENCE, 'position')]
+    def units(self) -> Units:
+        """Units of the drive."""
+        return self._units
 
     @property
-    def position(self) -> Array:
-        """Head position [um]."""
-        return self._columns[column_name(HEAD, 'position')]
+    def estimate_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``signals['estimates']``; the time is none of them."""
+        prefix = column_name(ESTIMATES, '')
+        return tuple(name.removeprefix(prefix) for name in self._columns if name.startswith(prefix))
 
-    @property
+    def __getitem__(self, topic: str) -> Array:
+        """Return the fields of a topic by its name; raises KeyError if there are none."""
+        columns = [rows for name, rows in self._columns.items() if name.startswith(f'{topic}.')]
+        if not columns:
+            raise KeyError(topic)
+        return np.column_stack(columns)
+
+    def __contains__(self, topic: str) -> bool:
+        """Return whether there are rows of a topic."""
+        return any(name.startswith(f'{topic}.') for name in self._columns)
+
+    @functools.cached_property
     def error(self) -> Array:
         """Tracking error, x - x_d [um]."""
         return self._columns[ERROR]
-
-    @property
-    def command(self) -> Array:
-        """Drive voltage [V]."""
-        return self._columns[column_name(CONTROL, 'voltage')]
-
-    @property
-    def feedback(self) -> Array:
-        """Feedback part of the command [V]."""
-        return self._columns[column_name(CONTROL, 'feedback')]
-
-    @property
-    def estimates(self) -> Mapping[str, Array]:
-        """The controller's inner state by name."""
-        prefix = column_name(ESTIMATES, '')
-        return {name.removeprefix(prefix): rows for name, rows in self._columns.items() if name.startswith(prefix)}
 
 
 class LiveView:

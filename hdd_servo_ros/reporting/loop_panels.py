@@ -1,11 +1,9 @@
 """The diagrams over time: positions, error, control and estimates of whatever has the loop's signals."""
 
-from collections.abc import Mapping
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.signals import TimedSignals
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.reporting.decimation import rows_to_draw
@@ -19,44 +17,6 @@ TIME_LABEL = 'time [s]'
 _SAMPLES_IN_FULL = 500
 """Rows at the start, about the largest error and at the end that are drawn one by one."""
 _ESTIMATES = 8
-
-
-class LoopSignals(Protocol):
-    """What these diagrams need: :class:`~hdd_servo_ros.messages.signals.Signals`, or decimated blocks of them."""
-
-    def __contains__(self, topic: str) -> bool: ...
-
-    @property
-    def time(self) -> Array:
-        """Time of each row [s], shape (n,)."""
-
-    @property
-    def units(self) -> Units:
-        """Units of the drive."""
-
-    @property
-    def desired_position(self) -> Array:
-        """x_d [um]."""
-
-    @property
-    def position(self) -> Array:
-        """Head position [um]."""
-
-    @property
-    def error(self) -> Array:
-        """Tracking error, x - x_d [um]."""
-
-    @property
-    def command(self) -> Array:
-        """Drive voltage [V]."""
-
-    @property
-    def feedback(self) -> Array:
-        """Feedback part of the command [V]."""
-
-    @property
-    def estimates(self) -> Mapping[str, Array]:
-        """The controller's inner state by name."""
 
 
 class Lines:
@@ -76,7 +36,7 @@ class Lines:
     """
 
     def __init__(
-        self, signals: LoopSignals, *, follows: bool, close_up: CloseUp | None = None, buckets: int = BUCKETS
+        self, signals: TimedSignals, *, follows: bool, close_up: CloseUp | None = None, buckets: int = BUCKETS
     ) -> None:
         self._time = signals.time
         self._buckets = buckets
@@ -99,7 +59,7 @@ class Lines:
         return Trace(name, self._time[rows], values[rows], colour, wide)
 
 
-def loop_panels(signals: LoopSignals, *, follows: bool, close_up: CloseUp | None = None) -> list[Panel]:
+def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | None = None) -> list[Panel]:
     """
     Return the diagrams over time; those whose topics are missing are left out.
 
@@ -161,7 +121,7 @@ def error_label(units: Units) -> str:
     return f'error [{shown(units.error)}]'
 
 
-def _estimates(signals: LoopSignals, lines: Lines) -> list[Trace]:
+def _estimates(signals: TimedSignals, lines: Lines) -> list[Trace]:
     """Return what was adapted, each over its largest magnitude, which its name states."""
     traces: list[Trace] = []
     for name, values in signals.estimates.items():

@@ -2,26 +2,36 @@
 
 import matplotlib.colors
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
-from hdd_servo_ros.messages.scope_blocks import Block, decimated
+from hdd_servo_ros.messages.scope_blocks import Block, make_block
+from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units
-from hdd_servo_ros.reporting.live_view import LiveView
+from hdd_servo_ros.reporting.live_view import BlockSignals, LiveView
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.panel import COLOURS
 
 T = 1e-4
-NAMES = ('t', 'reference.position', 'head.position', 'error', 'control.voltage', 'control.feedback')
 
 
-def block(first, count, rng=None):
-    """Return the block of a sine that the head follows 0.1 ms late, and its rows before decimation."""
+def signals(first, count):
+    """Return a sine that the head follows 0.1 ms late."""
     time = np.arange(first, first + count) * T
     x_d, x = (2.0 * np.sin(2.0 * np.pi * 100.0 * (time - delay)) for delay in (0.0, T))
     u = 0.1 * np.cos(2.0 * np.pi * 100.0 * time)
-    rows = np.column_stack((time, x_d, x, x - x_d, u, 0.5 * u, time, 3.0 + 0.0 * time, 1.0 - time))
-    names = (*NAMES, 'estimates.r', 'estimates.fixed', 'estimates.m_hat')
-    return Block(names, decimated(rows)), rows
+    zero = np.zeros(count)
+    arrays = {
+        'reference': np.column_stack((x_d, zero, zero)),
+        'head': np.column_stack((x, zero, zero)),
+        'control': np.column_stack((u, 2.0 * u, 0.5 * u)),
+        'estimates': np.column_stack((time, time, 3.0 + zero, 1.0 - time)),
+    }
+    return SignalRows(first, T, arrays, ('t', 'r', 'fixed', 'm_hat'))
+
+
+def block(first, count):
+    return make_block(signals(first, count))
 
 
 def labels(figure):
@@ -34,14 +44,14 @@ def test_the_error_is_the_column_of_the_blocks():
     view = LiveView(figure, 1.0)
     assert view.is_empty
     view.draw()
-    decimated_block, rows = block(0, 20_000)
-    view.add(decimated_block, Units())
+    whole = signals(0, 20_000)
+    view.add(make_block(whole), Units())
     view.draw()
     found = labels(figure)
     assert list(found) == ['position [µm]', 'error [nm]', 'control [V]', 'over largest magnitude']
     error = found['error [nm]']['head - reference'].get_ydata()
-    late = rows[rows[:, 0] >= rows[-1, 0] - 1.0]
-    assert np.abs(error).max() == 1e3 * np.abs(late[:, 3]).max()
+    late = whole.error[whole.time >= whole.time[-1] - 1.0]
+    assert np.abs(error).max() == 1e3 * np.abs(late).max()
     assert list(found['over largest magnitude']) == ['m_hat (largest 1)']
     colour = found['control [V]']['feedback part'].get_color()
     assert matplotlib.colors.same_color(colour, COLOURS[3])
@@ -51,7 +61,7 @@ def test_what_is_older_than_the_window_is_dropped():
     figure = Figure()
     view = LiveView(figure, 0.5)
     for first in range(0, 20_000, 1000):
-        view.add(block(first, 1000)[0], Units('m', 'N'))
+        view.add(block(first, 1000), Units('m', 'N'))
     view.draw()
     found = labels(figure)
     assert list(found)[:3] == ['position [m]', 'error [m]', 'control [N]']
@@ -62,32 +72,34 @@ def test_what_is_older_than_the_window_is_dropped():
 
 def test_a_controller_with_other_estimates_begins_anew():
     view = LiveView(Figure(), 10.0)
-    view.add(block(0, 100)[0], Units())
-    other = block(100, 100)[0]
-    view.add(Block(NAMES, other.rows[:, : len(NAMES)]), Units())
+    view.add(block(0, 100), Units())
+    other = block(100, 100)
+    names = tuple(name for name in other.names if not name.startswith('estimates.'))
+    view.add(Block(names, other.rows[:, : len(names)]), Units())
     view.draw()
-    view.add(block(200, 100)[0], Units())
+    view.add(block(200, 100), Units())
     view.draw()
 
 
 def test_the_panels_are_those_of_a_run():
     """Undecimated, the blocks give the panels of the same signals in memory."""
-    from hdd_servo_ros.messages.signals import SignalRows
-    from hdd_servo_ros.reporting.live_view import BlockSignals
-
-    names, rows = block(0, 300)[0].names, block(0, 300)[1]
-    zero = np.zeros(len(rows))
-    arrays = {
-        'reference': np.column_stack((rows[:, 1], zero, zero)),
-        'head': np.column_stack((rows[:, 2], zero, zero)),
-        'control': np.column_stack((rows[:, 4], rows[:, 4], rows[:, 5])),
-        'estimates': rows[:, [0, 6, 7, 8]],
-    }
-    in_memory = SignalRows(0, T, arrays, ('t', 'r', 'fixed', 'm_hat'))
-    live = BlockSignals(names, rows, Units())
+    in_memory, undecimated = signals(0, 300), block(0, 300)
+    live = BlockSignals(undecimated.names, undecimated.rows, Units())
     for left, right in zip(loop_panels(live, follows=True), loop_panels(in_memory, follows=True), strict=True):
         assert (left.title, left.y_label) == (right.title, right.y_label)
         for one, other in zip(left.traces, right.traces, strict=True):
             assert (one.name, one.colour, one.wide) == (other.name, other.colour, other.wide)
             np.testing.assert_array_equal(one.y, other.y)
             np.testing.assert_allclose(one.x, other.x, rtol=0.0, atol=1e-12)
+
+
+def test_the_topics_of_blocks_are_read_as_those_of_a_run():
+    in_memory, undecimated = signals(0, 300), block(0, 300)
+    live = BlockSignals(undecimated.names, undecimated.rows, Units())
+    for topic in ('reference', 'head', 'control'):
+        np.testing.assert_array_equal(live[topic], in_memory[topic])
+    np.testing.assert_array_equal(live.control.before_saturation, in_memory.control.before_saturation)
+    np.testing.assert_array_equal(live.estimates['m_hat'], in_memory.estimates['m_hat'])
+    assert 'ldv' not in live
+    with pytest.raises(KeyError, match='ldv'):
+        live['ldv']
