@@ -234,3 +234,16 @@ def test_the_command_prints_a_parameter_file(tmp_path, capsys):
     file.write_text(text[: text.index('\nMs of')])
     assert set(read_parameter_files([file])) == {'adaptive_nn_controller', 'pid_controller'}
     assert text.count(' Hz ') == 6
+    assert '!' not in text
+
+
+def test_the_table_marks_what_does_not_track(tmp_path, capsys):
+    """With the command at its limit the errors are those of a head that hardly moves."""
+    drive = tmp_path / 'drive.yaml'
+    drive.write_text('/**/vcm_plant:\n  ros__parameters:\n    control_limit: 0.004\n')
+    assert main(['--params-file', str(drive), '--seconds', '2.5']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line for line in lines if ' Hz ' in line]
+    assert len(rows) == 6
+    assert all('   ! saturated ' in row or '   ! does not track' in row for row in rows), rows
+    assert lines[-1].startswith('! does not track, by the criteria of the reports')
