@@ -1,5 +1,8 @@
 """How a run can go wrong, each said in one line."""
 
+NOT_FINITE = 'not finite at tick'
+"""By this the reason of a run that a signal ended is known: part of the text of :class:`NotFiniteError`."""
+
 
 class RunError(Exception):
     """A run that cannot start or go on."""
@@ -24,4 +27,4 @@ class NotFiniteError(RunError):
 
     def __init__(self, topic: str, tick: int, values: tuple[float, ...], node: str) -> None:
         text = ', '.join(f'{value:g}' for value in values)
-        super().__init__(f'{topic}: not finite at tick {tick}: ({text}); published by {node}')
+        super().__init__(f'{topic}: {NOT_FINITE} {tick}: ({text}); published by {node}')

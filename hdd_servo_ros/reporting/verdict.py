@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+from hdd_servo_ros.messages.errors import NOT_FINITE
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
@@ -13,9 +14,6 @@ DIVERGED_SPANS = 3.0
 """A run has diverged if its error exceeds the reference's span this many times; a head at rest stays within one."""
 SATURATED_SHARE = 0.5
 """A run counts as saturated if more than this share of the samples of the command or of a sensor output is clipped."""
-
-NOT_FINITE = 'not finite'
-"""Part of the reason of a run that failed because a signal was not finite."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,6 +49,8 @@ class Verdict:
 def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     """
     Judge a run; what it did before the end of its transient does not count.
+
+    A controller that ended the run by a fault of its own, such as a sensor's overload, is judged by the signals alone.
 
     In this order: a run that failed since a signal was not finite, whose error is not finite or is larger than
     :data:`DIVERGED_SPANS` times the span of the reference, diverged. One with more than :data:`SATURATED_SHARE` of the

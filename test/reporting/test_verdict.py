@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.graph.catalogue import NODES as NODES_OF_PACKAGE
+from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -92,7 +93,7 @@ def test_the_row_of_a_controller_says_whether_it_follows(monkeypatch, follows):
         (10.0 * SINE, '', "more than 3 times the reference's span of 4000 nm"),
         (np.where(TIME < 1.5, SINE, np.nan), '', 'the error is not finite'),
         (np.where(TIME < 1.5, SINE, 1e200), '', 'the error is not finite'),
-        (SINE, '/control: not finite at tick 7: (nan, nan, nan)', '/control: not finite at tick 7'),
+        (SINE, str(NotFiniteError('/control', 7, (np.nan, 0.0, 0.0), 'pid')), '/control: not finite at tick 7'),
     ],
 )
 def test_diverged(position, reason, detail):
@@ -100,6 +101,10 @@ def test_diverged(position, reason, detail):
     assert found.text == 'diverged'
     assert found.in_table == '! diverged'
     assert detail in found.detail
+
+
+def test_another_reason_is_no_divergence():
+    assert judged(SINE, SINE, reason='mine: ValueError: a gain is not finite').text == 'tracks'
 
 
 @pytest.mark.parametrize(('clipped', 'text'), [(0.4, 'tracks'), (0.6, 'saturated 60 %')])
