@@ -7,6 +7,8 @@ live view and ``docs/topics.md`` follow from these declarations. No ROS import.
 
 import dataclasses
 
+from hdd_servo_ros.messages.units import Units
+
 CLOCK_TYPE = 'rosgraph_msgs/msg/Clock'
 VECTOR_TYPE = 'geometry_msgs/msg/Vector3Stamped'
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
@@ -34,11 +36,18 @@ class Field:
         For a drive in um and V; see :class:`~hdd_servo_ros.messages.units.Units` for others.
     meaning
         In a few words.
+    is_in_drive_units
+        Whether the unit follows the drive's; an instrument's output is in V whatever the drive's units are.
     """
 
     name: str
     unit: str
     meaning: str
+    is_in_drive_units: bool = True
+
+    def unit_in(self, units: Units) -> str:
+        """Return the unit in a run with these units of the drive."""
+        return units.of(self.unit) if self.is_in_drive_units else self.unit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,8 +151,8 @@ LDV = LoopTopic(
     'ldv',
     VECTOR_TYPE,
     (
-        Field('displacement', 'V', 'displacement output'),
-        Field('velocity', 'V', 'velocity output'),
+        Field('displacement', 'V', 'displacement output', is_in_drive_units=False),
+        Field('velocity', 'V', 'velocity output', is_in_drive_units=False),
     ),
     'ldv_sensor',
     (Reader(CONTROLLER),),

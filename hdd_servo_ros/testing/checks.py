@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import rms, step_response
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, AXES, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -141,7 +142,8 @@ class Checks:
         ----------
         signal
             ``error``, ``position``, ``command``, ``feedback``, the name of an estimate such as ``m_hat``, or a topic
-            with a column, such as ``head.y``. The error counts in ``run.error_unit``, all else in the topic's unit.
+            with a field, such as ``control.before_saturation``, or with a column, such as ``control.y``. The error
+            counts in ``run.error_unit``, all else in the unit that the topic declares.
         at_most
             The bound.
         after, before
@@ -168,8 +170,9 @@ class Checks:
         for name, rows in saturated_rows(run, run.description).items():
             late = rows[rows >= first]
             if len(late):
-                signals = {'displacement output': run.ldv[:, 0], 'velocity output': run.ldv[:, 1]}
-                plot = self._plot(f'{name} clipped', name, 'V', signals.get(name, run.command), None, int(late[0]))
+                signals = {'displacement output': 'ldv.displacement', 'velocity output': 'ldv.velocity'}
+                values, unit = self._signal(signals.get(name, 'command'))
+                plot = self._plot(f'{name} clipped', name, unit, values, None, int(late[0]))
                 raise CheckFailed(
                     f'{name} is clipped at {len(late)} of {len(run.ticks) - first} samples from {after:g} s on, '
                     f'first at tick {run.ticks[late[0]]} ({run.time[late[0]]:g} s)\n{self._where()}\nplot: {plot}'
@@ -216,11 +219,12 @@ class Checks:
         if name in units:
             return getattr(run, name), units[name]
         topic, _, column = name.partition('.')
-        if topic in run and column in ('x', 'y', 'z'):
-            return run[topic][:, 'xyz'.index(column)], ''
+        if topic in run and column in (fields := _vector_fields(topic)):
+            index, field = fields[column]
+            return run[topic][:, index], '' if field is None else field.unit_in(run.units)
         if 'estimates' in run and name in run.estimates:
             return run.estimates[name], ''
-        known = ['error', *units, *(run.estimates if 'estimates' in run else ()), 'head.x']
+        known = ['error', *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
         raise LookupError(f'{run.path}: no signal {name!r}; there are {", ".join(known)} and so on')
 
     def _compare(
@@ -334,6 +338,17 @@ class Checks:
         path = _free_path(plot_directory or run.path, stem)
         write_picture([panel], f'{what}: {run_name(run)}', path)
         return path
+
+
+def _vector_fields(name: str) -> dict[str, tuple[int, Field | None]]:
+    """Return the columns of a vector topic, and what they are declared to be, by axis and by the field's name."""
+    found: dict[str, tuple[int, Field | None]] = {}
+    for topic in ALL_LOOP_TOPICS:
+        if topic.name == name and topic.is_vector:
+            found = {axis: (index, None) for index, axis in enumerate(AXES)}
+            for index, field in enumerate(topic.fields):
+                found[AXES[index]] = found[field.name] = (index, field)
+    return found
 
 
 def _refuse_no_limit(at_most: float) -> None:

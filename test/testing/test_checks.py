@@ -29,6 +29,7 @@ def record(
     estimate=0.0,
     without=None,
     stamped=None,
+    units=None,
 ):
     """
     Record a run with a given head position [um]; the command is a tenth of it [V].
@@ -37,6 +38,7 @@ def record(
     """
     nodes = {'/pid_controller': {'outputs': ['/control'], 'parameters': {'kp': 1.5, 'weights': [1.0, 2.0]}}}
     description = {'sample_time': T, 'last_tick_planned': planned, 'frame_id': 'drive', 'nodes': nodes}
+    description.update(units or {})
     topics = [(topic, f'/{topic.name}') for topic in LOOP_TOPICS]
     recorder = RunRecorder(str(path), 'mcap', topics, description, separate_process=False)
     vector, array = VectorCodec('drive'), ArrayCodec(['t', 'm_hat'])
@@ -86,6 +88,9 @@ def test_checks_that_hold_can_be_chained(run):
         .mean_error(at_most=3.1)
         .peak_control(at_most=0.005 + 1e-12)
         .bounded('head.y', at_most=0.1)
+        .bounded('head.velocity', at_most=0.1)
+        .bounded('control.before_saturation', at_most=0.005 + 1e-12)
+        .bounded('ldv.z', at_most=0.0)
         .bounded('m_hat', at_most=0.0)
         .bounded('feedback', at_most=0.0025 + 1e-12)
         .parameter('pid_controller', 'kp', 1.5)
@@ -118,6 +123,23 @@ def test_what_other_checks_say(run, name, options, words):
     for word in words:
         assert word in text
     assert plot.is_file()
+
+
+@pytest.mark.parametrize(
+    ('units', 'signal', 'unit'),
+    [
+        (None, 'control.before_saturation', 'V'),
+        (None, 'control.y', 'V'),
+        (None, 'head.velocity', 'um/s'),
+        ({'length_unit': 'm', 'control_unit': 'N'}, 'head.velocity', 'm/s'),
+        ({'length_unit': 'm', 'control_unit': 'N'}, 'control.before_saturation', 'N'),
+        ({'length_unit': 'm', 'control_unit': 'N'}, 'command', 'N'),
+    ],
+)
+def test_a_field_has_its_declared_unit_in_those_of_the_drive(tmp_path, units, signal, unit):
+    run = record(tmp_path / 'run', np.full(10, 0.5), units=units)
+    text, _ = failure(run.check.bounded, signal, at_most=0.001)
+    assert f'above 0.001 {unit}, from ' in text
 
 
 def test_what_is_not_finite_is_not_bounded(tmp_path):
@@ -215,6 +237,17 @@ def test_questions_that_make_no_sense(run):
         run.check.rms_error(at_most=1.0, after=1.0)
     with pytest.raises(ValueError, match='has no edge'):
         record(run.path.parent / 'still', np.zeros(10)).check.overshoot(at_most=1.0)
+
+
+def test_an_instrument_gives_volts_whatever_the_drive_is_in(simulated, tmp_path, monkeypatch):
+    units = ('-p', 'vcm_plant:length_unit:=m', '-p', 'vcm_plant:control_unit:=kN')
+    run = Run.open(simulated(tmp_path / 'run', '-p', 'duration:=0.05', '-p', 'adc_range:=0.125', *units))
+    drawn = []
+    monkeypatch.setattr(checks.Checks, '_plot', lambda self, what, name, unit, *rest: drawn.append((name, unit)))
+    failure(run.check.unsaturated)
+    assert drawn == [('displacement output', 'V')]
+    failure(run.check.bounded, 'ldv.displacement', at_most=0.001)
+    assert drawn[1] == ('ldv.displacement', 'V')
 
 
 def test_what_is_clipped(simulated, tmp_path):
