@@ -118,7 +118,9 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
     """Return the first field in which two messages differ, with both values."""
     one, other = messages
     if topic.type_name == VECTOR_TYPE:
-        pairs = list(zip(AXES, unpack_vector(one), unpack_vector(other), strict=True))
+        # By the declared name; a component that is not declared has only that of its axis.
+        fields = topic.field_names + AXES[len(topic.fields) :]
+        pairs = list(zip(fields, unpack_vector(one), unpack_vector(other), strict=True))
     elif topic.type_name == ARRAY_TYPE and len(one) == len(other):
         names, offset = array_names_and_offset(one)
         pairs = list(zip(names, _array(one, offset), _array(other, offset), strict=False))

@@ -42,7 +42,15 @@ def test_identical(tmp_path):
     [
         (
             {'changes': {('/head', 3): VECTOR.pack(TICKS.stamp(3), 3.0, -2.0, 3.0)}},
-            'head differs first at tick 3: y = 2.0 in the one and -2.0 in the other',
+            'head differs first at tick 3: velocity = 2.0 in the one and -2.0 in the other',
+        ),
+        (
+            {'changes': {('/control', 3): VECTOR.pack(TICKS.stamp(3), 3.0, -2.0, 3.0)}},
+            'control differs first at tick 3: before_saturation = 2.0 in the one and -2.0 in the other',
+        ),
+        (
+            {'changes': {('/ldv', 3): VECTOR.pack(TICKS.stamp(3), 3.0, 2.0, -3.0)}},
+            'ldv differs first at tick 3: z = 3.0 in the one and -3.0 in the other',
         ),
         (
             {'changes': {('/estimates', 2): ARRAY.pack([2e-4, 0.25])}},

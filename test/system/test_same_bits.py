@@ -116,4 +116,4 @@ def test_another_seed_is_another_run(bench):
     other = simulate(bench, 'adaptive_nn', 'other', '-p', 'ldv_sensor:seed:=2')
     difference = first_difference(simulated, other)
     assert difference is not None
-    assert difference.startswith('ldv differs first at tick 0: x = ')
+    assert difference.startswith('ldv differs first at tick 0: displacement = ')
