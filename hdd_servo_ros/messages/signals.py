@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import (
     AXES,
     CONTROL,
@@ -196,7 +197,7 @@ class Signals(TimedSignals):
     def since(self, time: float) -> slice:
         """Return the rows from ``time`` [s] on."""
         # Half a microsecond lets a tick at that very time count, whatever its last bit.
-        return slice(int(np.searchsorted(self.time, time - 0.5e-6)), len(self.ticks))
+        return slice(int(np.searchsorted(self.time, time - HALF_MICROSECOND)), len(self.ticks))
 
 
 class _Estimates(dict[str, Array]):

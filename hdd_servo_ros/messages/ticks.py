@@ -3,6 +3,8 @@
 import struct
 
 NANOSECONDS = 1_000_000_000
+HALF_MICROSECOND = 0.5e-6
+"""Lets a tick at the very time that is asked for count, whatever its last bit [s]."""
 _STAMP = struct.Struct('<iI')
 _SECONDS = struct.Struct('<d')
 

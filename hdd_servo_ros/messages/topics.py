@@ -109,11 +109,6 @@ class LoopTopic:
         """Names of the fields."""
         return tuple(field.name for field in self.fields)
 
-    def delay_of(self, node: str) -> int:
-        """Return by how many ticks a reader needs an earlier message; raises KeyError for a node that reads it not."""
-        delays = {reader.node: reader.delay for reader in self.readers}
-        return delays[node]
-
 
 CLOCK = LoopTopic(
     'clock',

@@ -8,15 +8,13 @@ import numpy as np
 
 from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.numerics.moments import Moments, mark_changes
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, transient_end
 from hdd_servo_ros.reporting.saturation import Ranges
-
-_HALF_MICROSECOND = 0.5e-6
-"""Lets a tick at the very end of the transient count, whatever its last bit [s]."""
 
 
 class RunSums:
@@ -68,7 +66,7 @@ class RunSums:
             self.first_tick = int(signals.ticks[0])
         self.samples += len(signals.ticks)
         self.last_tick = int(signals.ticks[-1])
-        first_late_tick = math.ceil((self.transient - _HALF_MICROSECOND) / signals.sample_time)
+        first_late_tick = math.ceil((self.transient - HALF_MICROSECOND) / signals.sample_time)
         start = int(np.searchsorted(signals.ticks, first_late_tick))
         self.late_samples += len(signals.ticks) - start
         if CONTROL.name in signals:
