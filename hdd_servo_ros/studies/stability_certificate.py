@@ -23,6 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.messages.topics import DISTURBANCE, PARAMETER_EVENTS
+from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters import ParameterError, with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
@@ -43,8 +44,7 @@ class Report:
 
     certificates: tuple[Certificate, ...]
     conditions: tuple[Condition, ...]
-    length_unit: str
-    control_unit: str
+    units: Units
 
 
 def certificate_of_run(directory: Path, extra_disturbance: float | None = None) -> Report:
@@ -88,7 +88,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
     sample_time = float(run['sample_time'])
     certificates = certify(signals, sample_time, plant, controller, dsp, scales, extra_disturbance or 0.0)
     kept = conditions(signals, sample_time, plant, controller, dsp, certificates)
-    return Report(certificates, kept, str(run.get('length_unit', 'um')), str(run.get('control_unit', 'V')))
+    return Report(certificates, kept, signals.units)
 
 
 def _changed_nodes(directory: Path) -> set[str]:
@@ -114,11 +114,7 @@ TITLES = {
 
 def table(report: Report) -> str:
     """Return the report as text."""
-
-    def in_units(unit: str) -> str:
-        return unit.replace('um', report.length_unit).replace('V', report.control_unit)
-
-    lines = []
+    in_units, lines = report.units.of, []
     for certificate in report.certificates:
         bounds, ideal = certificate.bounds, certificate.ideal
         smallest = min(certificate.rates, key=certificate.rates.__getitem__)
@@ -163,7 +159,7 @@ def draw(report: Report, path: Path) -> None:
     figure = Figure(figsize=(11, 9), layout='constrained')
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, sharex=True)
-    length = report.length_unit
+    length = report.units.length
     for index, certificate in enumerate(report.certificates):
         bounds, time = certificate.bounds, certificate.time
         every = slice(None, None, max(1, len(time) // _POINTS))

@@ -15,7 +15,7 @@ from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.simulation.run_setup import Simulation
 from hdd_servo_ros.simulation.simulate import simulate
 from hdd_servo_ros.stability.certificate import certify, conditions
-from hdd_servo_ros.studies.stability_certificate import main
+from hdd_servo_ros.studies.stability_certificate import certificate_of_run, main, table
 
 T = 1e-4
 SECTION_4_4 = Path(__file__).parents[2] / 'params' / 'simulation_study.yaml'
@@ -251,6 +251,20 @@ def test_command(tmp_path, capsys):
     for text in ('theorem: ', 'run: ', 'V(0) ', 'c1 0.1 1/s', '|r|  (i) [m/s]', 'violations', 'NOT kept  sampled'):
         assert text in printed
     assert (directory / 'certificate.png').stat().st_size > 10_000
+
+
+def test_units_are_those_of_the_drive(tmp_path):
+    directory = recorded(tmp_path / 'run')
+    file = directory / 'run.yaml'
+    text = file.read_text()
+    assert 'length_unit: m\n' in text
+    # A length that is named like the declared unit of the control signal, V, is still a length.
+    file.write_text(
+        text.replace('length_unit: m\n', 'length_unit: V\n').replace('control_unit: N\n', 'control_unit: A\n')
+    )
+    printed = table(certificate_of_run(directory))
+    assert '|r|  (i) [V/s]' in printed
+    assert '|W_hat|  (i) [A]' in printed
 
 
 def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
