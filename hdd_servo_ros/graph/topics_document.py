@@ -5,13 +5,10 @@ from collections.abc import Iterator
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, NODES, resolve
 from hdd_servo_ros.graph.connections import TOPICS, readers_of, shown_delay
 from hdd_servo_ros.messages.topics import (
-    AXES,
-    CLOCK_TYPE,
     ESTIMATES,
     PARAMETER_EVENT_TYPE,
     PARAMETER_EVENTS,
     QUEUE_DEPTH,
-    RECORDED,
     RECORDER,
     SCOPE,
     LoopTopic,
@@ -32,7 +29,6 @@ others (`length_unit`, `control_unit`).
 A node reads a topic at tick k with a *delay* of d ticks if it needs the message of tick k - d; `lookahead` is its
 parameter. An *optional* topic is a topic of the loop in a run in which a node publishes it, and absent from others.
 """
-_COMPONENTS = {CLOCK_TYPE: ('clock',), RECORDED.type_name: ('data',)}
 
 
 def document() -> str:
@@ -60,8 +56,7 @@ def _section(topic: LoopTopic) -> Iterator[str]:
         yield ''
         return
     yield '| component | field | unit | meaning |\n|---|---|---|---|'
-    components = AXES if topic.is_vector else _COMPONENTS[topic.type_name]
-    for number, component in enumerate(components):
+    for number, component in enumerate(topic.codec.components):
         if number < len(topic.fields):
             field = topic.fields[number]
             yield f'| {component} | `{field.name}` | {shown(field.unit) or "-"} | {field.meaning} |'

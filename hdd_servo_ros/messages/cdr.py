@@ -6,13 +6,20 @@ unpacks them, several times faster than a general serializer. The bytes are thos
 in the padding, little-endian; the tests compare them.
 """
 
+import functools
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.codecs import ARRAYS, CLOCKS, VECTORS, Codec
 from hdd_servo_ros.messages.ticks import NANOSECONDS
+
+Messages = NDArray[np.uint8]
+RowPacker = Callable[[Messages, NDArray[np.float64]], Messages]
+"""Makes messages, one a row, of stamp bytes, shape (n, 8), and numbers, shape (n, width)."""
 
 HEADER = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
@@ -116,6 +123,48 @@ def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
     return names, offset
 
 
+def names_and_start(codec: Codec, message: bytes) -> tuple[tuple[str, ...], int]:
+    """
+    Return the names of a message's numbers, and the index of their first byte, counted from the end if negative.
+
+    Raises
+    ------
+    ValueError
+        If a message that names its own numbers is not laid out as :class:`ArrayCodec` does.
+    """
+    if codec.width is None:
+        return array_names_and_offset(message)
+    return codec.components[: codec.width], -8 * codec.width
+
+
+def numbers(codec: Codec, message: bytes) -> list[float]:
+    """Return the numbers of a message that has some; raises ValueError as :func:`names_and_start` does."""
+    _, start = names_and_start(codec, message)
+    values: Any = memoryview(message)[start:].cast('d')
+    return list(values)
+
+
+def row_packer(codec: Codec, frame_id: str, names: Sequence[str]) -> RowPacker:
+    """
+    Return what packs many messages of a type at once.
+
+    Parameters
+    ----------
+    codec
+        The type.
+    frame_id
+        Text of ``header.frame_id``, for a type that has it.
+    names
+        Names of the elements, for a type that names them.
+
+    Raises
+    ------
+    KeyError
+        If only single messages are made of this type.
+    """
+    return _ROW_PACKERS[codec](frame_id, names)
+
+
 def vector_rows(codec: VectorCodec, stamps: NDArray[np.uint8], values: NDArray[np.float64]) -> NDArray[np.uint8]:
     """
     Return many vector messages at once, one a row, the same bytes as :meth:`VectorCodec.pack` gives.
@@ -161,3 +210,23 @@ def _rows(
     if size:
         rows[:, -size:] = np.ascontiguousarray(values, dtype='<f8').view(np.uint8).reshape(len(values), size)
     return rows
+
+
+def _vector_packer(frame_id: str, _: Sequence[str]) -> RowPacker:
+    return functools.partial(vector_rows, VectorCodec(frame_id))
+
+
+def _array_packer(_: str, names: Sequence[str]) -> RowPacker:
+    codec = ArrayCodec(names)
+    return lambda _, values: array_rows(codec, values)
+
+
+def _clock_packer(_: str, __: Sequence[str]) -> RowPacker:
+    return lambda stamps, _: clock_rows(stamps)
+
+
+_ROW_PACKERS: dict[Codec, Callable[[str, Sequence[str]], RowPacker]] = {
+    CLOCKS: _clock_packer,
+    VECTORS: _vector_packer,
+    ARRAYS: _array_packer,
+}

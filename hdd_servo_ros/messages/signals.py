@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.codecs import AXES
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import (
-    AXES,
     CONTROL,
     DISTURBANCE,
     ESTIMATES,
@@ -257,7 +257,8 @@ class SignalRows(Signals):
         arrays = {}
         for topic in SIGNAL_TOPICS:
             if not topic.is_optional or topic in optional:
-                arrays[topic.name] = np.empty((count, len(AXES) if topic.is_vector else len(estimate_names)))
+                width = topic.codec.width
+                arrays[topic.name] = np.empty((count, len(estimate_names) if width is None else width))
         return cls(first_tick, sample_time, arrays, estimate_names, units)
 
     def __len__(self) -> int:

@@ -7,15 +7,9 @@ live view and ``docs/topics.md`` follow from these declarations. No ROS import.
 
 import dataclasses
 
+from hdd_servo_ros.messages.codecs import ARRAYS, CLOCKS, COUNTS, VECTORS, Codec
 from hdd_servo_ros.messages.units import Units
 
-CLOCK_TYPE = 'rosgraph_msgs/msg/Clock'
-VECTOR_TYPE = 'geometry_msgs/msg/Vector3Stamped'
-ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
-COUNT_TYPE = 'std_msgs/msg/UInt64'
-
-AXES = ('x', 'y', 'z')
-"""The components of a vector message."""
 CONTROLLER = 'controller'
 """Role of the node that closes the loop, whichever controller that is."""
 DISTURBANCE_SOURCE = 'disturbance source'
@@ -76,8 +70,8 @@ class LoopTopic:
     ----------
     name
         Relative, so that it follows namespaces and remapping.
-    type_name
-        ROS message type.
+    codec
+        Type of its messages, and how they are read and made.
     fields
         What the message carries; of a vector x, y and z in this order (what is not declared is 0), of an array nothing,
         since its elements are named in ``layout.dim[0].label``.
@@ -92,7 +86,7 @@ class LoopTopic:
     """
 
     name: str
-    type_name: str
+    codec: Codec
     fields: tuple[Field, ...]
     writer: str
     readers: tuple[Reader, ...]
@@ -100,9 +94,14 @@ class LoopTopic:
     is_optional: bool = False
 
     @property
+    def type_name(self) -> str:
+        """ROS message type."""
+        return self.codec.type_name
+
+    @property
     def is_vector(self) -> bool:
         """Whether the message is a vector."""
-        return self.type_name == VECTOR_TYPE
+        return self.codec is VECTORS
 
     @property
     def field_names(self) -> tuple[str, ...]:
@@ -112,7 +111,7 @@ class LoopTopic:
 
 CLOCK = LoopTopic(
     'clock',
-    CLOCK_TYPE,
+    CLOCKS,
     (Field('time', 'ns', 'time of the tick, k T exactly'),),
     'deterministic_timer',
     (Reader('reference_generator'), Reader('vcm_plant'), Reader(DISTURBANCE_SOURCE)),
@@ -120,7 +119,7 @@ CLOCK = LoopTopic(
 )
 REFERENCE = LoopTopic(
     'reference',
-    VECTOR_TYPE,
+    VECTORS,
     (
         Field('position', 'um', 'desired position x_d'),
         Field('velocity', 'um/s', 'its first derivative'),
@@ -132,7 +131,7 @@ REFERENCE = LoopTopic(
 )
 HEAD = LoopTopic(
     'head',
-    VECTOR_TYPE,
+    VECTORS,
     (
         Field('position', 'um', 'head position'),
         Field('velocity', 'um/s', 'head velocity'),
@@ -144,7 +143,7 @@ HEAD = LoopTopic(
 )
 LDV = LoopTopic(
     'ldv',
-    VECTOR_TYPE,
+    VECTORS,
     (
         Field('displacement', 'V', 'displacement output', is_in_drive_units=False),
         Field('velocity', 'V', 'velocity output', is_in_drive_units=False),
@@ -155,7 +154,7 @@ LDV = LoopTopic(
 )
 CONTROL = LoopTopic(
     'control',
-    VECTOR_TYPE,
+    VECTORS,
     (
         Field('voltage', 'V', 'drive voltage u, held over [kT, (k+1)T)'),
         Field('before_saturation', 'V', 'u before saturation'),
@@ -166,11 +165,11 @@ CONTROL = LoopTopic(
     'the command to the drive',
 )
 ESTIMATES = LoopTopic(
-    'estimates', ARRAY_TYPE, (), CONTROLLER, (), "the controller's inner state, named in layout.dim[0].label"
+    'estimates', ARRAYS, (), CONTROLLER, (), "the controller's inner state, named in layout.dim[0].label"
 )
 DISTURBANCE = LoopTopic(
     'disturbance',
-    VECTOR_TYPE,
+    VECTORS,
     (Field('force', 'V', 'force against u, held over [kT, (k+1)T)'),),
     DISTURBANCE_SOURCE,
     (Reader('vcm_plant', delay=1),),
@@ -188,7 +187,7 @@ SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
 
 RECORDED = LoopTopic(
     'recorded',
-    COUNT_TYPE,
+    COUNTS,
     (Field('ticks', '', 'number of ticks that the recorder has received'),),
     RECORDER,
     (Reader('deterministic_timer'),),

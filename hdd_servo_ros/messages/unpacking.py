@@ -4,12 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hdd_servo_ros.messages.cdr import array_names_and_offset
+from hdd_servo_ros.messages.cdr import names_and_start
 from hdd_servo_ros.messages.signals import Array, SignalRows
-from hdd_servo_ros.messages.topics import AXES, ESTIMATES, LoopTopic
-
-_VECTOR_SIZE = 8 * len(AXES)
-"""The numbers at the end of a vector message [bytes]."""
+from hdd_servo_ros.messages.topics import ESTIMATES, LoopTopic
 
 
 def signals_of_messages(
@@ -30,11 +27,12 @@ def signals_of_messages(
     arrays: dict[str, Array] = {}
     names: tuple[str, ...] = ()
     for index, topic in enumerate(topics):
-        if topic.is_vector:
-            arrays[topic.name] = _doubles([messages[index][-_VECTOR_SIZE:] for messages in ticks])
-        elif topic is ESTIMATES:
-            names, offset = array_names_and_offset(ticks[0][index])
-            arrays[topic.name] = _doubles([messages[index][offset:] for messages in ticks])
+        if topic.codec.width == 0:
+            continue
+        own_names, start = names_and_start(topic.codec, ticks[0][index])
+        arrays[topic.name] = _doubles([messages[index][start:] for messages in ticks])
+        if topic is ESTIMATES:
+            names = own_names
     return SignalRows(first_tick, sample_time, arrays, names)
 
 

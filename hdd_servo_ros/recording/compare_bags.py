@@ -10,9 +10,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hdd_servo_ros.messages.cdr import array_names_and_offset, unpack_vector
+from hdd_servo_ros.messages.cdr import names_and_start, numbers
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, ARRAY_TYPE, AXES, VECTOR_TYPE, LoopTopic
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -117,23 +117,19 @@ def _difference(
 def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, str]) -> str:
     """Return the first field in which two messages differ, with both values."""
     one, other = messages
-    if topic.type_name == VECTOR_TYPE:
-        # By the declared name; a component that is not declared has only that of its axis.
-        fields = topic.field_names + AXES[len(topic.fields) :]
-        pairs = list(zip(fields, unpack_vector(one), unpack_vector(other), strict=True))
-    elif topic.type_name == ARRAY_TYPE and len(one) == len(other):
-        names, offset = array_names_and_offset(one)
-        pairs = list(zip(names, _array(one, offset), _array(other, offset), strict=False))
-    else:
+    codec = topic.codec
+    # Arrays of different length have no elements in common; the frame_id of vectors may differ in length.
+    if codec.width == 0 or (codec.width is None and len(one) != len(other)):
         pairs = []
+    else:
+        names, _ = names_and_start(codec, one)
+        # By the declared name; a component that is not declared has only its own.
+        fields = topic.field_names + names[len(topic.fields) :]
+        pairs = list(zip(fields, numbers(codec, one), numbers(codec, other), strict=False))
     for name, ours, theirs in pairs:
         if ours != theirs:
             return f'{name} = {ours!r} in {labels[0]} and {theirs!r} in {labels[1]}'
     return f'{one.hex()} in {labels[0]} and {other.hex()} in {labels[1]}'
-
-
-def _array(message: bytes, offset: int) -> Sequence[float]:
-    return memoryview(message)[offset:].cast('B').cast('d').tolist()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,13 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
+from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset, names_and_start
+from hdd_servo_ros.messages.codecs import CODECS, Codec
 from hdd_servo_ros.messages.ticks import NANOSECONDS
-from hdd_servo_ros.messages.topics import ARRAY_TYPE, CLOCK_TYPE
 from hdd_servo_ros.recording.bag_columns import BagError, Column
-
-_VECTOR_SIZE = 24
-"""Three float64 at the end of a vector message [bytes]."""
 
 
 def stamps_of(column: Column, type_name: str) -> NDArray[np.int64]:
@@ -28,12 +25,13 @@ def stamps_of(column: Column, type_name: str) -> NDArray[np.int64]:
     Raises
     ------
     BagError
-        If they are arrays of different length.
+        If they are arrays of different length, or of a type that no topic of the loop has.
     """
     if not len(column):
         return column.times
-    if type_name == ARRAY_TYPE:
-        return np.rint(_array_values(column)[:, 0] * NANOSECONDS).astype(np.int64)
+    codec = _codec(type_name)
+    if not codec.is_stamped:
+        return np.rint(_numbers(column, codec)[:, 0] * NANOSECONDS).astype(np.int64)
     heads = _part(column, slice(STAMP.start, STAMP.stop))
     stamps = np.ascontiguousarray(heads).view([('s', '<i4'), ('ns', '<u4')])[:, 0]
     times: NDArray[np.int64] = stamps['s'].astype(np.int64) * NANOSECONDS + stamps['ns']
@@ -47,13 +45,10 @@ def values_of(column: Column, type_name: str) -> NDArray[Any]:
     Raises
     ------
     BagError
-        If they are arrays of different length.
+        If they are arrays of different length, or of a type that no topic of the loop has.
     """
-    if type_name == CLOCK_TYPE:
-        return stamps_of(column, type_name)
-    if type_name == ARRAY_TYPE:
-        return _array_values(column)
-    return np.ascontiguousarray(_part(column, slice(-_VECTOR_SIZE, None))).view('<f8')
+    codec = _codec(type_name)
+    return stamps_of(column, type_name) if codec.width == 0 else _numbers(column, codec)
 
 
 def array_names(column: Column) -> tuple[str, ...]:
@@ -69,12 +64,19 @@ def _part(column: Column, part: slice) -> NDArray[np.uint8]:
     return column.payloads[:, part]
 
 
-def _array_values(column: Column) -> NDArray[np.float64]:
-    """Return the elements of labelled arrays, shape (n, m)."""
-    payloads = column.payloads
-    if isinstance(payloads, list):
-        raise BagError('the arrays on a topic are of different length')
-    if not len(payloads):
-        return np.zeros((0, 1))
-    _, offset = array_names_and_offset(payloads[0].tobytes())
-    return np.ascontiguousarray(payloads[:, offset:]).view('<f8')
+def _codec(type_name: str) -> Codec:
+    if type_name not in CODECS:
+        raise BagError(f'messages of {type_name} are none of the loop')
+    return CODECS[type_name]
+
+
+def _numbers(column: Column, codec: Codec) -> NDArray[np.float64]:
+    """Return the numbers at the end of every message, shape (n, m)."""
+    if codec.width is None:
+        if isinstance(column.payloads, list):
+            raise BagError('the arrays on a topic are of different length')
+        if not len(column.payloads):
+            return np.zeros((0, 1))
+    first = bytes(column.payloads[0]) if len(column.payloads) else b''
+    _, start = names_and_start(codec, first)
+    return np.ascontiguousarray(_part(column, slice(start, None))).view('<f8')

@@ -10,7 +10,7 @@ from rclpy.subscription import Subscription
 from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
 from hdd_servo_ros.messages.errors import StampError
 from hdd_servo_ros.messages.ticks import Ticks
-from hdd_servo_ros.messages.topics import ARRAY_TYPE, LoopTopic
+from hdd_servo_ros.messages.topics import LoopTopic
 from hdd_servo_ros.ros.loop_topics import LOOP_QOS, message_class
 from hdd_servo_ros.ros.publishers import publishers_of
 
@@ -51,7 +51,7 @@ class Input:
         self._take: Callable[[type, bool], Any]
         self._type: type
         self._ticks: Ticks
-        self._is_array = topic.type_name == ARRAY_TYPE
+        self._is_array = not topic.codec.is_stamped
         self._array_stamp: slice | None = None
         """Where an array message, which has no header, holds its element t; known from its first message on."""
 

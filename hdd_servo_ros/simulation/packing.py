@@ -4,14 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, array_rows, clock_rows, stamp_rows, vector_rows
+from hdd_servo_ros.messages.cdr import Messages, row_packer, stamp_rows
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import CLOCK, SIGNAL_TOPICS, LoopTopic
-
-Messages = NDArray[np.uint8]
+from hdd_servo_ros.messages.topics import SIGNAL_TOPICS, LoopTopic
 
 
 class Packer:
@@ -35,8 +32,7 @@ class Packer:
     ) -> None:
         self._topics = tuple(topics)
         self._sample_time_ns = sample_time_to_nanoseconds(sample_time)
-        self._vector = VectorCodec(frame_id)
-        self._array = ArrayCodec(estimate_names)
+        self._packers = {topic.name: row_packer(topic.codec, frame_id, estimate_names) for topic in self._topics}
 
     def pack(self, rows: SignalRows, recorded: Mapping[str, Messages]) -> tuple[list[int], list[int], list[memoryview]]:
         """
@@ -63,11 +59,8 @@ class Packer:
 
     def _messages(self, topic: LoopTopic, stamps: Messages, rows: SignalRows) -> Messages:
         """Return the messages of a topic, one per row."""
-        if topic is CLOCK:
-            return clock_rows(stamps)
-        if topic.is_vector:
-            return vector_rows(self._vector, stamps, rows[topic.name])
-        return array_rows(self._array, rows[topic.name])
+        values = np.empty((len(rows), 0)) if topic.codec.width == 0 else rows[topic.name]
+        return self._packers[topic.name](stamps, values)
 
 
 def first_not_finite(rows: SignalRows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:

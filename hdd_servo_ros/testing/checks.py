@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import rms, step_response
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, AXES, Field
+from hdd_servo_ros.messages.codecs import AXES
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 

@@ -1,0 +1,37 @@
+"""The types of the loop's messages, declared once: what each carries and where; see ``cdr.py`` for their bytes."""
+
+import dataclasses
+
+AXES = ('x', 'y', 'z')
+"""The components of a vector message."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Codec:
+    """
+    A message type of the loop.
+
+    Attributes
+    ----------
+    type_name
+        ROS message type.
+    components
+        Names of what a message carries; none if each message names its own numbers.
+    width
+        How many float64 stand at the end of a message; None if each message says so itself.
+    is_stamped
+        Whether a message begins with its time; one that does not, but names its numbers, has the time [s] as the first.
+    """
+
+    type_name: str
+    components: tuple[str, ...]
+    width: int | None
+    is_stamped: bool
+
+
+CLOCKS = Codec('rosgraph_msgs/msg/Clock', ('clock',), 0, is_stamped=True)
+VECTORS = Codec('geometry_msgs/msg/Vector3Stamped', AXES, len(AXES), is_stamped=True)
+ARRAYS = Codec('std_msgs/msg/Float64MultiArray', (), None, is_stamped=False)
+COUNTS = Codec('std_msgs/msg/UInt64', ('data',), 0, is_stamped=False)
+CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ARRAYS, COUNTS)}
+"""The codecs by the type of their messages."""
