@@ -118,7 +118,7 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
     """Return the first field in which two messages differ, with both values."""
     one, other = messages
     codec = topic.codec
-    # Arrays of different length have no elements in common; the frame_id of vectors may differ in length.
+    # Of arrays of different length no element is the first to differ; vectors may differ in length by their frame_id.
     if codec.width == 0 or (codec.width is None and len(one) != len(other)):
         pairs = []
     else:
