@@ -164,10 +164,10 @@ def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, 
     with pytest.raises(ParameterError, match=re.escape(said)):
         load_controller(f'{module}:Spring')
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run']) == 2
-    errors = capsys.readouterr().err
-    assert errors.startswith(f"simulate: parameter controller = '{module}:Spring' is refused: {said}")
-    assert errors.endswith('; see docs/write-your-own-controller.md\n')
-    assert errors.count('\n') == 1
+    # With a cold cache a line says first that kernels are being compiled.
+    (error,) = [line for line in capsys.readouterr().err.splitlines() if 'refused' in line]
+    assert error.startswith(f"simulate: parameter controller = '{module}:Spring' is refused: {said}")
+    assert error.endswith('; see docs/write-your-own-controller.md')
 
 
 @pytest.mark.parametrize(

@@ -40,11 +40,11 @@ def test_a_controller_from_outside():
 
 def test_an_object_with_the_former_arguments_of_step_is_refused_with_what_to_change():
     class Old(Outside):
-        def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):
+        def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):  # type: ignore[override]
             return 0.0, 0.0, 0.0
 
     with pytest.raises(ParameterError, match=r"'Old' is refused: Old\.step takes one argument now: inputs, with"):
-        Experiment(T, Old())
+        Experiment(T, Old())  # type: ignore[arg-type]
 
 
 OTHER_SENSOR = {'displacement_scale': 4.0, 'velocity_scale': 2000.0}
