@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdd_servo_ros.analysis.misregistration import misregistration
+from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 
 NANOMETRES = 1e3
 """nm a um."""
@@ -68,7 +69,7 @@ def tracking_metrics(
     if not t.shape == x_d.shape == x.shape == u.shape or t.ndim != 1:
         raise ValueError(f'arrays of different shape: {t.shape}, {x_d.shape}, {x.shape}, {u.shape}')
     # Half a microsecond lets a tick at the very end of the transient count, whatever its last bit.
-    late = t >= transient - 0.5e-6
+    late = t >= transient - HALF_MICROSECOND
     if not late.any():
         raise ValueError(f'no tick after the transient of {transient:g} s')
     error = (x[late] - x_d[late]) * unit
