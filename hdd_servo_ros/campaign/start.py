@@ -26,7 +26,8 @@ def run_arguments(files: Iterable[Path], values: Mapping[str, Any], run_dir: Pat
     arguments = ['--ros-args']
     for file in files:
         arguments += ['--params-file', str(file)]
-    for name, value in {'plot': False, **values, 'run_dir': str(run_dir)}.items():
+    # Ours come last: rclpy lets the node or wildcard that is named first give way to those named after it.
+    for name, value in {**values, 'plot': values.get('plot', False), 'run_dir': str(run_dir)}.items():
         # JSON is YAML, and keeps texts, numbers and lists apart.
         arguments += ['-p', f'{name}:={json.dumps(value)}']
     return arguments

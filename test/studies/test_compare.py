@@ -133,7 +133,7 @@ def test_the_experiment_of_a_parameter_file():
 @pytest.mark.parametrize(
     ('answer', 'note', 'verdict'),
     [
-        ('1.0 / (77 - tick)', 'failed: my_controller: step raised ZeroDivisionError: .* at tick 77', 'tracks'),
+        ('1.0 / (77 - inputs.tick)', 'failed: my_controller: step raised ZeroDivisionError: .* at tick 77', 'tracks'),
         (
             "float('nan')",
             r'failed: /control: not finite at tick 0: \(nan, nan, nan\); published by my_controller',
