@@ -37,9 +37,7 @@ class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
     @classmethod
     def of(cls, topic: LoopTopic, rows: Array) -> 'SignalArray':
         """Return rows as those of a topic, without a copy."""
-        view = rows.view(cls)
-        view.fields = topic.field_names
-        return view
+        return _with_fields(rows, topic.field_names)
 
     def __array_finalize__(self, source: Any) -> None:
         self.fields = getattr(source, 'fields', ())
@@ -61,13 +59,13 @@ class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
         return plain[()] if plain.ndim == 0 else plain
 
     def __reduce__(self) -> Any:
-        return _unpickled, (self.view(np.ndarray), self.fields)
+        return _with_fields, (self.view(np.ndarray), self.fields)
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]
 
 
-def _unpickled(rows: Array, fields: tuple[str, ...]) -> SignalArray:
+def _with_fields(rows: Array, fields: tuple[str, ...]) -> SignalArray:
     view = rows.view(SignalArray)
     view.fields = fields
     return view

@@ -8,9 +8,7 @@ from typing import Any
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.graph.catalogue import (
-    CONTROLLER,
     CONTROLLERS,
-    DISTURBANCE_SOURCE,
     NODES,
     names_with_parameters,
     nodes_of_run,
@@ -20,7 +18,7 @@ from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
-from hdd_servo_ros.graph.roles import PLAYBACK
+from hdd_servo_ros.graph.roles import PLAYBACK, roles_of_run
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -69,8 +67,7 @@ class Simulation:
         playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
         self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
         played = () if self.playback is None else self.playback.topics
-        roles = {CONTROLLER: controller, **({DISTURBANCE_SOURCE: PLAYBACK} if played else {})}
-        names = nodes_of_run(roles)
+        names = nodes_of_run(roles_of_run(controller, arguments))
         sets = {name: self._sets(arguments, name) for name in names}
         self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
         self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]

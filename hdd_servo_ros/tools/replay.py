@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS
@@ -130,8 +131,8 @@ class Recording:
         recorder = content.setdefault(f'{self.namespace}/bag_recorder', {'ros__parameters': {}})
         recorder['ros__parameters'] |= {'run_dir': str(output)}
         if self.played:
-            played = {'recorded_run': str(self.run.resolve())}
-            content[f'{self.namespace}/playback'] = {'ros__parameters': played}
+            played = {RECORDED_RUN: str(self.run.resolve())}
+            content[f'{self.namespace}/{PLAYBACK}'] = {'ros__parameters': played}
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
         rig = {'controller': self.metadata.get('controller_class', self.metadata['controller']), 'plot': False}
         return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
