@@ -16,6 +16,7 @@ from hdd_servo_ros.control.adaptive_nn_kernel import (
     adaptive_nn_step,
 )
 from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters
+from hdd_servo_ros.control.desired_compensation import REGRESSORS
 from hdd_servo_ros.control.rbf import largest_square_sum, lattice
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
@@ -23,6 +24,7 @@ from hdd_servo_ros.numerics.records import record, zeros
 from hdd_servo_ros.parameters import ParameterError
 
 AdaptiveNnArrays = tuple[
+    NDArray[np.float64],
     NDArray[np.float64],
     NDArray[np.float64],
     NDArray[np.float64],
@@ -57,7 +59,8 @@ class AdaptiveNn:
     :func:`~hdd_servo_ros.control.adaptation.decay_and_step`), which is stable for any constants that are not negative.
 
     Estimates: t [s]; r [um/s]; sigma_hat [V s/um]; m_hat [V s^2/um]; phi_hat [V]; norm of W_hat [V]; e [um]; the
-    network's output W_hat'S [V]; integral of e [um s]; the lattice's widths [um], [um/s]; the compensator's output [V].
+    network's output W_hat'S [V]; integral of e [um s]; the lattice's widths [um], [um/s]; the compensator's output
+    [V]; spring_hat and hysteresis_hat [V/um], relaxation_hat [V s/um], and the friction of the bristles by them [V].
 
     Parameters
     ----------
@@ -83,6 +86,7 @@ class AdaptiveNn:
         self._compensator_centres: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_activations: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_weights: NDArray[np.float64] = np.zeros((m, m))
+        self._history: NDArray[np.float64] = np.zeros((parameters.desired.ticks(sample_time) + 1, len(REGRESSORS)))
         self.arrays: AdaptiveNnArrays = (
             self.constants,
             self.state,
@@ -93,6 +97,7 @@ class AdaptiveNn:
             self._compensator_centres,
             self._compensator_activations,
             self._compensator_weights,
+            self._history,
             self.estimates,
         )
         """The arrays that the kernel takes first; the estimates are the last."""
@@ -105,6 +110,9 @@ class AdaptiveNn:
         s.sigma_hat = parameters.sigma.initial
         s.m_hat = parameters.mass.initial
         s.phi_hat = parameters.phi.initial
+        s.spring_hat = parameters.bristle.spring.initial
+        s.hysteresis_hat = parameters.bristle.hysteresis.initial
+        s.relaxation_hat = parameters.bristle.relaxation.initial
         s.log_position_width = s.log_velocity_width = 0.0
         self.weights[:] = parameters.network.initial
         self.compensator_weights[:] = 0.0
@@ -173,11 +181,12 @@ class AdaptiveNn:
         Raises
         ------
         ParameterError
-            If the number of nodes differs: the weights would have no meaning.
+            If a number of nodes or the lag differs: the weights and the stored regressors would have no meaning.
         """
         for name, new, old in (
             ('network.nodes', parameters.network.nodes, len(self._weights)),
             ('compensator.nodes', parameters.compensator.nodes, len(self._compensator_weights)),
+            ('desired.lag', parameters.desired.lag, self.parameters.desired.lag),
         ):
             if new != old:
                 raise ParameterError(name, new, f'fixed at {old} for this run')
@@ -195,6 +204,7 @@ class AdaptiveNn:
         c = record(self.constants, CONSTANTS)
         self._fill_signals(c)
         self._fill_laws(c)
+        self._fill_desired(c.desired)
         self._fill_network(c.network)
         self._fill_compensator(c.compensator)
 
@@ -218,15 +228,34 @@ class AdaptiveNn:
 
     def _fill_laws(self, c: Any) -> None:
         parameters = self.parameters
-        for law, own in ((c.sigma, parameters.sigma), (c.mass, parameters.mass), (c.phi, parameters.phi)):
-            law.enabled = own.enabled
+        for name, own in parameters.laws.items():
+            law = getattr(c, name.removeprefix('bristle.'))
             law.decay, law.step = decay_and_step(own.gain, own.leakage, self.sample_time)
             law.minimum, law.maximum = (own.minimum, own.maximum) if parameters.projection else (-math.inf, math.inf)
+        for law, own in ((c.sigma, parameters.sigma), (c.mass, parameters.mass), (c.phi, parameters.phi)):
+            law.enabled = own.enabled
+        bristle = parameters.bristle
+        for law, scale in (
+            (c.sigma, parameters.sigma.scale),
+            (c.mass, parameters.mass.scale),
+            (c.spring, bristle.spring.scale),
+            (c.hysteresis, bristle.hysteresis.scale),
+            (c.relaxation, bristle.relaxation.scale),
+        ):
+            law.normalization = 1.0 / (scale * scale) if scale > 0.0 else 0.0
         width = parameters.width
         reach = log(width.factor)
         c.width.enabled = width.enabled
         c.width.decay, c.width.step = decay_and_step(width.gain, width.leakage, self.sample_time)
         c.width.minimum, c.width.maximum = -reach, reach
+
+    def _fill_desired(self, c: Any) -> None:
+        desired, bristle = self.parameters.desired, self.parameters.bristle
+        c.enabled = desired.enabled
+        c.has_bristles = bristle.enabled
+        c.decay = exp(-desired.peak_decay * self.sample_time)
+        c.distance = bristle.distance
+        c.spring_distance = bristle.spring_distance
 
     def _fill_network(self, c: Any) -> None:
         network = self.parameters.network
@@ -250,6 +279,7 @@ class AdaptiveNn:
         c.velocity_inverse_square = 1.0 / (velocity * velocity)
         c.decay, c.step = decay_and_step(compensator.gain, compensator.leakage, self.sample_time)
         c.lag = compensator.lag
+        c.weight_limit = compensator.maximum if self.parameters.projection else math.inf
         self._compensator_centres[0] = lattice(compensator.position_minimum, compensator.position_maximum, m)
         self._compensator_centres[1] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
 

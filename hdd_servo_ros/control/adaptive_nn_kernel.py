@@ -7,6 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.control.controller import all_finite, saturated
+from hdd_servo_ros.control.desired_compensation import (
+    ACCELERATION,
+    DESIRED,
+    DESIRED_STATE,
+    HYSTERESIS,
+    RELAXATION,
+    SPRING,
+    VELOCITY,
+    advance,
+    learning_signal,
+)
 from hdd_servo_ros.control.input_shaping import SHAPING_STATE, shaped
 from hdd_servo_ros.control.rbf import activate, lattice_sum
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
@@ -14,15 +25,18 @@ from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import layout, record
 
-# One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate.
-LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum')
+# One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate, and 1/s^2 of the
+# normalised laws of desired compensation.
+LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum', 'normalization')
 
 # The law of one weight of the network; they share their bounds.
 WEIGHT_LAW = layout('decay', 'step')
 
 NETWORK = layout('enabled', 'reads_reference', 'position_inverse_square', 'velocity_inverse_square', 'weight_limit')
 
-COMPENSATOR = layout('enabled', 'position_inverse_square', 'velocity_inverse_square', 'decay', 'step', 'lag')
+COMPENSATOR = layout(
+    'enabled', 'position_inverse_square', 'velocity_inverse_square', 'decay', 'step', 'lag', 'weight_limit'
+)
 
 CONSTANTS = layout(
     'time_step',
@@ -42,6 +56,10 @@ CONSTANTS = layout(
     ('mass', LAW),
     ('phi', LAW),
     ('width', LAW),
+    ('desired', DESIRED),
+    ('spring', LAW),
+    ('hysteresis', LAW),
+    ('relaxation', LAW),
     ('network', NETWORK),
     ('compensator', COMPENSATOR),
 )
@@ -50,6 +68,9 @@ STATE = layout(
     'sigma_hat',
     'm_hat',
     'phi_hat',
+    'spring_hat',
+    'hysteresis_hat',
+    'relaxation_hat',
     'log_position_width',
     'log_velocity_width',
     'integral',
@@ -59,6 +80,7 @@ STATE = layout(
     'reference_velocity',
     'started',
     ('shaping', SHAPING_STATE),
+    ('desired', DESIRED_STATE),
 )
 
 ESTIMATE_NAMES = (
@@ -74,6 +96,10 @@ ESTIMATE_NAMES = (
     'position_width',
     'velocity_width',
     'compensator',
+    'spring_hat',
+    'hysteresis_hat',
+    'relaxation_hat',
+    'bristles',
 )
 ESTIMATES = layout(*ESTIMATE_NAMES)
 
@@ -204,10 +230,31 @@ def _adapt_weights(
 def _adapt_compensator(law: Any, activations: NDArray[np.float64], weights: NDArray[np.float64], r: float) -> None:
     """Adapt W_c' = -Gamma_c (S_c r + sigma_c W_c)."""
     m = len(weights)
+    limit = law.weight_limit
     for i in range(m):
         drive = -law.step * r * activations[0, i]
         for j in range(m):
-            weights[i, j] = law.decay * weights[i, j] + drive * activations[1, j]
+            w = law.decay * weights[i, j] + drive * activations[1, j]
+            weights[i, j] = max(-limit, min(limit, w))
+
+
+@compiled
+def _adapt_desired(c: Any, s: Any, regressors: NDArray[np.float64], r: float) -> None:
+    """Adapt sigma_hat, m_hat and the friction of the bristles with the regressors of a lag ago, shape (5,)."""
+    peaks = s.desired.peaks
+    if c.sigma.enabled != 0.0:
+        drive = learning_signal(c.sigma, peaks.velocity, regressors[VELOCITY], r)
+        s.sigma_hat = _adapted(c.sigma, s.sigma_hat, drive)
+    if c.mass.enabled != 0.0:
+        drive = learning_signal(c.mass, peaks.acceleration, regressors[ACCELERATION], r)
+        s.m_hat = _adapted(c.mass, s.m_hat, drive)
+    if c.desired.has_bristles != 0.0:
+        drive = learning_signal(c.spring, peaks.spring, regressors[SPRING], r)
+        s.spring_hat = _adapted(c.spring, s.spring_hat, drive)
+        drive = learning_signal(c.hysteresis, peaks.hysteresis, regressors[HYSTERESIS], r)
+        s.hysteresis_hat = _adapted(c.hysteresis, s.hysteresis_hat, drive)
+        drive = learning_signal(c.relaxation, peaks.relaxation, regressors[RELAXATION], r)
+        s.relaxation_hat = _adapted(c.relaxation, s.relaxation_hat, drive)
 
 
 @compiled
@@ -221,6 +268,7 @@ def adaptive_nn_step(
     compensator_centres: NDArray[np.float64],
     compensator_activations: NDArray[np.float64],
     compensator_weights: NDArray[np.float64],
+    history: NDArray[np.float64],
     estimates: NDArray[np.float64],
     *values: Any,
 ) -> tuple[float, float, float]:
@@ -239,6 +287,9 @@ def adaptive_nn_step(
         W_hat [V], shape (n, n), position index first.
     compensator_centres, compensator_activations, compensator_weights
         The same of the compensator with m x m nodes.
+    history
+        Regressors of desired compensation, shape (ticks of its lag + 1, 5); see
+        :func:`~hdd_servo_ros.control.desired_compensation.advance`.
     *values
         The fields of :class:`ControllerInputs`.
     """
@@ -259,14 +310,21 @@ def adaptive_nn_step(
         integral += c.time_step * e
     r = e_rate + lambda_ * e + lambda_i * integral
     a_r = ddx_d - lambda_ * e_rate - lambda_i * e
+    # What sigma_hat and m_hat multiply: (4.16), or the same of the reference.
+    velocity_regressor, acceleration_regressor = v, a_r
+    row = 0
+    is_desired = c.desired.enabled != 0.0
+    if is_desired:
+        row = advance(c.desired, s.desired, x_d, dx_d, ddx_d, history)
+        velocity_regressor, acceleration_regressor = dx_d, ddx_d
     # (4.16)
     feedback = -c.feedback_gain * r
     sign = _sign(r, c.boundary_layer)
     u = feedback
     if c.sigma.enabled != 0.0:
-        u += s.sigma_hat * v
+        u += s.sigma_hat * velocity_regressor
     if c.mass.enabled != 0.0:
-        u += s.m_hat * a_r
+        u += s.m_hat * acceleration_regressor
     network = 0.0
     network_x, network_v = x, v
     if c.network.enabled != 0.0:
@@ -277,6 +335,12 @@ def adaptive_nn_step(
         u -= network * sign
     if c.phi.enabled != 0.0:
         u -= s.phi_hat * sign
+    bristles = 0.0
+    if is_desired and c.desired.has_bristles != 0.0:
+        bristles = s.spring_hat * history[row, SPRING]
+        bristles += s.hysteresis_hat * history[row, HYSTERESIS]
+        bristles += s.relaxation_hat * history[row, RELAXATION]
+        u += bristles
     compensator = 0.0
     own = c.compensator
     if own.enabled != 0.0:
@@ -305,6 +369,10 @@ def adaptive_nn_step(
     found.position_width = exp(s.log_position_width) / math.sqrt(c.network.position_inverse_square)
     found.velocity_width = exp(s.log_velocity_width) / math.sqrt(c.network.velocity_inverse_square)
     found.compensator = compensator
+    found.spring_hat = s.spring_hat
+    found.hysteresis_hat = s.hysteresis_hat
+    found.relaxation_hat = s.relaxation_hat
+    found.bristles = bristles
 
     if limited != u and c.freezes_when_saturated != 0.0:
         return limited, u, feedback
@@ -312,10 +380,15 @@ def adaptive_nn_step(
     if c.r_limit > 0.0:
         r = max(-c.r_limit, min(c.r_limit, r))
     # (4.18)-(4.21)
-    if c.sigma.enabled != 0.0:
-        s.sigma_hat = _adapted(c.sigma, s.sigma_hat, -v * r)
-    if c.mass.enabled != 0.0:
-        s.m_hat = _adapted(c.mass, s.m_hat, -a_r * r)
+    if is_desired:
+        # A reference at rest excites nothing: the integral alone then deals with what is left of a step.
+        if dx_d != 0.0 or ddx_d != 0.0:
+            _adapt_desired(c, s, history[(row + 1) % len(history)], r)
+    else:
+        if c.sigma.enabled != 0.0:
+            s.sigma_hat = _adapted(c.sigma, s.sigma_hat, -v * r)
+        if c.mass.enabled != 0.0:
+            s.m_hat = _adapted(c.mass, s.m_hat, -a_r * r)
     if c.phi.enabled != 0.0:
         s.phi_hat = _adapted(c.phi, s.phi_hat, abs(r))
     if c.network.enabled != 0.0:

@@ -1,11 +1,33 @@
 """Parameters of the adaptive neural network controller; docs/controllers.md relates them to the thesis's symbols."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
 VELOCITY_SOURCES = ('sensor', 'difference')
 NETWORK_INPUTS = ('measured', 'reference')
+
+SCALE_TEXT = (
+    'with desired compensation: excitation at which the learning rate has reached half of its largest value; '
+    'the gain is divided by 1 + (held peak of the regressor/scale)^2; 0 for no normalisation'
+)
+
+
+BARE_LAW: Mapping[str, object] = {
+    'desired.enabled': False,
+    'bristle.enabled': False,
+    'integral_gain': 0.0,
+    'shaping.share': 0.0,
+    'projection': False,
+    'r_limit': 0.0,
+    'sigma.initial': 0.0,
+    'mass.initial': 0.0,
+    'mass.minimum': -1.0e-7,
+    'mass.maximum': 1.0e-7,
+}
+"""What switches off every option beyond the thesis that is on by default: (4.10)-(4.21) are left, with zero estimates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,12 +36,13 @@ class SigmaParameters(ParameterSet):
 
     enabled: bool = parameter(True, 'whether sigma_hat takes part')
     gain: float = parameter(
-        7.56e-10, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
+        2.2e-5, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
     )
-    leakage: float = parameter(3.96e7, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
-    initial: float = parameter(0.0, 'estimate at tick 0, sigma_hat(0)', unit='V s/um')
-    minimum: float = parameter(-4.0e-5, 'smallest sigma_hat, where projection is on', unit='V s/um')
-    maximum: float = parameter(4.0e-5, 'largest sigma_hat, where projection is on', unit='V s/um')
+    leakage: float = parameter(1.3e3, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
+    initial: float = parameter(6.9e-6, 'estimate at tick 0, sigma_hat(0)', unit='V s/um')
+    minimum: float = parameter(-4.0e-5, 'smallest sigma_hat, with projection', unit='V s/um')
+    maximum: float = parameter(4.0e-5, 'largest sigma_hat, with projection', unit='V s/um')
+    scale: float = parameter(30.0, SCALE_TEXT, unit='um/s', minimum=0.0)
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -28,16 +51,21 @@ class SigmaParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class MassParameters(ParameterSet):
-    """The inertia estimate m_hat, (4.19). Below the presliding resonance it learns a negative, effective mass."""
+    """
+    The inertia estimate m_hat, (4.19).
+
+    Without desired compensation it learns a negative, effective mass below the presliding resonance.
+    """
 
     enabled: bool = parameter(True, 'whether m_hat takes part')
     gain: float = parameter(
-        1.91e-15, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
+        2.0e-10, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
     )
-    leakage: float = parameter(1.57e13, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
-    initial: float = parameter(0.0, 'estimate at tick 0, m_hat(0)', unit='V s^2/um')
-    minimum: float = parameter(-1.0e-7, 'smallest m_hat, where projection is on', unit='V s^2/um')
-    maximum: float = parameter(1.0e-7, 'largest m_hat, where projection is on', unit='V s^2/um')
+    leakage: float = parameter(1.5e8, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
+    initial: float = parameter(2.44e-8, 'estimate at tick 0, m_hat(0)', unit='V s^2/um')
+    minimum: float = parameter(1.4e-8, 'smallest m_hat, with projection', unit='V s^2/um')
+    maximum: float = parameter(3.5e-8, 'largest m_hat, with projection', unit='V s^2/um')
+    scale: float = parameter(1.0e4, SCALE_TEXT, unit='um/s^2', minimum=0.0)
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -49,11 +77,11 @@ class PhiParameters(ParameterSet):
     """The bound estimate phi_hat of network error and disturbance, (4.20)."""
 
     enabled: bool = parameter(True, 'whether phi_hat takes part')
-    gain: float = parameter(4.98e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
-    leakage: float = parameter(1.01e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
+    gain: float = parameter(5.0e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
+    leakage: float = parameter(1.0e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
-    minimum: float = parameter(0.0, 'smallest phi_hat, where projection is on', unit='V')
-    maximum: float = parameter(0.2, 'largest phi_hat, where projection is on', unit='V')
+    minimum: float = parameter(0.0, 'smallest phi_hat, with projection', unit='V')
+    maximum: float = parameter(0.2, 'largest phi_hat, with projection', unit='V')
 
     def check_together(self) -> None:
         """Check that the bounds are in order; raises :class:`ParameterError`."""
@@ -67,12 +95,12 @@ class NetworkParameters(ParameterSet):
     enabled: bool = parameter(True, 'whether the network takes part')
     nodes: int = parameter(5, 'nodes an axis: n of the n x n lattice', minimum=1, maximum=32, read_only=True)
     gain: tuple[float, ...] = parameter(
-        (3.08e-5,),
+        (3.09e-5,),
         'Gamma of (4.21): one number, or the n x n diagonal (position index first)',
         unit='V/um',
         minimum=0.0,
     )
-    leakage: float = parameter(1.63e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
+    leakage: float = parameter(1.62e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
     initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
     position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
     position_maximum: float = parameter(6.0, 'last position centre', unit='um')
@@ -90,7 +118,7 @@ class NetworkParameters(ParameterSet):
     input: str = parameter(
         'measured', 'Z of (4.7): the measured position and velocity, or those of the reference', choices=NETWORK_INPUTS
     )
-    maximum: float = parameter(0.2, 'largest magnitude of a weight, where projection is on', unit='V', minimum=0.0)
+    maximum: float = parameter(0.2, 'largest magnitude of a weight, with projection', unit='V', minimum=0.0)
 
     def check_together(self) -> None:
         """Check ranges and lengths; raises :class:`ParameterError`."""
@@ -142,6 +170,7 @@ class CompensatorParameters(ParameterSet):
     velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
     velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
     width: float = parameter(0.35, 'width in half ranges', above=0.0)
+    maximum: float = parameter(0.2, 'largest magnitude of a weight, with projection', unit='V', minimum=0.0)
 
     def check_together(self) -> None:
         """Check the ranges; raises :class:`ParameterError`."""
@@ -150,13 +179,106 @@ class CompensatorParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
+class DesiredParameters(ParameterSet):
+    """Option beyond the thesis: sigma_hat and m_hat multiply the reference's signals (docs/controllers.md)."""
+
+    enabled: bool = parameter(
+        True,
+        'whether sigma_hat and m_hat multiply the velocity and the acceleration of the reference instead of v and a_r',
+    )
+    lag: float = parameter(
+        3.0e-4,
+        'delay from the feedforward to its effect on r: the laws use the regressors delayed by this time, rounded to '
+        'samples',
+        unit='s',
+        minimum=0.0,
+        maximum=0.1,
+        read_only=True,
+    )
+    peak_decay: float = parameter(
+        2.0, 'rate at which the held peak of the square of a regressor decays', unit='1/s', minimum=0.0
+    )
+
+    def ticks(self, sample_time: float) -> int:
+        """Return the lag in samples of T = ``sample_time`` [s]."""
+        return round(self.lag / sample_time)
+
+
+@dataclasses.dataclass(frozen=True)
+class SpringParameters(ParameterSet):
+    """The stiffness estimate of the wider bristle, spring_hat."""
+
+    gain: float = parameter(2.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(1.5e-2, 'leakage', unit='um^3/(V s)', minimum=0.0)
+    initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
+    minimum: float = parameter(-0.05, 'smallest estimate, with projection', unit='V/um')
+    maximum: float = parameter(0.05, 'largest estimate, with projection', unit='V/um')
+    scale: float = parameter(0.1, SCALE_TEXT, unit='um', minimum=0.0)
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class HysteresisParameters(ParameterSet):
+    """The stiffness estimate of the difference between both bristles, hysteresis_hat."""
+
+    gain: float = parameter(150.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(2.0e-4, 'leakage', unit='um^3/(V s)', minimum=0.0)
+    initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
+    minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V/um')
+    maximum: float = parameter(0.06, 'largest estimate, with projection', unit='V/um')
+    scale: float = parameter(0.02, SCALE_TEXT, unit='um', minimum=0.0)
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class RelaxationParameters(ParameterSet):
+    """The bristle damping estimate, relaxation_hat."""
+
+    gain: float = parameter(4.0e-6, 'adaptation gain', unit='V s^2/um^3', minimum=0.0)
+    leakage: float = parameter(7.5e3, 'leakage', unit='um^3/(V s^3)', minimum=0.0)
+    initial: float = parameter(2.3e-6, 'estimate at tick 0', unit='V s/um')
+    minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V s/um')
+    maximum: float = parameter(2.0e-5, 'largest estimate, with projection', unit='V s/um')
+    scale: float = parameter(100.0, SCALE_TEXT, unit='um/s', minimum=0.0)
+
+    def check_together(self) -> None:
+        """Check that the bounds are in order; raises :class:`ParameterError`."""
+        _check_bounds(self.minimum, self.maximum)
+
+
+@dataclasses.dataclass(frozen=True)
+class BristleParameters(ParameterSet):
+    """Option beyond the thesis: desired compensation of the presliding friction by two bristles of the reference."""
+
+    enabled: bool = parameter(True, 'whether the friction of the bristles is compensated; needs desired.enabled')
+    distance: float = parameter(6.0, 'breakaway distance d_1 of the friction', unit='um', above=0.0)
+    spring_distance: float = parameter(
+        30.0, 'breakaway distance d_2 of the wider bristle, which is nearly a spring', unit='um', above=0.0
+    )
+    spring: SpringParameters = group(SpringParameters)
+    hysteresis: HysteresisParameters = group(HysteresisParameters)
+    relaxation: RelaxationParameters = group(RelaxationParameters)
+
+    def check_together(self) -> None:
+        """Check that the distances differ; raises :class:`ParameterError`."""
+        if not self.spring_distance > self.distance:
+            raise ParameterError('spring_distance', self.spring_distance, f'above distance = {self.distance:g} [um]')
+
+
+@dataclasses.dataclass(frozen=True)
 class ShapingParameters(ParameterSet):
     """Option beyond the thesis: a jump of the reference is taken in two parts (docs/controllers.md)."""
 
     share: float = parameter(
-        0.0, 'part of a jump of the reference that is taken later, 0 to take it whole', minimum=0.0, maximum=1.0
+        0.1, 'part of a jump of the reference that is taken later, 0 to take it whole', minimum=0.0, maximum=1.0
     )
-    delay: float = parameter(1.0e-3, 'by how much later, to the nearest sample', unit='s', minimum=0.0)
+    delay: float = parameter(1.2e-3, 'by how much later, to the nearest sample', unit='s', minimum=0.0)
 
     def ticks(self, sample_time: float) -> float:
         """Return the delay in samples of T = ``sample_time`` [s]."""
@@ -167,8 +289,8 @@ class ShapingParameters(ParameterSet):
 class AdaptiveNnParameters(ParameterSet):
     """Parameters of :class:`AdaptiveNn`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
 
-    error_filter_lambda: float = parameter(595.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
-    feedback_gain: float = parameter(7.96e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
+    error_filter_lambda: float = parameter(2300.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
+    feedback_gain: float = parameter(8.0e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
     boundary_layer: float = parameter(
         0.0, 'sgn(r) of (4.16) grows linearly over +- this; 0 is the true sgn with sgn 0 = 0', unit='um/s', minimum=0.0
     )
@@ -196,14 +318,16 @@ class AdaptiveNnParameters(ParameterSet):
         2000.0, 'corner frequency of the first-order low pass on the difference, 0 for none', unit='Hz', minimum=0.0
     )
     integral_gain: float = parameter(
-        0.0, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
+        4.6e5, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
     )
+    desired: DesiredParameters = group(DesiredParameters)
+    bristle: BristleParameters = group(BristleParameters)
     shaping: ShapingParameters = group(ShapingParameters)
     projection: bool = parameter(
-        False, 'option beyond the thesis: whether the estimates are kept inside their minimum and maximum'
+        True, 'option beyond the thesis: whether the estimates are kept inside their minimum and maximum'
     )
     r_limit: float = parameter(
-        0.0,
+        300.0,
         'option beyond the thesis: r counts in the adaptation laws up to this magnitude, 0 for no limit',
         unit='um/s',
         minimum=0.0,
@@ -214,18 +338,33 @@ class AdaptiveNnParameters(ParameterSet):
         0, 'every other number than before resets what was learnt; what ~/reset raises by one', minimum=0
     )
     safe_gain: float = parameter(
-        9.96e-5,
+        1.0e-4,
         "largest linear gain on r, k + 1/sigma_phi + max(S'S)/sigma_w, that the loop is known to bear, 0 if not known; "
         'a warning says when it is exceeded in a run without vcm_plant (with it, the drive itself is judged)',
         unit='V s/um',
         minimum=0.0,
     )
 
+    @property
+    def laws(self) -> dict[str, Any]:
+        """The parameter groups of the scalar estimates with bounds, by their ROS names."""
+        bristle = self.bristle
+        return {
+            'sigma': self.sigma,
+            'mass': self.mass,
+            'phi': self.phi,
+            'bristle.spring': bristle.spring,
+            'bristle.hysteresis': bristle.hysteresis,
+            'bristle.relaxation': bristle.relaxation,
+        }
+
     def check_together(self) -> None:
-        """Check that projection starts inside its bounds; raises :class:`ParameterError`."""
+        """Check what needs another option, and that projection starts inside its bounds; raises ParameterError."""
+        if self.bristle.enabled and not self.desired.enabled:
+            raise ParameterError('bristle.enabled', True, 'with desired.enabled only')
         if not self.projection:
             return
-        for name, law in (('sigma', self.sigma), ('mass', self.mass), ('phi', self.phi)):
+        for name, law in self.laws.items():
             if not law.minimum <= law.initial <= law.maximum:
                 allowed = f'with projection from minimum = {law.minimum:g} to maximum = {law.maximum:g}'
                 raise ParameterError(f'{name}.initial', law.initial, allowed)

@@ -148,6 +148,9 @@ def run_values(
 def _check_parts(parameters: AdaptiveNnParameters) -> None:
     """Refuse a controller that lacks what the proof cannot do without."""
     p = parameters
+    if p.desired.enabled:
+        allowed = 'false: theorem 4.1 is about the measured v and a_r; docs/controllers.md has the proof of this option'
+        raise ParameterError('desired.enabled', True, allowed)
     for name, enabled in (('mass.enabled', p.mass.enabled), ('phi.enabled', p.phi.enabled)):
         if not enabled:
             raise ParameterError(name, enabled, 'true: theorem 4.1 does not hold without it')

@@ -23,6 +23,11 @@ class Twin:
         self.integral = 0.0
         self.saturated = 0
         self.past = [(0.0, 0.0)]
+        bristle = parameters.bristle
+        self.bristles = np.array([law.initial for law in (bristle.spring, bristle.hysteresis, bristle.relaxation)])
+        self.z = np.zeros(2)
+        self.x_d = 0.0
+        self.regressors = [np.zeros(5)] * (parameters.desired.ticks(sample_time) + 1)
 
     def activations(self, x, v):
         width_x, width_v = np.array(self.p.network.axis_widths) * np.exp(self.widths)
@@ -51,8 +56,13 @@ class Twin:
         z = (x_d, dx_d) if p.network.input == 'reference' else (x, v)
         S = self.activations(*z)
         u = -p.feedback_gain * r
-        u += self.sigma * v * p.sigma.enabled
-        u += self.mass * a_r * p.mass.enabled
+        velocity, acceleration = v, a_r
+        if p.desired.enabled:
+            velocity, acceleration = dx_d, ddx_d
+            self.regressors.append(self.regressors_of(x_d, dx_d, ddx_d))
+            u += self.bristles @ self.regressors[-1][2:] * p.bristle.enabled
+        u += self.sigma * velocity * p.sigma.enabled
+        u += self.mass * acceleration * p.mass.enabled
         u -= self.W @ S * sign * p.network.enabled
         u -= self.phi * sign * p.phi.enabled
         limited = min(max(u, -p.control_limit), p.control_limit)
@@ -62,12 +72,21 @@ class Twin:
                 return limited, u, -p.feedback_gain * r
         if p.r_limit > 0.0:
             r = min(max(r, -p.r_limit), p.r_limit)
-        if p.sigma.enabled:
-            value = self.law(self.sigma, p.sigma.gain, p.sigma.leakage, -v * r)
+        drives = np.array([-v * r, -a_r * r, 0.0, 0.0, 0.0])
+        rests = p.desired.enabled and dx_d == 0.0 == ddx_d
+        if p.desired.enabled:
+            late = self.regressors[-1 - p.desired.ticks(self.T)]
+            drives = -late * r / (1.0 + self.excitation())
+        if p.sigma.enabled and not rests:
+            value = self.law(self.sigma, p.sigma.gain, p.sigma.leakage, drives[0])
             self.sigma = self.bounded(value, p.sigma.minimum, p.sigma.maximum)
-        if p.mass.enabled:
-            value = self.law(self.mass, p.mass.gain, p.mass.leakage, -a_r * r)
+        if p.mass.enabled and not rests:
+            value = self.law(self.mass, p.mass.gain, p.mass.leakage, drives[1])
             self.mass = self.bounded(value, p.mass.minimum, p.mass.maximum)
+        if p.bristle.enabled and not rests:
+            for i, law in enumerate((p.bristle.spring, p.bristle.hysteresis, p.bristle.relaxation)):
+                value = self.law(self.bristles[i], law.gain, law.leakage, drives[2 + i])
+                self.bristles[i] = self.bounded(value, law.minimum, law.maximum)
         if p.phi.enabled:
             value = self.law(self.phi, p.phi.gain, p.phi.leakage, abs(r))
             self.phi = self.bounded(value, p.phi.minimum, p.phi.maximum)
@@ -85,6 +104,27 @@ class Twin:
                     value = self.law(self.widths[axis], p.width.gain, p.width.leakage, drive)
                     self.widths[axis] = min(max(value, -reach), reach)
         return limited, u, -p.feedback_gain * (e_rate + p.error_filter_lambda * e + p.integral_gain * self.integral)
+
+    def regressors_of(self, x_d, dx_d, ddx_d):
+        """x_d', x_d'', z_2, z_1 - z_2 and -|x_d'| z_1/d_1; a step of the reference does not move the bristles."""
+        moves = dx_d != 0.0 or self.past[-2][1] != 0.0
+        d = np.array([self.p.bristle.distance, self.p.bristle.spring_distance])
+        if moves:
+            # dz/dx = 1 - z sgn(x')/d over the sample, in small steps of the trapezoidal rule.
+            change = (x_d - self.x_d) / 200.0
+            for _ in range(200):
+                half = 0.5 * abs(change) / d
+                self.z = (self.z * (1.0 - half) + change) / (1.0 + half)
+        self.x_d = x_d
+        return np.array([dx_d, ddx_d, self.z[1], self.z[0] - self.z[1], -abs(dx_d) * self.z[0] / d[0]])
+
+    def excitation(self):
+        """(peak/scale)^2 of each regressor, the peak of its square held with decay; 0 without a scale."""
+        p, count = self.p, len(self.regressors)
+        decay = np.exp(-p.desired.peak_decay * self.T * np.arange(count - 1, -1, -1))
+        peaks = (np.array(self.regressors) ** 2 * decay[:, None]).max(axis=0)
+        laws = (p.sigma, p.mass, p.bristle.spring, p.bristle.hysteresis, p.bristle.relaxation)
+        return np.array([peak / law.scale**2 if law.scale else 0.0 for peak, law in zip(peaks, laws, strict=True)])
 
     def late_jumps(self):
         """The jumps of x_d at rest that are younger than the delay; only for jumps further apart than it."""

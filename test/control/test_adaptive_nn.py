@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters, adaptive_nn_step
+from hdd_servo_ros.control.adaptive_nn_parameters import BARE_LAW
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
@@ -18,6 +19,7 @@ T = 1e-4
 UNIT = SensorScales(1.0, 1.0)
 OFF = {'sigma.enabled': False, 'mass.enabled': False, 'phi.enabled': False, 'network.enabled': False}
 STUDY = {
+    **BARE_LAW,
     'error_filter_lambda': 1.0,
     'feedback_gain': 10.0,
     'control_limit': 1e6,
@@ -38,6 +40,9 @@ STUDY = {
     'width.gain': 2.0,
     'width.leakage': 0.1,
 }
+
+
+ESTIMATES = ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm', 'spring_hat', 'hysteresis_hat', 'relaxation_hat')
 
 
 def twin_of(parameters, sample_time):
@@ -75,6 +80,21 @@ def signals(count, seed=0):
     return np.stack([x_d + 0.3 * rng.normal(size=count), dx_d + rng.normal(size=count), x_d, dx_d, ddx_d], axis=1)
 
 
+DESIRED: dict[str, Any] = {
+    'desired.enabled': True,
+    'desired.lag': 0.03,
+    'desired.peak_decay': 1.0,
+    'sigma.scale': 2.0,
+    'mass.scale': 10.0,
+    'bristle.enabled': True,
+    'bristle.distance': 0.3,
+    'bristle.spring_distance': 2.0,
+    **{
+        f'bristle.{name}.{key}': value
+        for name in ('spring', 'hysteresis', 'relaxation')
+        for key, value in {'gain': 3.0, 'leakage': 0.2, 'initial': 0.5, 'scale': 0.4}.items()
+    },
+}
 OPTIONS: dict[str, dict[str, Any]] = {
     'thesis': {},
     'other lattice': {'network.nodes': 3, 'network.normalize_inputs': True, 'network.width': [0.4, 0.9]},
@@ -100,6 +120,23 @@ OPTIONS: dict[str, dict[str, Any]] = {
     'reference input': {'network.input': 'reference'},
     'widths': {'width.enabled': True, 'network.initial': [0.5]},
     'saturation': {'control_limit': 12.0},
+    'desired compensation': DESIRED,
+    'desired compensation without normalisation': {**DESIRED, 'sigma.scale': 0.0, 'bristle.spring.scale': 0.0},
+    'desired compensation without bristles': {**DESIRED, 'bristle.enabled': False},
+    'desired compensation with projection': {
+        **DESIRED,
+        'projection': True,
+        'sigma.minimum': -1.0,
+        'sigma.maximum': 1.0,
+        'mass.minimum': -1.0,
+        'mass.maximum': 1.0,
+        'phi.maximum': 10.0,
+        'network.maximum': 10.0,
+        'bristle.spring.minimum': 0.0,
+        'bristle.spring.maximum': 0.52,
+        'bristle.hysteresis.maximum': 0.52,
+        'bristle.relaxation.maximum': 0.52,
+    },
     'saturation without freezing': {'control_limit': 12.0, 'freeze_when_saturated': False},
 }
 
@@ -109,13 +146,15 @@ def test_follows_the_law_written_out(name):
     parameters = parameters_of(**OPTIONS[name])
     sample_time = 1e-2
     controller, twin = AdaptiveNn(parameters, sample_time), twin_of(parameters, sample_time)
+    # The twin integrates the bristles in steps.
+    tolerance = 1e-4 if parameters.bristle.enabled else 1e-7
     for k, row in enumerate(signals(400).tolist()):
-        before = twin.sigma, twin.mass, twin.phi, float(np.linalg.norm(twin.W))
+        before = twin.sigma, twin.mass, twin.phi, float(np.linalg.norm(twin.W)), *twin.bristles
         result = step(controller, k, *row)
-        np.testing.assert_allclose(result, twin.step(*row), rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(result, twin.step(*row), rtol=tolerance, atol=tolerance)
         estimates = named(controller)
-        found = [estimates[key] for key in ('sigma_hat', 'm_hat', 'phi_hat', 'W_norm')]
-        np.testing.assert_allclose(found, before, rtol=1e-7, atol=1e-9)
+        found = [estimates[key] for key in ESTIMATES]
+        np.testing.assert_allclose(found, before, rtol=tolerance, atol=tolerance)
     np.testing.assert_allclose(controller.weights, twin.W, rtol=1e-7, atol=1e-9)
     expected = np.array(parameters.network.axis_widths) * np.exp(twin.widths)
     step(controller, 400, *row)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import BARE_LAW
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.stability.bounds import (
     Bounds,
@@ -25,6 +26,7 @@ from hdd_servo_ros.stability.ideal_values import IdealValues
 P = from_mapping(
     AdaptiveNnParameters,
     {
+        **BARE_LAW,
         'feedback_gain': 3.0,
         'error_filter_lambda': 2.0,
         'sigma.gain': 0.5,
@@ -68,14 +70,14 @@ def test_lyapunov():
 
 
 def test_parts_that_take_no_part_do_not_count():
-    p = from_mapping(AdaptiveNnParameters, {'sigma.enabled': False, 'network.enabled': False})
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, 'sigma.enabled': False, 'network.enabled': False})
     assert set(convergence_rates(p, IDEAL)) == {'feedback', 'm_hat', 'phi_hat'}
     assert residual_rate(p, IDEAL) == pytest.approx(0.5 * (p.mass.leakage * 25.0 + p.phi.leakage * 0.64))
     assert not weight_energy(p, IDEAL, np.ones((3, 25)), np.ones((3, 49))).any()
 
 
 def test_compensator_adds_its_weights():
-    p = from_mapping(AdaptiveNnParameters, {'compensator.enabled': True, 'network.enabled': False})
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, 'compensator.enabled': True, 'network.enabled': False})
     energy = weight_energy(p, IDEAL, np.zeros((1, 25)), np.full((1, 49), 0.1))
     assert energy[0] == pytest.approx(0.5 * 49 * 0.01 / p.compensator.gain)
     assert convergence_rates(p, IDEAL)['compensator'] == p.compensator.gain * p.compensator.leakage
@@ -108,7 +110,7 @@ def test_bounds_over_time_against_the_worst_case_integrated(initial, c1, c2, mas
 
 
 def test_nothing_is_said_of_e_with_integral_action():
-    p = from_mapping(AdaptiveNnParameters, {'integral_gain': 100.0})
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, 'integral_gain': 100.0})
     bounds = theorem_bounds(p, IDEAL, 1.0)
     assert bounds.e_of(1.0) == math.inf
     assert np.isinf(bounds.e_over(np.arange(3.0), 0.0)).all()

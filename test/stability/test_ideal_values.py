@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import BARE_LAW
 from hdd_servo_ros.drive.friction.lugre import lugre_friction
 from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants
 from hdd_servo_ros.messages.controller_inputs import SensorScales
@@ -19,6 +20,7 @@ from hdd_servo_ros.stability.ideal_values import KnownPlant, NetworkAt, _least_d
 SMALL = from_mapping(
     AdaptiveNnParameters,
     {
+        **BARE_LAW,
         'network.nodes': 2,
         'network.position_minimum': -1.0,
         'network.position_maximum': 1.0,
@@ -141,7 +143,7 @@ def test_run_values_against_a_general_solver():
     'change', [{'width.enabled': True}, {'network.enabled': False}], ids=['adaptive widths', 'no network']
 )
 def test_phi_bounds_it_all_where_the_network_cannot(change):
-    p = from_mapping(AdaptiveNnParameters, change)
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, **change})
     v = np.array([-2.0, 1.0, 3.0])
     values = run_values(1.0, p, np.array([-1.0, 1.5, 1.2]), v, (np.zeros(3), v), 0.25)
     assert not values.weights.any()
@@ -152,6 +154,7 @@ def test_phi_bounds_it_all_where_the_network_cannot(change):
     ('name', 'value'),
     [
         ('mass.enabled', False),
+        ('desired.enabled', True),
         ('phi.enabled', False),
         ('sigma.gain', 0.0),
         ('phi.leakage', 0.0),
@@ -160,7 +163,7 @@ def test_phi_bounds_it_all_where_the_network_cannot(change):
     ],
 )
 def test_what_the_theorem_does_not_cover_is_refused(name, value):
-    p = from_mapping(AdaptiveNnParameters, {name: value})
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, name: value})
     one = np.ones(1)
     with pytest.raises(ParameterError, match=name):
         run_values(1.0, p, one, one, (one, one), 0.0)

@@ -5,6 +5,7 @@ import pytest
 
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import BARE_LAW
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -12,7 +13,7 @@ from hdd_servo_ros.stability.weight_replay import WeightReplayError, replay_weig
 
 T = 1e-4
 SCALES = SensorScales(8.0, 5000.0)
-VALUES = {'compensator.enabled': True, 'width.enabled': True, 'velocity_source': 'difference'}
+VALUES = {**BARE_LAW, 'compensator.enabled': True, 'width.enabled': True, 'velocity_source': 'difference'}
 PARAMETERS = from_mapping(AdaptiveNnParameters, VALUES)
 NO_DSP = DspParameters()
 

@@ -14,6 +14,7 @@ TICKS = 2000
 DURATION = ('-p', f'deterministic_timer:duration:={TICKS / 10_000}')
 CONTROLLERS = ('adaptive_nn', 'pid')
 GOLDEN = Path(__file__).parent / 'golden.yaml'
+THESIS_LAW = Path(__file__).parents[2] / 'params' / 'thesis_law.yaml'
 
 
 def simulate(bench, controller, run='simulated', *arguments):
@@ -93,22 +94,29 @@ def test_sqlite3_holds_the_same(bench):
     )
 
 
-@pytest.mark.parametrize('controller', CONTROLLERS)
-def test_same_on_every_python_and_machine(bench, controller):
+@pytest.mark.parametrize(
+    ('name', 'controller', 'arguments'),
+    [
+        ('adaptive_nn', 'adaptive_nn', ()),
+        ('thesis_law', 'adaptive_nn', ('--params-file', str(THESIS_LAW))),
+        ('pid', 'pid', ()),
+    ],
+)
+def test_same_on_every_python_and_machine(bench, name, controller, arguments):
     """
     The digests in golden.yaml were made once; every interpreter and machine must find them again.
 
     A change of the default drive, sensor, gains or laws changes them, on purpose: then the test's message has the new
     content of the file.
     """
-    run = simulate(bench, controller)
+    run = simulate(bench, controller, 'simulated', *arguments)
     digests = {
-        name: hashlib.sha256(b''.join(payloads)).hexdigest()
-        for name, (_, payloads) in Run.open(run).messages_by_topic().items()
-        if name != '/parameter_events'
+        topic: hashlib.sha256(b''.join(payloads)).hexdigest()
+        for topic, (_, payloads) in Run.open(run).messages_by_topic().items()
+        if topic != '/parameter_events'
     }
     golden = yaml.safe_load(GOLDEN.read_text())
-    assert golden[controller] == digests, f'new digests:\n{yaml.safe_dump({controller: digests})}'
+    assert golden[name] == digests, f'new digests:\n{yaml.safe_dump({name: digests})}'
 
 
 def test_another_seed_is_another_run(bench):
