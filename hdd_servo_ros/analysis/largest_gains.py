@@ -11,6 +11,8 @@ from hdd_servo_ros.parameters import ParameterError
 
 LEAST_LAMBDA = 5.0
 """Below this lambda the search for a gain starts no lower [1/s]."""
+EDGE = 0.01
+"""By what part a peak between two frequencies of the grid may lower the largest k_p."""
 
 
 def round_down(value: float, digits: int = 3) -> float:
@@ -156,9 +158,27 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
     order = np.argsort(low)
     low, covered = low[order], np.maximum.accumulate(high[order])
     ends = low[np.concatenate([[True], low[1:] > covered[:-1]])]
-    # A hair inside of the end of each interval that is left, from the highest on.
-    for end in ends[ends > 0.0][::-1] * (1.0 - 1e-9):
-        proportional = float(end)
-        if margins.peak_sensitivity(dataclasses.replace(law, proportional=proportional)) <= MAX_SENSITIVITY:
+    # Of each interval that is left, from the highest on, the end.
+    for end in ends[ends > 0.0][::-1]:
+        proportional = _last_below(
+            lambda value: margins.peak_sensitivity(dataclasses.replace(law, proportional=value)) <= MAX_SENSITIVITY,
+            float(end),
+        )
+        if proportional > 0.0:
             return proportional
     return 0.0
+
+
+def _last_below(allowed: Callable[[float], bool], end: float) -> float:
+    """Return the largest value close below ``end`` for which ``allowed`` holds, 0 if there is none."""
+    # The end is that of the grid of frequencies; a peak between two of them allows a little less.
+    for gap in (1e-9, EDGE):
+        if allowed(end * (1.0 - gap)):
+            break
+    else:
+        return 0.0
+    low, high = end * (1.0 - gap), end
+    while high - low > 1e-6 * end:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return low

@@ -1,19 +1,32 @@
-"""The drive linearised and sampled: a state space between two ticks, and its frequency response."""
+"""
+The drive linearised and sampled: a state space between two ticks, and its frequency response.
+
+It is read off the plant's own step, by small changes of each state and of u, so that nothing that the step computes can
+be missing.
+"""
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdd_servo_ros.drive.actuator import ActuatorParameters
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
-from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.drive.resonance import modal_form
+from hdd_servo_ros.drive.plant import PLANT_STATE, DisturbanceParameters, Plant, PlantParameters
+from hdd_servo_ros.numerics.records import record
 
 Array = NDArray[np.float64]
 
-POSITION, VELOCITY = 0, 1
-"""Indices of the rigid body's states; those of the modes and of the driver follow."""
+SPRING_MODELS = ('tangential_stiffness', 'complete', 'dahl', 'lugre', 'lugre_position', 'rbf_network')
+"""Friction models whose contact yields at rest; the others hold the body at rest, or have no friction there."""
+NOT_VISCOUS_MODELS = ('none', 'stiction', 'tangential_stiffness', 'coulomb', 'drag', 'dahl', 'rbf_network')
+"""Friction models of which no damping is left in fast sliding, or, with drag, in slow sliding."""
+SMALL = 1e-7
+"""
+Change of a state by which the step is read off, as part of the deflection at which friction breaks away.
+
+The contact's nonlinearity then adds about as much to a coefficient, and rounding a hundredth of it.
+"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,103 +45,153 @@ class SampledDrive:
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """Return position [um/V] and velocity [um/s/V] over u at ``frequencies`` [Hz], shape (len(frequencies), 2)."""
         z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
+        poles, residues = self._partial_fractions
+        if residues is not None:
+            return np.asarray((1.0 / (z[:, None] - poles)) @ residues.T)
+        return np.asarray((self.c @ np.linalg.solve(z[:, None, None] * np.eye(len(self.a)) - self.a, self.b))[:, :, 0])
+
+    @functools.cached_property
+    def _partial_fractions(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Poles, and residues of shape (2, poles); None for these where A has no full set of eigenvectors."""
         poles, vectors = np.linalg.eig(self.a)
-        # A rigid body has a double pole at z = 1, which has no full set of eigenvectors: solve then.
-        if np.linalg.cond(vectors) < 1e10:
-            residues = (self.c @ vectors) * np.linalg.solve(vectors, self.b.astype(np.complex128))[:, 0]
-            return np.asarray((residues[None, :, :] / (z[:, None, None] - poles)).sum(axis=2))
-        eye = np.eye(len(self.a))
-        return np.array([(self.c @ np.linalg.solve(value * eye - self.a, self.b))[:, 0] for value in z])
+        # A free body has a double pole at z = 1, and a delay as many at 0.
+        if not np.linalg.cond(vectors) < 1e10:
+            return poles, None
+        return poles, (self.c @ vectors) * np.linalg.solve(vectors, self.b.astype(np.complex128))[:, 0]
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A."""
+        return self._partial_fractions[0]
+
+
+def has_presliding_spring(friction: FrictionParameters) -> bool:
+    """
+    Return whether the friction is a spring at rest.
+
+    Without one there is a loop in sliding only: at rest, static friction holds the body whatever small u does.
+    """
+    return friction.model in SPRING_MODELS
 
 
 def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) -> SampledDrive:
     """
-    Linearise the drive and discretise it exactly under a zero-order hold.
-
-    Amplifier, coil and back-EMF of a current or voltage driver are part of it.
+    Linearise the drive as it is integrated from tick to tick.
 
     Parameters
     ----------
     plant
-        The drive.
+        The drive; its saturation, its disturbance and its initial state do not count.
     sample_time
         T [s].
     presliding
-        True: the friction is the spring sigma_0 with the dampers sigma_1 and sigma_2, as for the smallest motion.
-        False: only the damper sigma_2 is left, as in fast sliding. Friction models other than LuGre count as none.
+        True: around rest, where the friction is a spring, as for the smallest motion. False: in sliding, where the
+        viscous coefficient alone is left of the friction.
+
+    Raises
+    ------
+    ValueError
+        If ``presliding`` is true and the friction is not a spring at rest.
     """
-    modal = modal_form(plant.resonance)
-    mechanical = 2 + 2 * len(modal.modes)
-    driver, current = _driver(plant.actuator, mechanical)
-    size = mechanical + len(driver)
-    friction = np.zeros(size + 1)
-    friction[[POSITION, VELOCITY]] = _friction(plant.friction, presliding)
-    # The modes, like the rigid body, are driven by the net acceleration.
-    acceleration = plant.rigid_gain * (current - friction)
-    # A row for each state and one for u, which is held: its derivative by the states and u.
-    derivative = np.zeros((size + 1, size + 1))
-    derivative[mechanical:size] = driver
-    derivative[POSITION, VELOCITY] = 1.0
-    derivative[VELOCITY] = acceleration
-    c = np.zeros((2, size))
-    c[0, [POSITION, VELOCITY]] = modal.r0, modal.r1
-    c[1, VELOCITY] = modal.r0
-    for i, mode in enumerate(modal.modes):
-        q = 2 + 2 * i
-        derivative[q, q + 1] = 1.0
-        derivative[q + 1] = acceleration
-        derivative[q + 1, q] -= mode.a0
-        derivative[q + 1, q + 1] -= mode.a1
-        c[0, q : q + 2] = mode.gamma, mode.beta
-        c[1, q : q + 2] = -mode.beta * mode.a0, mode.gamma - mode.beta * mode.a1
-    from scipy.linalg import expm  # late: it takes as long to import as half of a node, which may never come here
-
-    transition = expm(derivative * sample_time)
-    return SampledDrive(transition[:size, :size], transition[:size, size:], c, sample_time)
+    friction = plant.friction
+    if presliding and not has_presliding_spring(friction):
+        raise ValueError(f'friction model {friction.model} is not a spring at rest: {", ".join(SPRING_MODELS)} are')
+    block = Plant(
+        dataclasses.replace(
+            plant,
+            initial_position=0.0,
+            initial_velocity=0.0,
+            disturbance=DisturbanceParameters(),
+            friction=friction if presliding else sliding_friction(friction),
+        ),
+        sample_time,
+    )
+    return _read_off(block, _steps(plant, sample_time))
 
 
-def _friction(parameters: FrictionParameters, presliding: bool) -> tuple[float, float]:
-    """Return the stiffness [V/um] and the damping [V s/um] of the linearised friction."""
-    if parameters.model not in ('lugre', 'lugre_position'):
-        return 0.0, 0.0
-    if not presliding:
-        return 0.0, parameters.viscous_coefficient
-    return parameters.stiffness, parameters.bristle_damping + parameters.viscous_coefficient
-
-
-def _driver(parameters: ActuatorParameters, mechanical: int) -> tuple[Array, Array]:
+def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
     """
-    Return the driver's dynamics and the coil current that drives the rigid body.
+    Return what is left of a friction in sliding: its viscous part.
 
-    They are tau_a b' = u - b and tau_e c' = r b - c - kappa v of :mod:`~hdd_servo_ros.drive.electrical`; a time
-    constant of zero makes no state. Without electrical dynamics the current is u.
-
-    Parameters
-    ----------
-    parameters
-        The actuator and its driver.
-    mechanical
-        Number of states before the driver's.
-
-    Returns
-    -------
-    tuple
-        Derivatives of b and c, as far as they are states, shape (count, n + 1), and the current, referred to the
-        control [V], shape (n + 1,): coefficients of all n = mechanical + count states and, last, of u.
+    Of the falling level nothing is left in fast sliding; drag grows with the speed and is least in slow sliding.
     """
-    electrical = parameters.is_electrical
-    time_constants = parameters.amplifier_time_constant, parameters.electrical_time_constant
-    has_amplifier, has_coil = (electrical and constant > 0.0 for constant in time_constants)
-    size = mechanical + has_amplifier + has_coil
-    unit = np.eye(size + 1)
-    derivatives = np.zeros((size - mechanical, size + 1))
-    current: Array = unit[size]
-    if has_amplifier:
-        derivatives[0] = (current - unit[mechanical]) / parameters.amplifier_time_constant
-        current = unit[mechanical]
-    if electrical:
-        current = parameters.current_ratio * current - parameters.back_emf_resistance * unit[VELOCITY]
-    if has_coil:
-        derivatives[-1] = (current - unit[size - 1]) / parameters.electrical_time_constant
-        current = unit[size - 1]
-    return derivatives, current
+    viscous = 0.0 if friction.model in NOT_VISCOUS_MODELS else friction.viscous_coefficient
+    # LuGre with a contact that carries nothing: a damper without a kink at rest, integrated as in the run.
+    return FrictionParameters(
+        model='lugre',
+        stiffness=1e-200,
+        bristle_damping=0.0,
+        viscous_coefficient=viscous,
+        coulomb_level=1.0,
+        static_level=1.0,
+    )
+
+
+def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, float]:
+    """Return the changes of positions [um], velocities [um/s] and voltages [V] by which the step is read off."""
+    friction = plant.friction
+    breakaway = friction.coulomb_level / friction.stiffness
+    if friction.model == 'rbf_network':
+        breakaway = min(friction.position_width, sample_time * friction.velocity_width)
+    position = SMALL * breakaway
+    # What moves the body by about as much within a sample, as far as the drive takes it.
+    voltage = min(position / (plant.rigid_gain * sample_time**2), 0.5 * plant.control_limit)
+    return position, position / sample_time, voltage
+
+
+def _read_off(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
+    """Return the derivatives of the plant's step around rest, for changes as of :func:`_steps`."""
+    position_step, velocity_step, voltage_step = steps
+    rest = plant.state.copy()
+    at_rest = record(rest, PLANT_STATE)
+    # A network of nodes may hold a force at rest, which u and the driver balance.
+    held = float(at_rest.friction)
+    at_rest.mean_friction = at_rest.coil = held
+    actuator = plant.parameters.actuator
+    balance = at_rest.amplifier = held / actuator.current_ratio if actuator.is_electrical else held
+    kicks = []
+    for names, step in (
+        (('position', 'deflection'), position_step),
+        (('velocity',), velocity_step),
+        (('amplifier',), voltage_step),
+        (('coil',), voltage_step),
+        (('mean_friction',), voltage_step),
+    ):
+        kick = np.zeros_like(rest)
+        for name in names:
+            record(kick, PLANT_STATE)[name] = step
+        kicks.append((kick, np.zeros_like(plant.motion), 0.0, step))
+    # q of a mode is a position times a squared frequency, by which the step of a linear equation does not matter.
+    for index in np.ndindex(plant.motion.shape):
+        motion = np.zeros_like(plant.motion)
+        motion[index] = 1.0
+        kicks.append((np.zeros_like(rest), motion, 0.0, 1.0))
+    kicks.append((np.zeros_like(rest), np.zeros_like(plant.motion), voltage_step, voltage_step))
+
+    def after(state: Array, motion: Array, u: float) -> tuple[Array, Array]:
+        """Return the outputs now, and the states one tick later."""
+        plant.state[:], plant.motion[:] = state, motion
+        now = np.array(plant.output()[:2])
+        plant.step(1, u)
+        later = record(plant.state, PLANT_STATE)
+        body = [later.position, later.velocity, later.amplifier, later.coil, later.mean_friction]
+        return now, np.concatenate([body, plant.motion.ravel()])
+
+    columns, shown = [], []
+    for kick, motion, voltage, step in kicks:
+        above, below = (after(rest + s * kick, s * motion, balance + s * voltage) for s in (1.0, -1.0))
+        shown.append((above[0] - below[0]) / (2.0 * step))
+        columns.append((above[1] - below[1]) / (2.0 * step))
+    matrix, c = np.array(columns).T, np.array(shown).T[:, :-1]
+    return _reduced(SampledDrive(matrix[:, :-1], matrix[:, -1:], c, plant.sample_time))
+
+
+def _reduced(drive: SampledDrive) -> SampledDrive:
+    """Return a drive without the states that u does not reach, or that reach no output."""
+    linked = drive.a != 0.0
+    reached, shown = (drive.b != 0.0).any(axis=1), (drive.c != 0.0).any(axis=0)
+    for _ in range(len(linked)):
+        reached = reached | linked[:, reached].any(axis=1)
+        shown = shown | linked[shown].any(axis=0)
+    kept = np.flatnonzero(reached & shown)
+    return SampledDrive(drive.a[np.ix_(kept, kept)], drive.b[kept], drive.c[:, kept], drive.sample_time)

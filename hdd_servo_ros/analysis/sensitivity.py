@@ -1,23 +1,48 @@
 """The linear loop around the sampled drive: the controller's response, peak sensitivity and closed-loop poles."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdd_servo_ros.analysis.sampled_drive import SampledDrive, sampled_drive
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive, has_presliding_spring, sampled_drive
+from hdd_servo_ros.analysis.sampled_sensor import SampledSensor
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 MAX_SENSITIVITY = 2.0
 """Largest peak sensitivity Ms of a sound loop."""
+AROUND_POLES = np.array([-30.0, -10.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 10.0, 30.0])
+"""Where a resonance is looked at, in half widths from its peak."""
+REFINEMENTS = 2
+"""How often the surroundings of the highest peak are divided by sixteen."""
 
 
-def frequency_grid(sample_time: float) -> NDArray[np.float64]:
-    """Return frequencies [Hz] from 3 Hz to just below Nyquist, dense where the sampled resonances lie."""
+def frequency_grid(sample_time: float, drives: Sequence[SampledDrive] = ()) -> NDArray[np.float64]:
+    """
+    Return frequencies [Hz] up to Nyquist, dense where sampled resonances usually are and around those of ``drives``.
+
+    A mode above Nyquist counts where sampling folds it to.
+    """
     nyquist = 0.5 / sample_time
-    return np.concatenate(
-        [np.geomspace(3.0, 0.2 * nyquist, 250, endpoint=False), np.linspace(0.2 * nyquist, 0.9999 * nyquist, 800)]
-    )
+    low = np.geomspace(1e-5 * nyquist, 0.2 * nyquist, 300, endpoint=False)
+    around = [_around_poles(drive.poles, sample_time) for drive in drives]
+    return np.unique(np.concatenate([low, np.linspace(0.2 * nyquist, nyquist, 800), *around]))
+
+
+def _around_poles(poles: NDArray[np.complex128], sample_time: float) -> NDArray[np.float64]:
+    """Return frequencies [Hz] around the resonance of each pair of poles, as dense as it is narrow."""
+    upper = poles[poles.imag > 0.0]
+    logarithms = np.log(upper) / (2.0 * np.pi * sample_time)
+    around = logarithms.imag[:, None] + np.abs(logarithms.real)[:, None] * AROUND_POLES
+    return np.asarray(around[(around > 0.0) & (around <= 0.5 / sample_time)])
+
+
+def _eigenvalues(matrices: NDArray[np.float64]) -> NDArray[np.complex128]:
+    # numpy returns real ones as real numbers.
+    return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +61,8 @@ class LinearController:
     """Corner frequency of F [Hz], 0 for F = 1."""
     delay: int = 0
     """Samples by which u comes late."""
+    difference: bool = False
+    """Whether the velocity is the difference of two positions over T, instead of the sensor's velocity."""
 
     @classmethod
     def on_r(cls, gain: float, error_filter_lambda: float, integral_gain: float, delay: int = 0) -> 'LinearController':
@@ -51,39 +78,51 @@ class LinearController:
         smoothing = self._smoothing(sample_time)
         position = self.proportional + self.integral * sample_time * z / (z - 1.0)
         velocity = self.derivative * smoothing / (1.0 - (1.0 - smoothing) / z)
+        if self.difference:
+            position = position + velocity * (1.0 - 1.0 / z) / sample_time
+            velocity = np.zeros_like(velocity)
         return np.asarray(np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None])
 
-    def closed_loop_radius(self, drive: SampledDrive) -> float:
-        """Return the largest magnitude of the closed loop's poles, below 1 if it is stable."""
-        n = len(drive.a)
-        smoothing = self._smoothing(drive.sample_time)
-        # States: the drive, the integral of position, the filtered velocity, the late voltages.
-        size = n + 2 + self.delay
+    def closed_loop(self, drive: SampledDrive) -> NDArray[np.float64]:
+        """Return the closed loop's matrix of states from tick to tick."""
+        n, sample_time = len(drive.a), drive.sample_time
+        smoothing = self._smoothing(sample_time)
+        # States: the drive, the integral of position, the filtered velocity, the last position, the late voltages.
+        size = n + 3 + self.delay
         position, velocity = np.zeros(size), np.zeros(size)
         position[:n], velocity[:n] = drive.c[0], drive.c[1]
-        integral, filtered = drive.sample_time * position, smoothing * velocity
+        if self.difference:
+            velocity = position / sample_time
+            velocity[n + 2] = -1.0 / sample_time
+        integral, filtered = sample_time * position, smoothing * velocity
         integral[n], filtered[n + 1] = 1.0, 1.0 - smoothing
         voltage = -(self.proportional * position + self.integral * integral + self.derivative * filtered)
         matrix = np.zeros((size, size))
         matrix[:n, :n] = drive.a
         # An integral that nothing uses would count as a pole at 1.
-        matrix[n], matrix[n + 1] = (integral if self.integral > 0.0 else 0.0), filtered
+        matrix[n], matrix[n + 1] = (integral if self.integral != 0.0 else 0.0), filtered
+        matrix[n + 2] = position if self.difference else 0.0
         acting = voltage
         if self.delay > 0:
             acting = np.zeros(size)
-            acting[n + 2] = 1.0
+            acting[n + 3] = 1.0
             for i in range(self.delay - 1):
-                matrix[n + 2 + i, n + 3 + i] = 1.0
+                matrix[n + 3 + i, n + 4 + i] = 1.0
             matrix[size - 1] = voltage
         matrix[:n] += drive.b @ acting[None, :]
-        return float(np.abs(np.linalg.eigvals(matrix)).max())
+        return matrix
+
+    def closed_loop_radius(self, drive: SampledDrive) -> float:
+        """Return the largest magnitude of the closed loop's poles, below 1 if it is stable."""
+        return float(np.abs(_eigenvalues(self.closed_loop(drive))).max())
 
 
 class LoopMargins:
     """
     Peak sensitivity and stability of a linear controller on one drive, in presliding and in sliding.
 
-    The dynamics of the drive's driver are in the loop; the lag of a sensor is not.
+    The dynamics of the drive's driver and, if it is given, of the sensor are in the loop, as they are integrated in a
+    run; the computation delay and the source of the velocity are the controller's.
 
     Parameters
     ----------
@@ -91,19 +130,93 @@ class LoopMargins:
         The drive.
     sample_time
         T [s].
+    sensor
+        The vibrometer; an ideal sensor if not given.
+    scales
+        By which the controller reads the sensor; the sensor's own if not given.
+
+    Attributes
+    ----------
+    drives
+        Drive with sensor, linearised in presliding, where the friction is a spring, and in sliding.
+    frequencies, responses
+        Grid [Hz], and what the controller measures there of position [um/V] and velocity [um/s/V] over u.
     """
 
-    def __init__(self, plant: PlantParameters, sample_time: float) -> None:
+    def __init__(
+        self,
+        plant: PlantParameters,
+        sample_time: float,
+        sensor: LdvParameters | None = None,
+        scales: SensorScales | None = None,
+    ) -> None:
         self.sample_time = sample_time
         self.rigid_gain = plant.rigid_gain
-        self.frequencies = frequency_grid(sample_time)
-        self.drives = tuple(sampled_drive(plant, sample_time, presliding) for presliding in (True, False))
-        self.responses = tuple(drive.response(self.frequencies) for drive in self.drives)
+        states = (True, False) if has_presliding_spring(plant.friction) else (False,)
+        self._bare = tuple(sampled_drive(plant, sample_time, presliding) for presliding in states)
+        found = None if sensor is None else SampledSensor(sensor, sample_time, scales)
+        self._sensor = None if found is None or found.is_ideal else found
+        self.drives = tuple(drive if self._sensor is None else self._sensor.after(drive) for drive in self._bare)
+        self.frequencies = frequency_grid(sample_time, self._bare)
+        self.responses = tuple(self._response(drive, self.frequencies) for drive in self._bare)
+
+    def _response(self, drive: SampledDrive, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
+        response = drive.response(frequencies)
+        if self._sensor is None:
+            return response
+        return np.asarray((self._sensor.response(frequencies) @ response[:, :, None])[:, :, 0])
 
     def peak_sensitivity(self, controller: LinearController) -> float:
         """Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable."""
-        law = controller.response(self.frequencies, self.sample_time)
-        peaks = [float(np.abs(1.0 / (1.0 + (law * response).sum(axis=1))).max()) for response in self.responses]
-        if max(controller.closed_loop_radius(drive) for drive in self.drives) >= 1.0:
+        return self._peak(controller, [_eigenvalues(controller.closed_loop(drive)) for drive in self.drives])
+
+    def _peak(self, controller: LinearController, poles: Sequence[NDArray[np.complex128]]) -> float:
+        if max(float(np.abs(found).max()) for found in poles) >= 1.0:
             return float('inf')
-        return max(peaks)
+        law = controller.response(self.frequencies, self.sample_time)
+        return max(
+            self._peak_of(controller, law, drive, response, found)
+            for drive, response, found in zip(self._bare, self.responses, poles, strict=True)
+        )
+
+    def _peak_of(
+        self,
+        controller: LinearController,
+        law: NDArray[np.complex128],
+        drive: SampledDrive,
+        response: NDArray[np.complex128],
+        poles: NDArray[np.complex128],
+    ) -> float:
+        """Return the peak of one drive: on the grid, around the closed loop's own resonances, and next to the best."""
+
+        def sensitivity(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
+            loop = controller.response(frequencies, self.sample_time) * self._response(drive, frequencies)
+            return np.asarray(1.0 / np.abs(1.0 + loop.sum(axis=1)))
+
+        around = _around_poles(poles, self.sample_time)
+        frequencies = np.concatenate([self.frequencies, around])
+        values = np.concatenate([1.0 / np.abs(1.0 + (law * response).sum(axis=1)), sensitivity(around)])
+        order = np.argsort(frequencies)
+        for _ in range(REFINEMENTS):
+            frequencies, values = frequencies[order], values[order]
+            best = int(np.argmax(values))
+            ends = frequencies[max(best - 1, 0)], frequencies[min(best + 1, len(frequencies) - 1)]
+            finer = np.linspace(*ends, 17)
+            frequencies, values = np.append(finer, frequencies[best]), np.append(sensitivity(finer), values[best])
+            order = np.argsort(frequencies)
+        return float(values.max())
+
+    def peak_sensitivities(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
+        """
+        Return Ms of many controllers at once, each as by :meth:`peak_sensitivity` but on the grid alone.
+
+        The highest of them is worth a second look with :meth:`peak_sensitivity`.
+        """
+        laws = np.array([controller.response(self.frequencies, self.sample_time) for controller in controllers])
+        peaks = np.zeros(len(controllers))
+        for drive, response in zip(self.drives, self.responses, strict=True):
+            matrices = np.array([controller.closed_loop(drive) for controller in controllers])
+            radii = np.abs(_eigenvalues(matrices)).max(axis=1)
+            on_grid = (1.0 / np.abs(1.0 + (laws * response).sum(axis=2))).max(axis=1)
+            peaks = np.maximum(peaks, np.where(radii < 1.0, on_grid, np.inf))
+        return peaks

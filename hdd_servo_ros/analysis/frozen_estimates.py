@@ -1,0 +1,114 @@
+"""The loop with the adaptive NN controller's estimates frozen, over all estimates that projection allows."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, frozen_law
+from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaParameters
+
+PER_ESTIMATE = 9
+"""
+Values of each estimate, its bounds among them, at which the peak sensitivity of a set is looked up.
+
+It is not monotone: too little damping raises it at the loop's bandwidth, too much at Nyquist.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class AllowedEstimates:
+    """The values that each estimate may take, smallest and largest; infinite where nothing bounds it."""
+
+    sigma_hat: tuple[float, float]
+    m_hat: tuple[float, float]
+
+    @property
+    def unbounded(self) -> tuple[str, ...]:
+        """Names of the estimates that nothing bounds."""
+        ranges = (('sigma_hat', self.sigma_hat), ('m_hat', self.m_hat))
+        return tuple(name for name, bounds in ranges if not all(map(math.isfinite, bounds)))
+
+
+def initial_estimates(controller: AdaptiveNn) -> FrozenEstimates:
+    """Return the estimates at tick 0; zero for a part that is switched off."""
+    p = controller.parameters
+    return FrozenEstimates(*(law.initial if law.enabled else 0.0 for law in (p.sigma, p.mass)))
+
+
+def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
+    """Return what sigma_hat and m_hat may come to: with projection their bounds, without it anything."""
+    p = controller.parameters
+
+    def bounds(law: SigmaParameters | MassParameters) -> tuple[float, float]:
+        if not law.enabled:
+            return 0.0, 0.0
+        if p.projection:
+            return law.minimum, law.maximum
+        # Without a gain it stays where it is.
+        return (law.initial, law.initial) if law.gain == 0.0 else (-math.inf, math.inf)
+
+    return AllowedEstimates(bounds(p.sigma), bounds(p.mass))
+
+
+class FrozenLoop:
+    """
+    The loop around a drive with the adaptive NN controller's estimates frozen.
+
+    Parameters
+    ----------
+    margins
+        The drive, its sensor and T.
+    controller
+        The law; its parameters count as they are when a method is called.
+    delay
+        Samples by which u comes late.
+    """
+
+    def __init__(self, margins: LoopMargins, controller: AdaptiveNn, delay: int = 0) -> None:
+        self._margins = margins
+        self._controller = controller
+        self._delay = delay
+
+    def law(self, estimates: FrozenEstimates) -> LinearController:
+        """Return the linear controller of these estimates."""
+        return frozen_law(self._controller, estimates, self._delay)
+
+    def peak_sensitivity(self, estimates: FrozenEstimates) -> float:
+        """Return Ms of these estimates, in presliding or sliding, whichever is larger; infinity if unstable."""
+        if not all(map(math.isfinite, (*estimates, self._controller.gain_on_r))):
+            return math.inf
+        return self._margins.peak_sensitivity(self.law(estimates))
+
+    def worst(self, allowed: AllowedEstimates) -> tuple[float, FrozenEstimates]:
+        """
+        Return the largest Ms over a bounded set of estimates, and where.
+
+        It is looked up on a grid that holds the corners. Of several estimates that make the loop unstable, those
+        nearest to zero are returned, on the scale of the set.
+
+        Raises
+        ------
+        ValueError
+            If the set is not bounded.
+        """
+        if allowed.unbounded:
+            raise ValueError(f'no bounds for {" and ".join(allowed.unbounded)}')
+        axes = [np.unique(np.linspace(*bounds, PER_ESTIMATE)) for bounds in (allowed.sigma_hat, allowed.m_hat)]
+        points = [FrozenEstimates(*map(float, point)) for point in itertools.product(*axes)]
+        return self.worst_of(points)
+
+    def worst_of(self, points: list[FrozenEstimates]) -> tuple[float, FrozenEstimates]:
+        """Return the largest Ms of some estimates, and of which; raises ValueError if there are none."""
+        if not math.isfinite(self._controller.gain_on_r):
+            return math.inf, points[0]
+        peaks = self._margins.peak_sensitivities([self.law(point) for point in points])
+        scales = [max(abs(point[i]) for point in points) or 1.0 for i in (0, 1)]
+        sizes = [abs(point.sigma_hat) / scales[0] + abs(point.m_hat) / scales[1] for point in points]
+        best = max(range(len(points)), key=lambda i: (peaks[i], -sizes[i]))
+        if math.isinf(peaks[best]):
+            return math.inf, points[best]
+        return self._margins.peak_sensitivity(self.law(points[best])), points[best]

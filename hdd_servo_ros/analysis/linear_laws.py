@@ -1,0 +1,68 @@
+"""The controllers of this package as linear controllers, for small motion around a reference."""
+
+from typing import NamedTuple
+
+from hdd_servo_ros.analysis.sensitivity import LinearController
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+from hdd_servo_ros.control.pid import PidParameters
+
+
+class FrozenEstimates(NamedTuple):
+    """The estimates that act on the linear loop."""
+
+    sigma_hat: float
+    """[V s/um]."""
+    m_hat: float
+    """[V s^2/um]."""
+
+
+def frozen_law(controller: AdaptiveNn, estimates: FrozenEstimates, delay: int = 0) -> LinearController:
+    """
+    Return the linear controller that the law is with frozen estimates.
+
+    Its gain on r is g = k + 1/sigma_phi + max(S'S)/sigma_w. As a_r = x_d'' - lambda e' - lambda_i e, m_hat a_r adds
+    m_hat lambda to the gain on velocity and m_hat lambda_i to that on position; sigma_hat v takes sigma_hat off the
+    former. The compensator reads the reference alone and is not part of the loop.
+
+    Parameters
+    ----------
+    controller
+        The law.
+    estimates
+        sigma_hat and m_hat; that of a part that is switched off does not count.
+    delay
+        Samples by which u comes late.
+    """
+    g, p = controller.gain_on_r, controller.parameters
+    sigma_hat = estimates.sigma_hat if p.sigma.enabled else 0.0
+    m_hat = estimates.m_hat if p.mass.enabled else 0.0
+    difference = p.velocity_source == 'difference'
+    return LinearController(
+        proportional=g * p.error_filter_lambda + m_hat * p.integral_gain,
+        derivative=g - sigma_hat + m_hat * p.error_filter_lambda,
+        integral=g * p.integral_gain,
+        bandwidth=p.velocity_bandwidth if difference else 0.0,
+        delay=delay,
+        difference=difference,
+    )
+
+
+def pid_law(parameters: PidParameters, delay: int = 0) -> LinearController:
+    """
+    Return the linear controller that a PID controller is inside its limit.
+
+    Parameters
+    ----------
+    parameters
+        Gains, filter and source of the velocity.
+    delay
+        Samples by which u comes late.
+    """
+    return LinearController(
+        proportional=parameters.proportional_gain,
+        derivative=parameters.derivative_gain,
+        integral=parameters.integral_gain,
+        bandwidth=parameters.derivative_bandwidth,
+        delay=delay,
+        difference=parameters.velocity_source == 'difference',
+    )

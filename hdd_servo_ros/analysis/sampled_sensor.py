@@ -1,0 +1,100 @@
+"""The vibrometer as the loop has it, linearised: delay, low pass and scales, read off its own step."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive
+from hdd_servo_ros.bench.ldv import LDV, Ldv, LdvParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
+from hdd_servo_ros.numerics.records import record
+
+Array = NDArray[np.float64]
+
+
+class SampledSensor:
+    """
+    What a controller measures of the head's position and velocity, as a linear filter.
+
+    Noise, range, converter and drop-outs are left out: they are not linear.
+
+    Parameters
+    ----------
+    sensor
+        The vibrometer.
+    sample_time
+        T [s].
+    scales
+        By which the controller reads it; its own if not given.
+    """
+
+    def __init__(self, sensor: LdvParameters, sample_time: float, scales: SensorScales | None = None) -> None:
+        self.sample_time = sample_time
+        used = scales or SensorScales(sensor.displacement_scale, sensor.velocity_scale)
+        gains = np.array([used.displacement / sensor.displacement_scale, used.velocity / sensor.velocity_scale])
+        self._taps = _taps(sensor, sample_time) * gains[:, None]
+        # Of the low pass y_k = decay y_{k-1} + last x_{k-1} + now x_k; the block has zeros for none.
+        c = record(Ldv(sensor, sample_time).arrays[0], LDV)
+        has_filter = c.filter_decay > 0.0
+        self._decay, self._last = float(c.filter_decay), float(c.filter_last)
+        self._now = float(c.filter_now) if has_filter else 1.0
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether position and velocity come as they are."""
+        return len(self._taps) == 1 and bool(np.all(self._taps[0] == np.eye(2))) and self._decay == 0.0
+
+    def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """Return measured over true position and velocity at ``frequencies`` [Hz], shape (len(frequencies), 2, 2)."""
+        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
+        powers = z[:, None] ** -np.arange(len(self._taps))
+        low_pass = (self._now + self._last / z) / (1.0 - self._decay / z)
+        return np.asarray(np.einsum('fk,kij->fij', powers, self._taps) * low_pass[:, None, None])
+
+    def after(self, drive: SampledDrive) -> SampledDrive:
+        """Return a drive with this sensor: its outputs are what the controller measures."""
+        if self.is_ideal:
+            return drive
+        n, past = len(drive.a), len(self._taps) - 1
+        # States: the drive, the motion of the ticks before, and the low pass of both outputs.
+        low_pass = n + 2 * past
+        size = low_pass + 2 * (self._decay > 0.0)
+        a, b, seen = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((2, size))
+        a[:n, :n], b[:n] = drive.a, drive.b
+        seen[:, :n] = self._taps[0] @ drive.c
+        for k in range(past):
+            rows = slice(n + 2 * k, n + 2 * k + 2)
+            seen[:, rows] = self._taps[k + 1]
+            if k == 0:
+                a[rows, :n] = drive.c
+            else:
+                a[rows, n + 2 * k - 2 : n + 2 * k] = np.eye(2)
+        c = self._now * seen
+        if self._decay > 0.0:
+            c[:, low_pass:] = np.eye(2)
+            a[low_pass:] = self._decay * c + self._last * seen
+        return dataclasses.replace(drive, a=a, b=b, c=c)
+
+
+def _taps(sensor: LdvParameters, sample_time: float) -> Array:
+    """Return what the delay makes of position and velocity of k ticks ago, shape (k, 2, 2), of the block's own step."""
+    plain = dataclasses.replace(
+        sensor,
+        displacement_scale=1.0,
+        velocity_scale=1.0,
+        noise=False,
+        dropout_rate=0.0,
+        demodulator_bandwidth=0.0,
+        output_range=0.0,
+        adc_bits=0,
+    )
+    columns = []
+    for kick in np.eye(2):
+        block = Ldv(plain, sample_time)
+        block.step(0, 0.0, 0.0)
+        motions = [kick, *np.zeros((len(block.history) - 1, 2))]
+        columns.append([block.step(tick + 1, *motion) for tick, motion in enumerate(motions)])
+    taps = np.array(columns).transpose(1, 2, 0)
+    used = np.flatnonzero(taps.any(axis=(1, 2)))
+    return np.asarray(taps[: used[-1] + 1])
