@@ -1,22 +1,61 @@
-"""What the adaptive NN controller's user should be told before a run, where the drive is known."""
+"""What a controller's user should be told of the loop's stability margin, where the drive is known."""
 
 import math
+from typing import NamedTuple
 
-from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
+from hdd_servo_ros.analysis.frozen_estimates import FrozenLoop, allowed_estimates, initial_estimates
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
+from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LoopMargins
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+from hdd_servo_ros.control.controller import Controller, WarnsBeforeRun
+from hdd_servo_ros.control.pid import Pid
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
+
+MAX_ADAPTED_SENSITIVITY = 2.2
+"""
+Largest Ms with estimates that a run may come to: :data:`MAX_SENSITIVITY` and a tenth for what they adapt.
+
+The gains are tuned for :data:`MAX_SENSITIVITY` at initial estimates. At 2.2 the gain may still grow by 1/(1 - 1/2.2),
+1.8 times, or the phase be late by 26 degrees.
+"""
+
+
+ROUNDING = 0.01
+"""By how much Ms may exceed :data:`MAX_SENSITIVITY` without a word: tuned gains are rounded."""
+
+
+class LoopSurroundings(NamedTuple):
+    """What a controller's loop has besides the controller."""
+
+    plant: PlantParameters
+    sample_time: float
+    """T [s]."""
+    delay: int = 0
+    """Samples by which u comes late."""
+    sensor: LdvParameters | None = None
+    """The vibrometer; an ideal sensor if None."""
+    scales: SensorScales | None = None
+    """By which the controller reads it; the sensor's own if None."""
+
+    def margins(self) -> LoopMargins:
+        """Return the linear loop around this drive."""
+        return LoopMargins(self.plant, self.sample_time, self.sensor, self.scales)
+
+    def frozen_loop(self, controller: AdaptiveNn) -> FrozenLoop:
+        """Return the loop with an adaptive NN controller whose estimates are frozen."""
+        return FrozenLoop(self.margins(), controller, self.delay)
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:
     """
-    Return Ms of the linear gain that the law comes to on r, in presliding or sliding, whichever is larger.
-
-    What sigma_hat and m_hat learn is left out, and so is the filter of a difference of displacements.
+    Return Ms with the initial estimates, in presliding or sliding, whichever is larger.
 
     Parameters
     ----------
     controller
-        Its gain on r, lambda, lambda_i and T count.
+        The law and T.
     plant
         The drive.
     delay
@@ -27,27 +66,86 @@ def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int 
     float
         Infinity if the loop is unstable.
     """
-    g, parameters = controller.gain_on_r, controller.parameters
-    if not math.isfinite(g):
-        return math.inf
-    law = LinearController.on_r(g, parameters.error_filter_lambda, parameters.integral_gain, delay)
-    return LoopMargins(plant, controller.sample_time).peak_sensitivity(law)
+    loop = LoopSurroundings(plant, controller.sample_time, delay).frozen_loop(controller)
+    return loop.peak_sensitivity(initial_estimates(controller))
 
 
-def warnings(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> tuple[str, ...]:
+def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
     """
-    Return :meth:`AdaptiveNn.warnings`, with the gain on r judged by this drive and T instead of by ``safe_gain``.
+    Return what a user should be told of a controller before a run; a line for each thing.
 
-    Parameters are those of :func:`peak_sensitivity`.
+    For an adaptive NN controller: whether the loop around this drive has enough stability margin with the initial
+    estimates, and with all that projection allows, instead of what ``safe_gain`` says. For a PID controller: whether it
+    has enough. Others say what they say themselves.
     """
-    ms = peak_sensitivity(controller, plant, delay)
-    if ms <= MAX_SENSITIVITY:
-        return controller.sign_warnings()
-    loop = 'is unstable' if math.isinf(ms) else f'has a peak sensitivity of {ms:.3g}, above {MAX_SENSITIVITY:g}'
-    fragile = (
-        f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} V s/um acts as one linear "
-        f'gain on r, with which the loop around this drive, at T = {controller.sample_time:g} s, {loop}; it may track '
-        'at first and burst after seconds: raise phi.leakage or network.leakage, lower feedback_gain or '
-        'error_filter_lambda, or tune it (ros2 run hdd_servo_ros tune)'
+    if isinstance(controller, Pid):
+        return _pid_warnings(controller, loop)
+    if isinstance(controller, AdaptiveNn):
+        return _adaptive_nn_warnings(controller, loop)
+    return tuple(controller.warnings()) if isinstance(controller, WarnsBeforeRun) else ()
+
+
+def _pid_warnings(controller: Pid, loop: LoopSurroundings) -> tuple[str, ...]:
+    p = controller.parameters
+    if p.proportional_gain == 0.0:
+        # It does not hold the position.
+        return ()
+    ms = loop.margins().peak_sensitivity(pid_law(p, loop.delay))
+    if ms <= MAX_SENSITIVITY + ROUNDING:
+        return ()
+    return (
+        f'low stability margin: the loop around this drive, at T = {loop.sample_time:g} s, '
+        f'{_in_words(ms, MAX_SENSITIVITY)}: tune it (ros2 run hdd_servo_ros tune)',
     )
-    return fragile, *controller.sign_warnings()
+
+
+def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tuple[str, ...]:
+    frozen = loop.frozen_loop(controller)
+    initial, allowed = initial_estimates(controller), allowed_estimates(controller)
+    lines = []
+    ms = frozen.peak_sensitivity(initial)
+    if ms > MAX_SENSITIVITY + ROUNDING:
+        at = f' with {_named(initial, loop.plant)}' if any(initial) else ''
+        lines.append(
+            f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} "
+            f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r, with which the loop around this drive, '
+            f'at T = {loop.sample_time:g} s,{at} {_in_words(ms, MAX_SENSITIVITY)}; it may track at first and burst '
+            'after seconds: raise phi.leakage or network.leakage, lower feedback_gain or error_filter_lambda, or tune '
+            'it (ros2 run hdd_servo_ros tune)'
+        )
+    if allowed.unbounded and not lines:
+        ranges = (_safe_range(frozen, initial, name, loop.plant) for name in allowed.unbounded)
+        lines.append(
+            f'no bounds for {" and ".join(allowed.unbounded)} (projection is false): the loop around this drive has a '
+            f'peak sensitivity of {ms:.3g} with {_named(initial, loop.plant)}, and of at most '
+            f'{MAX_ADAPTED_SENSITIVITY:g} only with {", or with ".join(ranges)}; nothing keeps the estimates there'
+        )
+    if not allowed.unbounded:
+        worst, where = frozen.worst(allowed)
+        if worst > MAX_ADAPTED_SENSITIVITY:
+            lines.append(
+                f'fragile estimates: projection allows {_named(where, loop.plant)}, with which the loop around this '
+                f'drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: narrow minimum '
+                'and maximum of sigma and mass, or lower error_filter_lambda'
+            )
+    return *lines, *controller.sign_warnings()
+
+
+def _in_words(ms: float, limit: float) -> str:
+    return 'is unstable' if math.isinf(ms) else f'has a peak sensitivity of {ms:.3g}, above {limit:g}'
+
+
+def _named(estimates: FrozenEstimates, plant: PlantParameters) -> str:
+    """Return estimates with their names and units."""
+    return ' and '.join(f'{name} = {value:.3g} {_unit(name, plant)}' for name, value in estimates._asdict().items())
+
+
+def _unit(name: str, plant: PlantParameters) -> str:
+    """Return the unit of an estimate."""
+    return f'{plant.control_unit} {"s" if name == "sigma_hat" else "s^2"}/{plant.length_unit}'
+
+
+def _safe_range(loop: FrozenLoop, initial: FrozenEstimates, name: str, plant: PlantParameters) -> str:
+    """Return in words between which values an estimate keeps the loop's margin, the other being the initial one."""
+    low, high = loop.safe_range(initial, name, MAX_ADAPTED_SENSITIVITY)
+    return f'{name} from {low:.2g} to {high:.2g} {_unit(name, plant)}'

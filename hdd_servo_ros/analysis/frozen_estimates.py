@@ -19,6 +19,10 @@ It is not monotone: too little damping raises it at the loop's bandwidth, too mu
 """
 
 
+SAFE_STEPS = 8
+"""Steps to either side in which the ends of a safe range are looked for, before they are bisected."""
+
+
 @dataclasses.dataclass(frozen=True)
 class AllowedEstimates:
     """The values that each estimate may take, smallest and largest; infinite where nothing bounds it."""
@@ -112,3 +116,44 @@ class FrozenLoop:
         if math.isinf(peaks[best]):
             return math.inf, points[best]
         return self._margins.peak_sensitivity(self.law(points[best])), points[best]
+
+    def safe_range(self, start: FrozenEstimates, name: str, limit: float) -> tuple[float, float]:
+        """
+        Return between which values of one estimate Ms keeps a limit; the other stays.
+
+        Parameters
+        ----------
+        start
+            Estimates with which it does.
+        name
+            ``'sigma_hat'`` or ``'m_hat'``.
+        limit
+            The largest Ms.
+
+        Returns
+        -------
+        tuple
+            Ends of the range around ``start``, each known to a four-hundredth of the gain on r; infinities for an estimate
+            that does not act on the loop.
+        """
+        p = self._controller.parameters
+        # sigma_hat changes the gain on velocity by as much, m_hat by lambda times as much.
+        per_gain = 1.0 if name == 'sigma_hat' else p.error_filter_lambda
+        if per_gain == 0.0:
+            return -math.inf, math.inf
+        step = 2.0 * self._controller.gain_on_r / per_gain / SAFE_STEPS
+
+        def at(offset: float) -> FrozenEstimates:
+            return start._replace(**{name: getattr(start, name) + step * offset})
+
+        ends = []
+        for direction in (-1.0, 1.0):
+            offsets = [direction * count for count in range(SAFE_STEPS + 1)]
+            peaks = self._margins.peak_sensitivities([self.law(at(offset)) for offset in offsets])
+            beyond = next((count for count, peak in enumerate(peaks) if not peak <= limit), SAFE_STEPS + 1)
+            inside, outside = direction * max(beyond - 1, 0), direction * beyond
+            while abs(outside - inside) > 0.01 and beyond <= SAFE_STEPS:
+                middle = 0.5 * (inside + outside)
+                inside, outside = (middle, outside) if self.peak_sensitivity(at(middle)) <= limit else (inside, middle)
+            ends.append(float(getattr(at(inside), name)))
+        return ends[0], ends[1]

@@ -7,7 +7,6 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
-from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.topics import DISTURBANCE
@@ -42,11 +41,6 @@ class AdaptiveNnController(ControllerNode):
         self._at_start = self.parameters[AdaptiveNnParameters]
         self.step(tick, stamp, messages)
         self._first_r = float(self._controller.estimates[_R])
-
-    def _warnings(self) -> Iterable[str]:
-        if self._drive is None:
-            return super()._warnings()
-        return fragility.warnings(self._controller, self._drive, self._dsp.parameters.computation_delay)
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Reset what was learnt by a parameter, so that the bag shows the tick and a replay does the same."""

@@ -4,7 +4,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, sensor_scales
@@ -56,6 +58,7 @@ class ControllerNode(CatalogueNode):
         self._estimates = ArrayCodec(self._controller.estimate_names)
         self._diagnosed = (0, 0)
         self._drive: PlantParameters | None = None
+        self._sensor: LdvParameters | None = None
 
     def last_tick_needed(self, sample_time: float) -> int:
         if not isinstance(self._controller, HasPlan):
@@ -68,19 +71,19 @@ class ControllerNode(CatalogueNode):
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
         self._drive = _block_parameters_of(run, 'vcm_plant')
-        self._scales = self._sensor_scales(run)
+        self._sensor = _block_parameters_of(run, 'ldv_sensor')
+        self._scales = self._sensor_scales()
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
         for warning in self._warnings():
             self.get_logger().warning(warning)
 
-    def _sensor_scales(self, run: RunPlan) -> SensorScales:
+    def _sensor_scales(self) -> SensorScales:
         """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
         own: ControllerInputParameters = self.parameters[ControllerInputParameters]
-        sensor = _block_parameters_of(run, 'ldv_sensor')
-        if sensor is not None:
-            return sensor_scales(own, sensor)
+        if self._sensor is not None:
+            return sensor_scales(own, self._sensor)
         for name in ('displacement_scale', 'velocity_scale'):
             if not getattr(own, name):
                 raise RunError(
@@ -91,7 +94,19 @@ class ControllerNode(CatalogueNode):
 
     def _warnings(self) -> Iterable[str]:
         """Return what a user should be told before the run."""
-        return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
+        loop = self.surroundings
+        if loop is None:
+            return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
+        return fragility.warnings(self._controller, loop)
+
+    @property
+    def surroundings(self) -> fragility.LoopSurroundings | None:
+        """The loop around the controller before tick 0; None without a drive among the run's nodes."""
+        if self._drive is None:
+            return None
+        return fragility.LoopSurroundings(
+            self._drive, self._dsp.sample_time, self._dsp.parameters.computation_delay, self._sensor, self._scales
+        )
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
-from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
-from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit, WarnsBeforeRun
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
@@ -121,9 +120,16 @@ class Experiment:
 
     def warnings(self) -> tuple[str, ...]:
         """Return what a user should be told of the controller before a run."""
-        if isinstance(self.controller, AdaptiveNn):
-            return fragility.warnings(self.controller, self.plant.parameters, self.dsp.parameters.computation_delay)
-        return tuple(self.controller.warnings()) if isinstance(self.controller, WarnsBeforeRun) else ()
+        return fragility.warnings(
+            self.controller,
+            fragility.LoopSurroundings(
+                self.plant.parameters,
+                self.sample_time,
+                self.dsp.parameters.computation_delay,
+                self.ldv.parameters,
+                self.scales,
+            ),
+        )
 
     @property
     def is_compiled(self) -> bool:

@@ -1,24 +1,47 @@
-"""The warning of fragile constants, against the drive they are used on."""
+"""The warnings of low stability margin, against the drive the controller is used on."""
 
 import math
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.analysis.fragility import LoopSurroundings
+from hdd_servo_ros.analysis.frozen_estimates import AllowedEstimates, allowed_estimates
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates
 from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment
+
+PARAMS = Path(__file__).parents[2] / 'params'
+# So narrow that what the estimates do is no matter.
+NARROW = {
+    'projection': True,
+    'sigma.minimum': -1e-9,
+    'sigma.maximum': 1e-9,
+    'mass.minimum': -1e-12,
+    'mass.maximum': 1e-12,
+}
 
 
 def controller_of(sample_time=1e-4, **values):
     return AdaptiveNn(from_mapping(AdaptiveNnParameters, values), sample_time)
 
 
-def test_the_default_is_sound():
+def loop_of(plant=None, sample_time=1e-4, delay=0, sensor=None):
+    return LoopSurroundings(plant or PlantParameters(), sample_time, delay, sensor)
+
+
+def test_the_default_gains_are_sound_with_the_estimates_they_start_from():
     assert fragility.peak_sensitivity(controller_of(), PlantParameters()) == pytest.approx(2.0, abs=0.01)
-    assert fragility.warnings(controller_of(), PlantParameters()) == ()
+    assert fragility.warnings(controller_of(**NARROW), loop_of()) == ()
 
 
 @pytest.mark.parametrize(
@@ -36,24 +59,31 @@ def test_the_default_is_sound():
             0,
             'above 2',
         ),
+        (controller_of(velocity_source='difference'), PlantParameters(), 1, 'above 2'),
     ],
 )
 def test_fragile_constants_are_told_of(controller, plant, delay, said):
-    (warning,) = fragility.warnings(controller, plant, delay)
+    (warning,) = fragility.warnings(controller, loop_of(plant, controller.sample_time, delay))
     assert warning.startswith('fragile constants')
     assert said in warning
+
+
+def test_the_lag_of_the_vibrometer_counts():
+    late = LdvParameters(demodulator_delay=2e-4)
+    assert fragility.warnings(controller_of(**NARROW), loop_of(sensor=LdvParameters())) == ()
+    assert fragility.warnings(controller_of(**NARROW), loop_of(sensor=late))[0].startswith('fragile constants')
 
 
 @pytest.mark.parametrize('driver', ['rigid', 'current', 'voltage'])
 def test_a_gain_that_the_driver_does_not_read_is_no_reason_to_warn(driver):
     plant = from_mapping(PlantParameters, {'actuator.driver': driver, 'gain': 6.0e7})
-    assert fragility.warnings(controller_of(), plant) == ()
+    assert fragility.warnings(controller_of(**NARROW), loop_of(plant)) == ()
 
 
 def test_what_safe_gain_says_does_not_count_where_the_drive_is_known():
-    controller = controller_of(safe_gain=1e-6)
+    controller = controller_of(safe_gain=1e-6, **NARROW)
     assert controller.warnings()
-    assert fragility.warnings(controller, PlantParameters()) == ()
+    assert fragility.warnings(controller, loop_of()) == ()
 
 
 def test_a_loop_called_unstable_is():
@@ -64,3 +94,81 @@ def test_a_loop_called_unstable_is():
     rows = experiment.run(0, 30_001)
     metrics = tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 2.0)
     assert not metrics.rms_error < 0.1
+
+
+def test_initial_estimates_count():
+    values = {**NARROW, 'mass.maximum': 1e-7, 'mass.initial': 5e-8}
+    (warning, other) = fragility.warnings(controller_of(**values), loop_of())
+    assert warning.startswith('fragile constants')
+    assert 'm_hat = 5e-08 V s^2/um has a peak sensitivity of' in warning
+    assert other.startswith('fragile estimates: projection allows')
+
+
+def test_without_projection_the_set_is_said_to_be_unbounded_and_where_it_is_safe():
+    """The shipped law, which has 142 nm rms at 50 Hz, where m_hat leaves the range that is named."""
+    experiment = Experiment(1e-4, 'adaptive_nn', read_parameter_files([PARAMS / 'seagate_7200_10.yaml']))
+    (warning,) = experiment.warnings()
+    assert warning.startswith('no bounds for sigma_hat and m_hat (projection is false)')
+    ends = re.search(r'm_hat from (\S+) to (\S+) V s\^2/um', warning)
+    assert ends is not None
+    low, high = map(float, ends.groups())
+    assert isinstance(experiment.controller, AdaptiveNn)
+    loop = loop_of().frozen_loop(experiment.controller)
+    for m_hat, holds in ((low * 0.98, True), (low * 1.05, False), (high * 0.95, True), (high * 1.1, False)):
+        assert (loop.peak_sensitivity(FrozenEstimates(0.0, m_hat)) <= 2.2) == holds
+    with pytest.raises(ValueError, match='no bounds for sigma_hat and m_hat'):
+        loop.worst(allowed_estimates(experiment.controller))
+
+
+def test_estimates_without_a_law_stay_where_they_are():
+    allowed = allowed_estimates(controller_of(**{'sigma.enabled': False, 'mass.gain': 0.0, 'mass.initial': 1e-9}))
+    assert allowed == AllowedEstimates((0.0, 0.0), (1e-9, 1e-9))
+    assert not allowed.unbounded
+
+
+def test_step_references_are_told_of():
+    """Their bounds let m_hat take more of the damping than the loop has."""
+    files = [PARAMS / 'seagate_7200_10.yaml', PARAMS / 'step_references.yaml']
+    experiment = Experiment(1e-4, 'adaptive_nn', read_parameter_files(files))
+    (warning,) = experiment.warnings()
+    assert warning.startswith('fragile estimates: projection allows sigma_hat = ')
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'mass.minimum': -3e-8, 'mass.maximum': 2e-8},
+        {'mass.minimum': 0.0, 'mass.maximum': 1e-8, 'sigma.minimum': -1e-5, 'sigma.maximum': 3e-5},
+        {'mass.minimum': -1e-8, 'integral_gain': 2e5, 'error_filter_lambda': 1500.0},
+        {'mass.minimum': -2.2e-7, 'mass.maximum': 0.0},
+    ],
+)
+def test_the_worst_of_the_set_against_a_finer_search(values):
+    controller = controller_of(projection=True, **values)
+    loop, allowed = loop_of().frozen_loop(controller), allowed_estimates(controller)
+    worst, where = loop.worst(allowed)
+    assert loop.peak_sensitivity(where) == worst
+    finer = max(
+        loop.peak_sensitivity(FrozenEstimates(sigma_hat, m_hat))
+        for sigma_hat in np.linspace(*allowed.sigma_hat, 12)
+        for m_hat in np.linspace(*allowed.m_hat, 16)
+    )
+    assert worst == finer or 0.99 * finer < worst
+
+
+@pytest.mark.parametrize(
+    ('values', 'pid', 'said'),
+    [
+        ({}, {}, None),
+        ({'actuator.driver': 'voltage', 'actuator.amplifier_gain': 0.4}, {}, 'is unstable'),
+        ({'actuator.driver': 'current'}, {}, 'has a peak sensitivity of 2.17, above 2'),
+        ({}, {'velocity_source': 'difference'}, 'has a peak sensitivity of 4.12, above 2'),
+        ({}, {'proportional_gain': 0.0}, None),
+    ],
+)
+def test_the_pid_controller(values, pid, said):
+    found = fragility.warnings(
+        Pid(from_mapping(PidParameters, pid), 1e-4), loop_of(from_mapping(PlantParameters, values))
+    )
+    assert len(found) == (said is not None)
+    assert said is None or (found[0].startswith('low stability margin') and said in found[0])
