@@ -1,7 +1,8 @@
 """What a controller's user should be told of the loop's stability margin, where the drive is known."""
 
+import dataclasses
+import functools
 import math
-from typing import NamedTuple
 
 from hdd_servo_ros.analysis.frozen_estimates import FrozenLoop, allowed_estimates, initial_estimates
 from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
@@ -26,7 +27,8 @@ ROUNDING = 0.01
 """By how much Ms may exceed :data:`MAX_SENSITIVITY` without a word: tuned gains are rounded."""
 
 
-class LoopSurroundings(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class LoopSurroundings:
     """What a controller's loop has besides the controller."""
 
     plant: PlantParameters
@@ -39,13 +41,14 @@ class LoopSurroundings(NamedTuple):
     scales: SensorScales | None = None
     """By which the controller reads it; the sensor's own if None."""
 
+    @functools.cached_property
     def margins(self) -> LoopMargins:
-        """Return the linear loop around this drive."""
+        """The linear loop around this drive."""
         return LoopMargins(self.plant, self.sample_time, self.sensor, self.scales)
 
-    def frozen_loop(self, controller: AdaptiveNn) -> FrozenLoop:
-        """Return the loop with an adaptive NN controller whose estimates are frozen."""
-        return FrozenLoop(self.margins(), controller, self.delay)
+    def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:
+        """Return the loop with an adaptive NN controller whose estimates are frozen; ``delay`` replaces the own one."""
+        return FrozenLoop(self.margins, controller, self.delay if delay is None else delay)
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:
@@ -90,7 +93,7 @@ def _pid_warnings(controller: Pid, loop: LoopSurroundings) -> tuple[str, ...]:
     if p.proportional_gain == 0.0:
         # It does not hold the position.
         return ()
-    ms = loop.margins().peak_sensitivity(pid_law(p, loop.delay))
+    ms = loop.margins.peak_sensitivity(pid_law(p, loop.delay))
     if ms <= MAX_SENSITIVITY + ROUNDING:
         return ()
     return (
@@ -105,7 +108,7 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
     lines = []
     ms = frozen.peak_sensitivity(initial)
     if ms > MAX_SENSITIVITY + ROUNDING:
-        at = f' with {_named(initial, loop.plant)}' if any(initial) else ''
+        at = f' with {named_estimates(initial, loop.plant)}' if any(initial) else ''
         lines.append(
             f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} "
             f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r, with which the loop around this drive, '
@@ -117,16 +120,16 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
         ranges = (_safe_range(frozen, initial, name, loop.plant) for name in allowed.unbounded)
         lines.append(
             f'no bounds for {" and ".join(allowed.unbounded)} (projection is false): the loop around this drive has a '
-            f'peak sensitivity of {ms:.3g} with {_named(initial, loop.plant)}, and of at most '
+            f'peak sensitivity of {ms:.3g} with {named_estimates(initial, loop.plant)}, and of at most '
             f'{MAX_ADAPTED_SENSITIVITY:g} only with {", or with ".join(ranges)}; nothing keeps the estimates there'
         )
     if not allowed.unbounded:
         worst, where = frozen.worst(allowed)
         if worst > MAX_ADAPTED_SENSITIVITY:
             lines.append(
-                f'fragile estimates: projection allows {_named(where, loop.plant)}, with which the loop around this '
-                f'drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: narrow minimum '
-                'and maximum of sigma and mass, or lower error_filter_lambda'
+                f'fragile estimates: projection allows {named_estimates(where, loop.plant)}, with which the loop '
+                f'around this drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: '
+                'narrow minimum and maximum of sigma and mass, or lower error_filter_lambda'
             )
     return *lines, *controller.sign_warnings()
 
@@ -135,7 +138,7 @@ def _in_words(ms: float, limit: float) -> str:
     return 'is unstable' if math.isinf(ms) else f'has a peak sensitivity of {ms:.3g}, above {limit:g}'
 
 
-def _named(estimates: FrozenEstimates, plant: PlantParameters) -> str:
+def named_estimates(estimates: FrozenEstimates, plant: PlantParameters) -> str:
     """Return estimates with their names and units."""
     return ' and '.join(f'{name} = {value:.3g} {_unit(name, plant)}' for name, value in estimates._asdict().items())
 

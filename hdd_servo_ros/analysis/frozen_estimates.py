@@ -133,7 +133,7 @@ class FrozenLoop:
         Returns
         -------
         tuple
-            Ends of the range around ``start``, each known to a four-hundredth of the gain on r; infinities for an estimate
+            Ends of the range around ``start``, each to a four-hundredth of the gain on r; infinities for an estimate
             that does not act on the loop.
         """
         p = self._controller.parameters

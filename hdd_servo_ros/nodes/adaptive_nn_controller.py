@@ -7,6 +7,8 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.topics import DISTURBANCE
@@ -17,6 +19,7 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.stability.margin import CertificateMargin
 
 _R = AdaptiveNn.estimate_names.index('r')
+_FROZEN = tuple(AdaptiveNn.estimate_names.index(name) for name in FrozenEstimates._fields)
 
 
 class AdaptiveNnController(ControllerNode):
@@ -53,6 +56,22 @@ class AdaptiveNnController(ControllerNode):
         yield from super().diagnose()
         yield self._diagnose_adaptation()
         yield self._diagnose_certificate()
+        yield self._diagnose_margin()
+
+    def _diagnose_margin(self) -> Diagnosis:
+        """Diagnose the loop with the present estimates frozen; it takes some milliseconds, once a second."""
+        if self._loop is None:
+            return Diagnosis('stability margin', OK, 'not known: there is no vcm_plant in this run')
+        frozen = self._loop.frozen_loop(self._controller, self._dsp.parameters.computation_delay)
+        estimates = FrozenEstimates(*(float(self._controller.estimates[index]) for index in _FROZEN))
+        ms = frozen.peak_sensitivity(estimates)
+        values = {'peak sensitivity': ms, 'at most': MAX_ADAPTED_SENSITIVITY, **estimates._asdict()}
+        if math.isinf(ms):
+            return Diagnosis('stability margin', WARN, 'the loop is unstable with the present estimates', values)
+        if ms > MAX_ADAPTED_SENSITIVITY:
+            message = f'low with the present estimates: peak sensitivity {ms:.3g}'
+            return Diagnosis('stability margin', WARN, message, values)
+        return Diagnosis('stability margin', OK, f'peak sensitivity {ms:.3g} with the present estimates', values)
 
     def _diagnose_certificate(self) -> Diagnosis:
         if self.tick == 0:

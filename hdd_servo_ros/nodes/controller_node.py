@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
@@ -59,6 +60,7 @@ class ControllerNode(CatalogueNode):
         self._diagnosed = (0, 0)
         self._drive: PlantParameters | None = None
         self._sensor: LdvParameters | None = None
+        self._loop: LoopSurroundings | None = None
 
     def last_tick_needed(self, sample_time: float) -> int:
         if not isinstance(self._controller, HasPlan):
@@ -76,6 +78,10 @@ class ControllerNode(CatalogueNode):
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
+        delay = self._dsp.parameters.computation_delay
+        self._loop = None
+        if self._drive is not None:
+            self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, self._scales)
         for warning in self._warnings():
             self.get_logger().warning(warning)
 
@@ -94,19 +100,9 @@ class ControllerNode(CatalogueNode):
 
     def _warnings(self) -> Iterable[str]:
         """Return what a user should be told before the run."""
-        loop = self.surroundings
-        if loop is None:
+        if self._loop is None:
             return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
-        return fragility.warnings(self._controller, loop)
-
-    @property
-    def surroundings(self) -> fragility.LoopSurroundings | None:
-        """The loop around the controller before tick 0; None without a drive among the run's nodes."""
-        if self._drive is None:
-            return None
-        return fragility.LoopSurroundings(
-            self._drive, self._dsp.sample_time, self._dsp.parameters.computation_delay, self._sensor, self._scales
-        )
+        return fragility.warnings(self._controller, self._loop)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])

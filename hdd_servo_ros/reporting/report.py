@@ -28,6 +28,7 @@ from hdd_servo_ros.reporting.evaluation import SIGNAL_ANALYZER, steady_start
 from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics
 from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
+from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.saturation import saturation_line, saturation_of
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
@@ -53,7 +54,8 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
     written : list of Path
         What was written.
     remarks : list of str
-        Why the run did not finish or does not track, if so, and what the report leaves out and why, a line each.
+        Why the run did not finish or does not track, or whether its stability margin was low, if so, and what the
+        report leaves out and why, a line each.
 
     Raises
     ------
@@ -74,23 +76,25 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
     clipped, judged = saturation_of(run), verdict_of(run, after)
+    low_margin = low_margin_of(run)
+    caveats = [*_caveats(run, judged), *filter(None, [low_margin])]
     content = {
         'status': run.status,
         'reason': run.reason,
         'verdict': None if judged is None else {'text': judged.text, 'detail': judged.detail},
         'saturated_samples': None if clipped is None else {name: len(ticks) for name, ticks in clipped.items()},
+        'low_stability_margin': low_margin,
         'left_out': missing,
         'errors_from': float(run.time[steady_start(run, after)]),
         'metrics': {metric.name: {'value': metric.value, 'unit': metric.unit} for metric in metrics},
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
-    caveats = '; '.join(_caveats(run, judged))
-    write_picture(panels, '\n'.join([title, *textwrap.wrap(caveats, _TITLE_WIDTH)]), written[1])
+    write_picture(panels, '\n'.join([title, *textwrap.wrap('; '.join(caveats), _TITLE_WIDTH)]), written[1])
     lines = [('verdict', _in_table(judged))] if judged is not None else []
     lines += [(metric.label, f'{_number(metric.value)} {shown(metric.unit)}') for metric in metrics]
-    subtitle = '; '.join([_subtitle(run, after, judged, clipped), *missing])
+    subtitle = '; '.join([_subtitle(run, after, judged, clipped), *filter(None, [low_margin]), *missing])
     write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, _details(run))
-    return written, [*_caveats(run, judged), *missing]
+    return written, [*caveats, *missing]
 
 
 def _measured_response(run: RecordedRun) -> tuple[FrequencyResponse | None, list[str]]:

@@ -18,6 +18,7 @@ from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
+from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity, why_no_sensitivity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +43,9 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
         lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
     if 'control' not in run:
         lines.append('no figures of the control: the bag holds no /control')
+    unknown = why_no_sensitivity(run)
+    if unknown:
+        lines.append(f'no peak sensitivity: {unknown}')
     if follows_reference(run) and not is_stepwise(run.desired_position):
         period = reference_period(run)
         if period is None:
@@ -83,7 +87,19 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
             found += _steps(run)
     if 'control' in run:
         found += _control(run, start)
-    return found
+    return found + _sensitivity(run)
+
+
+def _sensitivity(run: RecordedRun) -> list[Metric]:
+    found = run_sensitivity(run)
+    if found is None:
+        return []
+    if not found.estimates:
+        return [Metric('peak_sensitivity', 'peak sensitivity Ms', found.at_end, '')]
+    return [
+        Metric('peak_sensitivity', 'peak sensitivity Ms, estimates at the end', found.at_end, ''),
+        Metric('largest_peak_sensitivity', 'the same, largest along the run', found.largest, ''),
+    ]
 
 
 def _tracking(run: RecordedRun, start: int) -> list[Metric]:

@@ -1,12 +1,14 @@
 """What the adaptive NN controller's node says of the estimates and of the certificate on /diagnostics."""
 
+import math
 import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hdd_servo_ros.bench.dsp import ControllerOutputParameters, DspParameters
+from hdd_servo_ros.analysis.fragility import LoopSurroundings
+from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
@@ -33,6 +35,36 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
     found = AdaptiveNnController._diagnose_adaptation(node)  # type: ignore[arg-type]
     assert (found.level, said in found.message) == (level, True)
+
+
+@pytest.mark.parametrize(
+    ('sigma_hat', 'm_hat', 'delay', 'level', 'said'),
+    [
+        (0.0, 0.0, 0, OK, 'peak sensitivity 1.99'),
+        # What the shipped law comes to at 50 Hz.
+        (2.28e-5, -1.235e-7, 0, WARN, 'peak sensitivity 8'),
+        (2.28e-5, -1.4e-7, 0, WARN, 'unstable'),
+        (0.0, 1.5e-8, 0, OK, 'peak sensitivity'),
+        (0.0, -2.5e-8, 1, OK, 'peak sensitivity'),
+        (-3e-5, 0.0, 0, WARN, 'peak sensitivity'),
+        (math.nan, 0.0, 0, WARN, 'unstable'),
+    ],
+)
+def test_the_margin_with_the_present_estimates(sigma_hat, m_hat, delay, level, said):
+    controller = AdaptiveNn(AdaptiveNnParameters(), 1e-4)
+    for name, value in (('sigma_hat', sigma_hat), ('m_hat', m_hat)):
+        controller.estimates[controller.estimate_names.index(name)] = value
+    dsp = Dsp(DspParameters(computation_delay=delay), 1e-4)
+    node = SimpleNamespace(_controller=controller, _loop=LoopSurroundings(PlantParameters(), 1e-4), _dsp=dsp)
+    found = AdaptiveNnController._diagnose_margin(node)  # type: ignore[arg-type]
+    assert (found.level, said in found.message) == (level, True), found
+    assert found.values['m_hat'] == pytest.approx(m_hat)
+
+
+def test_no_margin_without_a_drive():
+    node = SimpleNamespace(_loop=None)
+    found = AdaptiveNnController._diagnose_margin(node)  # type: ignore[arg-type]
+    assert (found.level, 'no vcm_plant' in found.message) == (OK, True)
 
 
 @pytest.mark.parametrize(

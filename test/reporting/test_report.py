@@ -255,7 +255,7 @@ def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
     known, alone = Run.open(runs['nn']), Run.open(tmp_path / 'alone')
     assert alone.description == {}
     assert reference_period(alone) == pytest.approx(100.0, rel=1e-9)
-    expected = {metric.name: metric.value for metric in run_metrics(known)}
+    expected = {metric.name: metric.value for metric in run_metrics(known) if 'sensitivity' not in metric.name}
     assert {'repeatable_error', 'control_loop_area', 'feedback_loop_area'} < expected.keys()
     assert {metric.name: metric.value for metric in run_metrics(alone)} == pytest.approx(expected)
     assert [panel.name for panel in run_panels(alone)] == [panel.name for panel in run_panels(known)]

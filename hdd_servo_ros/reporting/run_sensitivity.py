@@ -1,0 +1,125 @@
+"""The stability margin of a recorded run: its peak sensitivity, with the estimates that it came to."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
+from hdd_servo_ros.messages.topics import ESTIMATES
+from hdd_servo_ros.parameters import with_tuples
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+PLANT, SENSOR = 'vcm_plant', 'ldv_sensor'
+CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller'}
+"""Controllers with a linear loop, and their nodes."""
+SAMPLES = 48
+"""Ticks, evenly over the run, at which the estimates are looked at besides their extremes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RunSensitivity:
+    """
+    Peak sensitivity Ms of a run; infinite where the loop is unstable.
+
+    Attributes
+    ----------
+    at_end
+        With the estimates at the end.
+    largest, largest_tick
+        The largest along the run, and a tick at which it is.
+    estimates
+        The estimates there, in words; empty for a controller that has none.
+    limit
+        The largest Ms of a sound loop.
+    """
+
+    at_end: float
+    largest: float
+    largest_tick: int
+    limit: float
+    estimates: str = ''
+
+
+def why_no_sensitivity(run: RecordedRun) -> str:
+    """Return why the peak sensitivity of a run is not known, empty if it is, or if its loop has none."""
+    node = CONTROLLERS.get(run.controller)
+    if node is None:
+        return ''
+    nodes = _parameters(run)
+    missing = [name for name in (PLANT, node) if name not in nodes]
+    if missing:
+        return f'run.yaml has no parameters of {" and ".join(missing)}'
+    if node == 'adaptive_nn_controller' and ESTIMATES.name not in run:
+        return f'the bag holds no /{ESTIMATES.name}'
+    changed = {change.node.rpartition('/')[2] for change in run.parameter_changes if change.name != 'reset_count'}
+    changed &= {PLANT, SENSOR, node}
+    return f'parameters of {" and ".join(sorted(changed))} were changed during the run' if changed else ''
+
+
+def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
+    """Return the peak sensitivity of a run, None if :func:`why_no_sensitivity` or a controller without one."""
+    node = CONTROLLERS.get(run.controller)
+    if node is None or why_no_sensitivity(run):
+        return None
+    # Late: only these need the compiled blocks.
+    from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY, ROUNDING, LoopSurroundings, named_estimates
+    from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
+    from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
+    from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+
+    nodes = _parameters(run)
+    own = nodes[node]
+    sensor = block_parameters(SENSOR, nodes[SENSOR]) if SENSOR in nodes else None
+    loop = LoopSurroundings(
+        block_parameters(PLANT, nodes[PLANT]),
+        run.sample_time,
+        dsp_parameters(node, own).computation_delay,
+        sensor,
+        None if sensor is None else sensor_scales(input_parameters(node, own), sensor),
+    )
+    law = block_parameters(node, own)
+    if node == 'pid_controller':
+        ms = loop.margins.peak_sensitivity(pid_law(law, loop.delay))
+        return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
+    frozen = loop.frozen_loop(AdaptiveNn(law, run.sample_time))
+    sigma_hat, m_hat = run.estimates['sigma_hat'], run.estimates['m_hat']
+    rows = _rows_to_look_at(sigma_hat, m_hat, law.error_filter_lambda)
+    points = [FrozenEstimates(float(sigma_hat[row]), float(m_hat[row])) for row in rows]
+    at_end = frozen.peak_sensitivity(points[-1])
+    largest, where = frozen.worst_of(points)
+    row = rows[points.index(where)]
+    tick, text = int(run.ticks[row]), named_estimates(where, loop.plant)
+    return RunSensitivity(at_end, max(at_end, largest), tick, MAX_ADAPTED_SENSITIVITY, text)
+
+
+def low_margin_of(run: RecordedRun) -> str:
+    """Return what a reader should be told of the stability margin of a run, empty if it was enough or is not known."""
+    found = run_sensitivity(run)
+    if found is None or not found.largest > found.limit:
+        return ''
+    ms = 'is unstable' if math.isinf(found.largest) else f'has a peak sensitivity of {found.largest:.3g}'
+    when = (
+        f', with the estimates at {found.largest_tick * run.sample_time:g} s ({found.estimates})'
+        if found.estimates
+        else ''
+    )
+    return f'low stability margin: the linear loop{when} {ms}, above {found.limit:g}'
+
+
+def _parameters(run: RecordedRun) -> dict[str, dict[str, Any]]:
+    """Return the parameters at the start by the nodes' names without namespace."""
+    nodes = run.description.get('nodes', {})
+    return {name.rpartition('/')[2]: with_tuples(node.get('parameters', {})) for name, node in nodes.items()}
+
+
+def _rows_to_look_at(
+    sigma_hat: NDArray[np.float64], m_hat: NDArray[np.float64], error_filter_lambda: float
+) -> list[int]:
+    """Return some rows evenly over a run, and those in which an estimate, or the damping of both, is extreme."""
+    rows = set(np.linspace(0, len(m_hat) - 1, SAMPLES).round().astype(int).tolist())
+    for values in (sigma_hat, m_hat, error_filter_lambda * m_hat - sigma_hat):
+        rows |= {int(np.argmin(values)), int(np.argmax(values))}
+    return sorted(rows)
