@@ -100,13 +100,15 @@ def low_margin_of(run: RecordedRun) -> str:
     found = run_sensitivity(run)
     if found is None or not found.largest > found.limit:
         return ''
-    ms = 'is unstable' if math.isinf(found.largest) else f'has a peak sensitivity of {found.largest:.3g}'
     when = (
         f', with the estimates at {found.largest_tick * run.sample_time:g} s ({found.estimates})'
         if found.estimates
         else ''
     )
-    return f'low stability margin: the linear loop{when} {ms}, above {found.limit:g}'
+    if math.isinf(found.largest):
+        return f'low stability margin: the linear loop{when} is unstable'
+    ms = f'{found.largest:.3g}, above {found.limit:.1f}'
+    return f'low stability margin: the linear loop{when} has a peak sensitivity of {ms}'
 
 
 def _parameters(run: RecordedRun) -> dict[str, dict[str, Any]]:

@@ -215,8 +215,9 @@ def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulat
     assert main([str(runs['nn']), str(unstable), '--output', str(tmp_path / 'out')]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert ['verdict', 'tracks', '!', 'diverged'] in [line.split() for line in printed]
-    (remark,) = (line for line in printed if line.startswith('unstable: '))
+    remark, margin = (line for line in printed if line.startswith('unstable: '))
     assert remark.startswith('unstable: diverged (error up to ')
+    assert margin == 'unstable: low stability margin: the linear loop is unstable'
     assert 'diverged' in titles[1].splitlines()[1]
     assert titles[2] == 'nn, unstable (diverged)'
     content = yaml.safe_load((tmp_path / 'out' / 'unstable' / 'metrics.yaml').read_text())

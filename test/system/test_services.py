@@ -139,6 +139,7 @@ def test_reset_and_diagnostics(bench, outside, remote):
         'adaptive_nn_controller: control',
         'adaptive_nn_controller: adaptation',
         'adaptive_nn_controller: certificate',
+        'adaptive_nn_controller: stability margin',
         'ldv_sensor: range',
         'bag_recorder: recording',
     }
