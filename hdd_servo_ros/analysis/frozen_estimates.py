@@ -83,8 +83,6 @@ class FrozenLoop:
 
     def peak_sensitivity(self, estimates: FrozenEstimates) -> float:
         """Return Ms of these estimates, in presliding or sliding, whichever is larger; infinity if unstable."""
-        if not all(map(math.isfinite, (*estimates, self._controller.gain_on_r))):
-            return math.inf
         return self._margins.peak_sensitivity(self.law(estimates))
 
     def worst(self, allowed: AllowedEstimates) -> tuple[float, FrozenEstimates]:
@@ -107,15 +105,13 @@ class FrozenLoop:
 
     def worst_of(self, points: list[FrozenEstimates]) -> tuple[float, FrozenEstimates]:
         """Return the largest Ms of some estimates, and of which; raises ValueError if there are none."""
-        if not math.isfinite(self._controller.gain_on_r):
-            return math.inf, points[0]
         peaks = self._margins.peak_sensitivities([self.law(point) for point in points])
         scales = [max(abs(point[i]) for point in points) or 1.0 for i in (0, 1)]
         sizes = [abs(point.sigma_hat) / scales[0] + abs(point.m_hat) / scales[1] for point in points]
         best = max(range(len(points)), key=lambda i: (peaks[i], -sizes[i]))
         if math.isinf(peaks[best]):
             return math.inf, points[best]
-        return self._margins.peak_sensitivity(self.law(points[best])), points[best]
+        return self.peak_sensitivity(points[best]), points[best]
 
     def safe_range(self, start: FrozenEstimates, name: str, limit: float) -> tuple[float, float]:
         """

@@ -83,6 +83,11 @@ class LinearController:
             velocity = np.zeros_like(velocity)
         return np.asarray(np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None])
 
+    @property
+    def is_meaningful(self) -> bool:
+        """Whether its gains can be reckoned with: the estimates of a run that diverges are not always finite."""
+        return all(abs(gain) < 1e100 for gain in (self.proportional, self.derivative, self.integral))
+
     def closed_loop(self, drive: SampledDrive) -> NDArray[np.float64]:
         """Return the closed loop's matrix of states from tick to tick."""
         n, sample_time = len(drive.a), drive.sample_time
@@ -168,6 +173,8 @@ class LoopMargins:
 
     def peak_sensitivity(self, controller: LinearController) -> float:
         """Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable."""
+        if not controller.is_meaningful:
+            return float('inf')
         return self._peak(controller, [_eigenvalues(controller.closed_loop(drive)) for drive in self.drives])
 
     def _peak(self, controller: LinearController, poles: Sequence[NDArray[np.complex128]]) -> float:
@@ -212,6 +219,13 @@ class LoopMargins:
 
         The highest of them is worth a second look with :meth:`peak_sensitivity`.
         """
+        peaks = np.full(len(controllers), np.inf)
+        used = [index for index, controller in enumerate(controllers) if controller.is_meaningful]
+        if used:
+            peaks[used] = self._peaks_on_grid([controllers[index] for index in used])
+        return peaks
+
+    def _peaks_on_grid(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
         laws = np.array([controller.response(self.frequencies, self.sample_time) for controller in controllers])
         peaks = np.zeros(len(controllers))
         for drive, response in zip(self.drives, self.responses, strict=True):

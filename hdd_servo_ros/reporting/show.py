@@ -5,6 +5,7 @@ from pathlib import Path
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.response import CSV, response_line
+from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.summary import summary
 
@@ -17,6 +18,9 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory))
+    low_margin = low_margin_of(run)
+    if low_margin:
+        print(f'{"margin":>16}  {low_margin}')
     if plot:
         picture = directory / 'run.png'
         draw_run(run, picture)

@@ -49,6 +49,16 @@ def test_an_unstable_loop_has_no_sensitivity():
     assert margins.peak_sensitivity(LinearController(0.05, 8e-5)) < 2.0
 
 
+@pytest.mark.parametrize('gain', [math.inf, math.nan, 1e300])
+def test_gains_of_a_run_that_has_diverged(gain):
+    margins = LoopMargins(PlantParameters(), T)
+    laws = [LinearController(0.05, 8e-5), LinearController(0.05, gain)]
+    assert margins.peak_sensitivity(laws[1]) == math.inf
+    peaks = margins.peak_sensitivities(laws)
+    assert peaks[0] == pytest.approx(margins.peak_sensitivity(laws[0]), rel=1e-3)
+    assert peaks[1] == math.inf
+
+
 def test_a_late_command_costs_margin():
     margins = LoopMargins(PlantParameters(), T)
     peaks = [margins.peak_sensitivity(LinearController(0.03, 5e-5, delay=delay)) for delay in (0, 1, 2)]
