@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, frozen_law
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, acts_on_loop, frozen_law
 from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaParameters
@@ -38,17 +38,21 @@ class AllowedEstimates:
 
 
 def initial_estimates(controller: AdaptiveNn) -> FrozenEstimates:
-    """Return the estimates at tick 0; zero for a part that is switched off."""
+    """Return the estimates at tick 0; zero for a part that does not act on the loop."""
     p = controller.parameters
-    return FrozenEstimates(*(law.initial if law.enabled else 0.0 for law in (p.sigma, p.mass)))
+    return FrozenEstimates(*(law.initial if acts_on_loop(controller, law) else 0.0 for law in (p.sigma, p.mass)))
 
 
 def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
-    """Return what sigma_hat and m_hat may come to: with projection their bounds, without it anything."""
+    """
+    Return what sigma_hat and m_hat may come to: with projection their bounds, without it anything.
+
+    Zero is all that matters of one that does not act on the loop.
+    """
     p = controller.parameters
 
     def bounds(law: SigmaParameters | MassParameters) -> tuple[float, float]:
-        if not law.enabled:
+        if not acts_on_loop(controller, law):
             return 0.0, 0.0
         if p.projection:
             return law.minimum, law.maximum

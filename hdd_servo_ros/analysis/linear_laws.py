@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from hdd_servo_ros.analysis.sensitivity import LinearController
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaParameters
 from hdd_servo_ros.control.pid import PidParameters
 
 
@@ -16,26 +17,32 @@ class FrozenEstimates(NamedTuple):
     """[V s^2/um]."""
 
 
+def acts_on_loop(controller: AdaptiveNn, part: SigmaParameters | MassParameters) -> bool:
+    """Return whether the estimate of a part multiplies a measured signal: it is on, without desired compensation."""
+    return part.enabled and not controller.parameters.desired.enabled
+
+
 def frozen_law(controller: AdaptiveNn, estimates: FrozenEstimates, delay: int = 0) -> LinearController:
     """
     Return the linear controller that the law is with frozen estimates.
 
     Its gain on r is g = k + 1/sigma_phi + max(S'S)/sigma_w. As a_r = x_d'' - lambda e' - lambda_i e, m_hat a_r adds
     m_hat lambda to the gain on velocity and m_hat lambda_i to that on position; sigma_hat v takes sigma_hat off the
-    former. The compensator reads the reference alone and is not part of the loop.
+    former. With desired compensation both multiply signals of the reference instead, and like the bristles and the
+    compensator, which read the reference alone, they are not part of the loop.
 
     Parameters
     ----------
     controller
         The law.
     estimates
-        sigma_hat and m_hat; that of a part that is switched off does not count.
+        sigma_hat and m_hat; that of a part that :func:`acts_on_loop` denies does not count.
     delay
         Samples by which u comes late.
     """
     g, p = controller.gain_on_r, controller.parameters
-    sigma_hat = estimates.sigma_hat if p.sigma.enabled else 0.0
-    m_hat = estimates.m_hat if p.mass.enabled else 0.0
+    sigma_hat = estimates.sigma_hat if acts_on_loop(controller, p.sigma) else 0.0
+    m_hat = estimates.m_hat if acts_on_loop(controller, p.mass) else 0.0
     difference = p.velocity_source == 'difference'
     return LinearController(
         proportional=g * p.error_filter_lambda + m_hat * p.integral_gain,

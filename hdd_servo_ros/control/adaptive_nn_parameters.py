@@ -27,7 +27,7 @@ BARE_LAW: Mapping[str, object] = {
     'mass.minimum': -1.0e-7,
     'mass.maximum': 1.0e-7,
 }
-"""What switches off every option beyond the thesis that is on by default: (4.10)-(4.21) are left, with zero estimates."""
+"""Switches off every option beyond the thesis that is on by default: (4.10)-(4.21) are left, with zero estimates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -357,6 +357,20 @@ class AdaptiveNnParameters(ParameterSet):
             'bristle.hysteresis': bristle.hysteresis,
             'bristle.relaxation': bristle.relaxation,
         }
+
+    @property
+    def adapted(self) -> dict[str, Any]:
+        """The parameter groups of those of these estimates that adapt, by the names of the estimates."""
+        bristle = self.bristle
+        own: dict[str, Any] = {'sigma_hat': self.sigma, 'm_hat': self.mass, 'phi_hat': self.phi}
+        found: dict[str, Any] = {name: law for name, law in own.items() if law.enabled}
+        if bristle.enabled:
+            found |= {
+                'spring_hat': bristle.spring,
+                'hysteresis_hat': bristle.hysteresis,
+                'relaxation_hat': bristle.relaxation,
+            }
+        return found
 
     def check_together(self) -> None:
         """Check what needs another option, and that projection starts inside its bounds; raises ParameterError."""

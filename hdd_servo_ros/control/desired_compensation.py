@@ -1,10 +1,10 @@
 """
 Desired compensation: feedforward that is computed from the reference alone and adapted by the error.
 
-Sadegh and Horowitz (Int. J. Robotics Research 9(3), 1990) replace the measured signals that multiply the estimates of an
-adaptive law by those of the reference. The estimates are then not part of the loop, and no noise enters the regressors.
-The friction of the reference is that of two bristles in presliding, rate independent as Dahl's, which is LuGre's
-(2.21) for a constant g = sigma_0 d:
+Sadegh and Horowitz (Int. J. Robotics Research 9(3), 1990) replace the measured signals that multiply the estimates of
+an adaptive law by those of the reference. The estimates are then not part of the loop, and no noise enters the
+regressors. The friction of the reference is that of two bristles, rate independent as Dahl's, which is LuGre's (2.21)
+for a constant g = sigma_0 d:
 
     z' = x_d' - |x_d'| z/d.
 
@@ -86,5 +86,5 @@ def advance(c: Any, s: Any, x_d: float, dx_d: float, ddx_d: float, history: NDAr
 
 @compiled
 def learning_signal(law: Any, peak: float, regressor: float, r: float) -> float:
-    """Return -phi r/(1 + p^2/s^2), the drive of a normalised law; ``peak`` is p^2, s its scale, 0 for no normalisation."""
+    """Return -phi r/(1 + p^2/s^2), which drives a normalised law; ``peak`` is p^2, ``law.normalization`` is 1/s^2."""
     return -regressor * r / (1.0 + law.normalization * peak)  # type: ignore[no-any-return]

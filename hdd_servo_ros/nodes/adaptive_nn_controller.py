@@ -3,7 +3,6 @@
 import math
 import sys
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from std_srvs.srv import Trigger
 
@@ -97,8 +96,7 @@ class AdaptiveNnController(ControllerNode):
         values = dict(zip(self._controller.estimate_names, self._controller.estimates.tolist(), strict=True))
         if not all(map(math.isfinite, values.values())):
             return Diagnosis('adaptation', ERROR, 'an estimate is not finite', values)
-        laws: dict[str, Any] = {'sigma_hat': parameters.sigma, 'm_hat': parameters.mass, 'phi_hat': parameters.phi}
-        bounds = {name: (law.minimum, law.maximum) for name, law in laws.items() if law.enabled}
+        bounds = {name: (law.minimum, law.maximum) for name, law in parameters.adapted.items()}
         at_bounds = [name for name, (low, high) in bounds.items() if not low < values[name] < high]
         if parameters.projection and at_bounds:
             return Diagnosis('adaptation', WARN, f'at its bound: {", ".join(at_bounds)}', values)

@@ -85,6 +85,10 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
         ms = loop.margins.peak_sensitivity(pid_law(law, loop.delay))
         return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
     frozen = loop.frozen_loop(AdaptiveNn(law, run.sample_time))
+    if law.desired.enabled:
+        # The estimates multiply signals of the reference: the loop is the same all along.
+        ms = frozen.peak_sensitivity(FrozenEstimates(0.0, 0.0))
+        return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
     sigma_hat, m_hat = run.estimates['sigma_hat'], run.estimates['m_hat']
     rows = _rows_to_look_at(sigma_hat, m_hat, law.error_filter_lambda)
     points = [FrozenEstimates(float(sigma_hat[row]), float(m_hat[row])) for row in rows]

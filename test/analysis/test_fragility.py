@@ -22,6 +22,7 @@ from hdd_servo_ros.simulation.experiment import Experiment
 
 PARAMS = Path(__file__).parents[2] / 'params'
 # So narrow that what the estimates do is no matter.
+THESIS = read_parameter_files([PARAMS / 'thesis_law.yaml'])['adaptive_nn_controller']
 NARROW = {
     'projection': True,
     'sigma.minimum': -1e-9,
@@ -32,14 +33,31 @@ NARROW = {
 
 
 def controller_of(sample_time=1e-4, **values):
-    return AdaptiveNn(from_mapping(AdaptiveNnParameters, values), sample_time)
+    return AdaptiveNn(from_mapping(AdaptiveNnParameters, {**THESIS, **values}), sample_time)
 
 
 def loop_of(plant=None, sample_time=1e-4, delay=0, sensor=None):
     return LoopSurroundings(plant or PlantParameters(), sample_time, delay, sensor)
 
 
-def test_the_default_gains_are_sound_with_the_estimates_they_start_from():
+def test_the_default_has_its_margin_over_all_estimates():
+    controller = AdaptiveNn(AdaptiveNnParameters(), 1e-4)
+    assert fragility.peak_sensitivity(controller, PlantParameters()) == pytest.approx(1.97, abs=0.01)
+    assert fragility.warnings(controller, loop_of()) == ()
+    allowed = allowed_estimates(controller)
+    assert not allowed.unbounded
+    assert loop_of().frozen_loop(controller).worst(allowed)[0] <= 2.2
+
+
+def test_with_desired_compensation_no_estimate_is_in_the_loop():
+    """Neither in the linear loop nor, by test_desired_compensation, in the law."""
+    controller = AdaptiveNn(AdaptiveNnParameters(), 1e-4)
+    loop = loop_of().frozen_loop(controller)
+    peaks = [loop.peak_sensitivity(FrozenEstimates(*point)) for point in ((0.0, 0.0), (4e-5, -1e-7), (-4e-5, 3e-7))]
+    assert peaks[0] == peaks[1] == peaks[2]
+
+
+def test_the_gains_of_the_bare_law_are_sound_with_the_estimates_they_start_from():
     assert fragility.peak_sensitivity(controller_of(), PlantParameters()) == pytest.approx(2.0, abs=0.01)
     assert fragility.warnings(controller_of(**NARROW), loop_of()) == ()
 
@@ -87,7 +105,7 @@ def test_what_safe_gain_says_does_not_count_where_the_drive_is_known():
 
 
 def test_a_loop_called_unstable_is():
-    values = {'adaptive_nn_controller': {'phi.leakage': 5e3, 'phi.gain': 1e-3}}
+    values = {'adaptive_nn_controller': {**THESIS, 'phi.leakage': 5e3, 'phi.gain': 1e-3}}
     experiment = Experiment(1e-4, 'adaptive_nn', values)
     assert isinstance(experiment.controller, AdaptiveNn)
     assert math.isinf(fragility.peak_sensitivity(experiment.controller, experiment.plant.parameters))
@@ -105,8 +123,8 @@ def test_initial_estimates_count():
 
 
 def test_without_projection_the_set_is_said_to_be_unbounded_and_where_it_is_safe():
-    """The shipped law, which has 142 nm rms at 50 Hz, where m_hat leaves the range that is named."""
-    experiment = Experiment(1e-4, 'adaptive_nn', read_parameter_files([PARAMS / 'seagate_7200_10.yaml']))
+    """The bare law, which has 142 nm rms at 50 Hz, where m_hat leaves the range that is named."""
+    experiment = Experiment(1e-4, 'adaptive_nn', {'adaptive_nn_controller': THESIS})
     (warning,) = experiment.warnings()
     assert warning.startswith('no bounds for sigma_hat and m_hat (projection is false)')
     ends = re.search(r'm_hat from (\S+) to (\S+) V s\^2/um', warning)
@@ -128,7 +146,7 @@ def test_estimates_without_a_law_stay_where_they_are():
 
 def test_step_references_are_told_of():
     """Their bounds let m_hat take more of the damping than the loop has."""
-    files = [PARAMS / 'seagate_7200_10.yaml', PARAMS / 'step_references.yaml']
+    files = [PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', 'thesis_law', 'step_references')]
     experiment = Experiment(1e-4, 'adaptive_nn', read_parameter_files(files))
     (warning,) = experiment.warnings()
     assert warning.startswith('fragile estimates: projection allows sigma_hat = ')

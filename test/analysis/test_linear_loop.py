@@ -12,6 +12,7 @@ from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import BARE_LAW
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.friction.parameters import MODELS
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
@@ -43,6 +44,8 @@ NODES = {
 }
 # The law without what multiplies sgn r, with estimates that do not adapt.
 LINEAR = {
+    **BARE_LAW,
+    'error_filter_lambda': 595.0,
     'feedback_gain': 5e-5,
     'phi.enabled': False,
     'network.enabled': False,

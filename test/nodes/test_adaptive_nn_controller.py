@@ -2,6 +2,7 @@
 
 import math
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,8 +15,11 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.ros.diagnosis import OK, WARN
 from hdd_servo_ros.stability.margin import CertificateMargin
+
+THESIS = read_parameter_files([Path(__file__).parents[2] / 'params' / 'thesis_law.yaml'])['adaptive_nn_controller']
 
 
 @pytest.mark.parametrize(
@@ -25,6 +29,8 @@ from hdd_servo_ros.stability.margin import CertificateMargin
         ({'phi.maximum': 1e-6}, WARN, 'at its bound: phi_hat'),
         ({'phi.maximum': 1e-6, 'projection': False}, OK, 'finite'),
         ({'phi.enabled': False}, OK, 'finite'),
+        ({'bristle.spring.minimum': 0.0217}, WARN, 'at its bound: spring_hat'),
+        ({'bristle.spring.minimum': 0.0217, 'bristle.enabled': False}, OK, 'finite'),
     ],
 )
 def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, said):
@@ -41,7 +47,7 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     ('sigma_hat', 'm_hat', 'delay', 'level', 'said'),
     [
         (0.0, 0.0, 0, OK, 'peak sensitivity 1.99'),
-        # What the shipped law comes to at 50 Hz.
+        # What the bare law comes to at 50 Hz.
         (2.28e-5, -1.235e-7, 0, WARN, 'peak sensitivity 8'),
         (2.28e-5, -1.4e-7, 0, WARN, 'unstable'),
         (0.0, 1.5e-8, 0, OK, 'peak sensitivity'),
@@ -51,7 +57,7 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     ],
 )
 def test_the_margin_with_the_present_estimates(sigma_hat, m_hat, delay, level, said):
-    controller = AdaptiveNn(AdaptiveNnParameters(), 1e-4)
+    controller = AdaptiveNn(from_mapping(AdaptiveNnParameters, THESIS), 1e-4)
     for name, value in (('sigma_hat', sigma_hat), ('m_hat', m_hat)):
         controller.estimates[controller.estimate_names.index(name)] = value
     dsp = Dsp(DspParameters(computation_delay=delay), 1e-4)
@@ -103,7 +109,7 @@ def test_the_certificate_says_what_it_does_not_cover(values, limited, is_disturb
 @pytest.fixture(scope='module')
 def margin():
     """Find the theorem's constants, which a thread of their own does, for the default controller and drive."""
-    found = CertificateMargin(AdaptiveNnParameters(), PlantParameters(), 1000.0)
+    found = CertificateMargin(from_mapping(AdaptiveNnParameters, THESIS), PlantParameters(), 1000.0)
     wait_until = time.monotonic() + 60.0
     while found.at(0.0, 0.0) is None:
         assert time.monotonic() < wait_until

@@ -4,6 +4,7 @@ import base64
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -30,6 +31,7 @@ from hdd_servo_ros.reporting.show import draw_run
 from hdd_servo_ros.reporting.summary import summary
 
 LARGEST_PAGE = 6_000_000
+THESIS_LAW = Path(__file__).parents[2] / 'params' / 'thesis_law.yaml'
 
 
 @pytest.fixture(scope='module')
@@ -37,7 +39,7 @@ def runs(simulated, tmp_path_factory):
     """A sine under two controllers, two runs that follow nothing, and a square wave."""
     directory = tmp_path_factory.mktemp('runs')
     arguments = {
-        'nn': ['-p', 'duration:=1.0'],
+        'nn': ['--params-file', str(THESIS_LAW), '-p', 'duration:=1.0'],
         'pid': ['-p', 'duration:=0.5', '-p', 'controller:=pid', '-r', '__ns:=/bench1'],
         'open_loop': [
             '-p',

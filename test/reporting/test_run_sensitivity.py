@@ -12,11 +12,14 @@ from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.analysis.linear_laws import FrozenEstimates
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of, run_sensitivity
 
-DEFAULTS = Path(__file__).parents[2] / 'params' / 'seagate_7200_10.yaml'
+PARAMS = Path(__file__).parents[2] / 'params'
+THESIS_LAW = PARAMS / 'thesis_law.yaml'
 CHANGE = """/**/deterministic_timer:
   ros__parameters:
     schedule: ['0.05 adaptive_nn_controller {} {}']
@@ -27,15 +30,16 @@ def metrics(run):
     return {metric.name: metric.value for metric in run_metrics(run)}
 
 
-def test_the_shipped_law_at_50_hz_is_told_of(simulated, tmp_path, capsys):
+def test_the_bare_law_at_50_hz_is_told_of(simulated, tmp_path, capsys):
     """142 nm rms after a minute, and peaks of 1.3 um: m_hat takes the damping off the loop."""
-    arguments = ('--params-file', str(DEFAULTS), '-p', 'frequency:=50.0', '-p', 'duration:=5.0')
+    arguments = ('--params-file', str(THESIS_LAW), '-p', 'frequency:=50.0', '-p', 'duration:=5.0')
     run = Run.open(simulated(tmp_path / 'run', *arguments))
     assert 1e3 * np.sqrt(np.mean(run.error[run.time > 2.0] ** 2)) > 50.0
     found = run_sensitivity(run)
     assert found is not None
     sigma_hat, m_hat = (run.estimates[name][found.largest_tick] for name in ('sigma_hat', 'm_hat'))
-    loop = LoopSurroundings(PlantParameters(), 1e-4).frozen_loop(AdaptiveNn(AdaptiveNnParameters(), 1e-4))
+    law = from_mapping(AdaptiveNnParameters, read_parameter_files([THESIS_LAW])['adaptive_nn_controller'])
+    loop = LoopSurroundings(PlantParameters(), 1e-4).frozen_loop(AdaptiveNn(law, 1e-4))
     at_largest = loop.peak_sensitivity(FrozenEstimates(float(sigma_hat), float(m_hat)))
     assert found.largest == pytest.approx(at_largest, rel=1e-3)
     finer = max(
@@ -54,8 +58,8 @@ def test_the_shipped_law_at_50_hz_is_told_of(simulated, tmp_path, capsys):
     assert 'peak sensitivity Ms, estimates at the end' in page
 
 
-def test_the_shipped_law_at_100_hz_keeps_its_margin(simulated, tmp_path):
-    run = Run.open(simulated(tmp_path / 'run', '--params-file', str(DEFAULTS), '-p', 'duration:=3.0'))
+def test_the_bare_law_at_100_hz_keeps_its_margin(simulated, tmp_path):
+    run = Run.open(simulated(tmp_path / 'run', '--params-file', str(THESIS_LAW), '-p', 'duration:=3.0'))
     found = run_sensitivity(run)
     assert found is not None
     # It falls from that of the start as m_hat comes to the effective mass of presliding.
@@ -64,6 +68,14 @@ def test_the_shipped_law_at_100_hz_keeps_its_margin(simulated, tmp_path):
     assert found.largest_tick < 100
     assert low_margin_of(run) == ''
     assert metrics(run)['peak_sensitivity'] == found.at_end
+
+
+def test_with_desired_compensation_the_margin_is_the_same_all_along(simulated, tmp_path):
+    run = Run.open(simulated(tmp_path / 'run', '-p', 'frequency:=50.0', '-p', 'duration:=0.5'))
+    found = run_sensitivity(run)
+    assert found is not None
+    assert found.at_end == found.largest == pytest.approx(1.97, abs=0.01)
+    assert low_margin_of(run) == ''
 
 
 @pytest.mark.parametrize(
