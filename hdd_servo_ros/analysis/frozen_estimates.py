@@ -3,10 +3,11 @@
 import dataclasses
 import itertools
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
-from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, acts_on_loop, frozen_law
+from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, acts_on_loop, frozen_laws
 from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaParameters
@@ -81,19 +82,20 @@ class FrozenLoop:
         self._controller = controller
         self._delay = delay
 
-    def law(self, estimates: FrozenEstimates) -> LinearController:
-        """Return the linear controller of these estimates."""
-        return frozen_law(self._controller, estimates, self._delay)
+    def laws(self, estimates: Iterable[FrozenEstimates]) -> list[LinearController]:
+        """Return the linear controllers of these estimates."""
+        return frozen_laws(self._controller, estimates, self._delay)
 
     def peak_sensitivity(self, estimates: FrozenEstimates) -> float:
         """Return Ms of these estimates, in presliding or sliding, whichever is larger; infinity if unstable."""
-        return self._margins.peak_sensitivity(self.law(estimates))
+        return self._margins.peak_sensitivity(self.laws([estimates])[0])
 
     def worst(self, allowed: AllowedEstimates) -> tuple[float, FrozenEstimates]:
         """
         Return the largest Ms over a bounded set of estimates, and where.
 
-        It is looked up on a grid that holds the corners. Of several estimates that make the loop unstable, those
+        It is looked up on a grid that holds the corners, or, where the estimates act on the gain on velocity alone,
+        on the line between its smallest and its largest value. Of several estimates that make the loop unstable, those
         nearest to zero are returned, on the scale of the set.
 
         Raises
@@ -103,13 +105,19 @@ class FrozenLoop:
         """
         if allowed.unbounded:
             raise ValueError(f'no bounds for {" and ".join(allowed.unbounded)}')
-        axes = [np.unique(np.linspace(*bounds, PER_ESTIMATE)) for bounds in (allowed.sigma_hat, allowed.m_hat)]
-        points = [FrozenEstimates(*map(float, point)) for point in itertools.product(*axes)]
-        return self.worst_of(points)
+        bounds = allowed.sigma_hat, allowed.m_hat
+        if self._controller.parameters.integral_gain == 0.0:
+            # Both estimates change the gain on velocity alone, which takes all its values on this diagonal.
+            sigma_hat, m_hat = (np.linspace(*ends, 2 * PER_ESTIMATE).tolist() for ends in bounds)
+            pairs = list(zip(reversed(sigma_hat), m_hat, strict=True))
+        else:
+            sigma_hat, m_hat = (np.unique(np.linspace(*ends, PER_ESTIMATE)).tolist() for ends in bounds)
+            pairs = list(itertools.product(sigma_hat, m_hat))
+        return self.worst_of([FrozenEstimates(*pair) for pair in pairs])
 
     def worst_of(self, points: list[FrozenEstimates]) -> tuple[float, FrozenEstimates]:
         """Return the largest Ms of some estimates, and of which; raises ValueError if there are none."""
-        peaks = self._margins.peak_sensitivities([self.law(point) for point in points])
+        peaks = self._margins.peak_sensitivities(self.laws(points))
         scales = [max(abs(point[i]) for point in points) or 1.0 for i in (0, 1)]
         sizes = [abs(point.sigma_hat) / scales[0] + abs(point.m_hat) / scales[1] for point in points]
         best = max(range(len(points)), key=lambda i: (peaks[i], -sizes[i]))
@@ -149,7 +157,7 @@ class FrozenLoop:
         ends = []
         for direction in (-1.0, 1.0):
             offsets = [direction * count for count in range(SAFE_STEPS + 1)]
-            peaks = self._margins.peak_sensitivities([self.law(at(offset)) for offset in offsets])
+            peaks = self._margins.peak_sensitivities(self.laws(map(at, offsets)))
             beyond = next((count for count, peak in enumerate(peaks) if not peak <= limit), SAFE_STEPS + 1)
             inside, outside = direction * max(beyond - 1, 0), direction * beyond
             while abs(outside - inside) > 0.01 and beyond <= SAFE_STEPS:

@@ -217,8 +217,15 @@ class LoopMargins:
         """
         Return Ms of many controllers at once, each as by :meth:`peak_sensitivity` but on the grid alone.
 
-        The highest of them is worth a second look with :meth:`peak_sensitivity`.
+        They may differ in their gains only. The highest of them is worth a second look with :meth:`peak_sensitivity`.
+
+        Raises
+        ------
+        ValueError
+            If they differ in more than their gains.
         """
+        if len({dataclasses.replace(law, proportional=0.0, derivative=0.0, integral=0.0) for law in controllers}) > 1:
+            raise ValueError('the controllers differ in more than k_p, k_d and k_i')
         peaks = np.full(len(controllers), np.inf)
         used = [index for index, controller in enumerate(controllers) if controller.is_meaningful]
         if used:
@@ -226,11 +233,20 @@ class LoopMargins:
         return peaks
 
     def _peaks_on_grid(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
-        laws = np.array([controller.response(self.frequencies, self.sample_time) for controller in controllers])
+        gains = np.array([(law.proportional, law.derivative, law.integral) for law in controllers])
+        # The loop is linear in the gains.
+        none = dataclasses.replace(controllers[0], proportional=0.0, derivative=0.0, integral=0.0)
+        units = (
+            dataclasses.replace(none, proportional=1.0),
+            dataclasses.replace(none, derivative=1.0),
+            dataclasses.replace(none, integral=1.0),
+        )
+        laws = np.array([unit.response(self.frequencies, self.sample_time) for unit in units])
         peaks = np.zeros(len(controllers))
         for drive, response in zip(self.drives, self.responses, strict=True):
             matrices = np.array([controller.closed_loop(drive) for controller in controllers])
             radii = np.abs(_eigenvalues(matrices)).max(axis=1)
-            on_grid = (1.0 / np.abs(1.0 + (laws * response).sum(axis=2))).max(axis=1)
+            loops = gains @ (laws * response).sum(axis=2)
+            on_grid = (1.0 / np.abs(1.0 + loops)).max(axis=1)
             peaks = np.maximum(peaks, np.where(radii < 1.0, on_grid, np.inf))
         return peaks

@@ -59,6 +59,19 @@ def test_gains_of_a_run_that_has_diverged(gain):
     assert peaks[1] == math.inf
 
 
+def test_many_controllers_at_once():
+    margins = LoopMargins(from_mapping(PlantParameters, {'actuator.driver': 'voltage'}), T)
+    laws = [
+        LinearController(k_p, k_d, k_i, 2500.0, 1, difference=True)
+        for k_p, k_d, k_i in [(0.03, 5e-5, 0.0), (0.1, 1e-4, 30.0), (0.2, 2e-4, 5.0), (0.1, 2e-3, 5.0)]
+    ]
+    expected = [margins.peak_sensitivity(law) for law in laws]
+    assert any(map(math.isinf, expected))
+    assert margins.peak_sensitivities(laws) == pytest.approx(expected, rel=1e-3)
+    with pytest.raises(ValueError, match='differ in more than k_p, k_d and k_i'):
+        margins.peak_sensitivities([laws[0], LinearController(0.1, 1e-4)])
+
+
 def test_a_late_command_costs_margin():
     margins = LoopMargins(PlantParameters(), T)
     peaks = [margins.peak_sensitivity(LinearController(0.03, 5e-5, delay=delay)) for delay in (0, 1, 2)]
