@@ -246,7 +246,7 @@ class LoopMargins:
         for drive, response in zip(self.drives, self.responses, strict=True):
             matrices = np.array([controller.closed_loop(drive) for controller in controllers])
             radii = np.abs(_eigenvalues(matrices)).max(axis=1)
-            loops = gains @ (laws * response).sum(axis=2)
-            on_grid = (1.0 / np.abs(1.0 + loops)).max(axis=1)
+            differences = 1.0 + gains @ (laws * response).sum(axis=2)
+            on_grid = (differences.real**2 + differences.imag**2).min(axis=1) ** -0.5
             peaks = np.maximum(peaks, np.where(radii < 1.0, on_grid, np.inf))
         return peaks
