@@ -12,12 +12,17 @@ from typing import Any
 
 import pytest
 import yaml
+from hypothesis import settings
 
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.compiled import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.testing.domain import take_domain
+
+# The first example compiles kernels; no test asserts a time. Derandomized, so that a failure is everybody's.
+settings.register_profile('bench', deadline=None, derandomize=True)
+settings.load_profile('bench')
 
 ROOT = Path(__file__).parent.parent
 DEFAULT = ROOT / 'params' / 'seagate_7200_10.yaml'

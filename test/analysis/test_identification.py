@@ -94,7 +94,7 @@ def test_levy_is_the_least_squares_of_3_25():
     assert model.leading == pytest.approx(b1 * unit**2, rel=1e-7)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.01, 0.4)), min_size=1, max_size=4),
     st.floats(1e-6, 1e6),

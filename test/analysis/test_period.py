@@ -12,7 +12,7 @@ T = 1e-4
 TIME = T * np.arange(5000)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(0.5, 4000.0), st.floats(0.0, 1.0), st.floats(-100.0, 100.0), st.floats(1e-6, 1e3))
 def test_the_period_of_a_sine(frequency, phase, offset, amplitude):
     """Any phase, an offset far larger than the amplitude but where rounding hides the sine, and parts of a period."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
@@ -14,7 +14,6 @@ BITS = st.integers(2, 24)
 
 
 @given(VOLTS, VOLTS, BITS)
-@settings(deadline=None)
 def test_monotonic(a, b, bits):
     codes = converter_codes(bits, 10.0)
     low, high = sorted((a, b))
@@ -22,7 +21,6 @@ def test_monotonic(a, b, bits):
 
 
 @given(VOLTS, BITS)
-@settings(deadline=None)
 def test_a_code_within_half_a_step_or_the_end(volts, bits):
     step, lowest, highest = converter_codes(bits, 10.0)
     result = converted(volts, step, lowest, highest)
@@ -36,14 +34,12 @@ def test_a_code_within_half_a_step_or_the_end(volts, bits):
 
 
 @given(VOLTS, BITS)
-@settings(deadline=None)
 def test_converting_twice_changes_nothing(volts, bits):
     codes = converter_codes(bits, 10.0)
     assert converted(converted(volts, *codes), *codes) == converted(volts, *codes)
 
 
 @given(VOLTS)
-@settings(deadline=None)
 def test_an_ideal_converter(volts):
     codes = converter_codes(0, 10.0)
     assert converted(volts, *codes) == volts

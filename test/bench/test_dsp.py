@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
@@ -19,7 +19,6 @@ def dsp(**parameters):
 
 
 @given(st.floats(), st.floats(), st.floats())
-@settings(deadline=None)
 def test_the_default_passes_every_bit(u, unsaturated, feedback):
     given_bits = np.array([u, unsaturated, feedback])
     assert np.array(dsp().step(u, unsaturated, feedback)).tobytes() == given_bits.tobytes()

@@ -47,7 +47,7 @@ class TestDemodulator:
         assert np.all(found[:whole, 1] == 0.0)
 
     @given(st.floats(0.0, LONGEST_DELAY), st.floats(10.0, 500.0))
-    @settings(max_examples=30, deadline=None)
+    @settings(max_examples=30)
     def test_any_delay_of_a_sine(self, delay, frequency):
         """The interpolation's error is of fourth order in w T for the position, of third for the velocity."""
         w = 2.0 * math.pi * frequency
@@ -57,7 +57,7 @@ class TestDemodulator:
         np.testing.assert_allclose(found[settled:, 1] / w, expected[settled:, 1] / w, atol=(w * T) ** 3 / 100 + 1e-12)
 
     @given(st.floats(0.0, LONGEST_DELAY), st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4))
-    @settings(max_examples=30, deadline=None)
+    @settings(max_examples=30)
     def test_a_cubic_is_delayed_exactly(self, delay, coefficients):
         cubic, t = np.polynomial.Polynomial(coefficients), np.arange(40) * T * 1e3
         found = outputs(np.stack([cubic(t), 1e3 * cubic.deriv()(t)], axis=1), demodulator_delay=delay)[13:]
@@ -214,7 +214,6 @@ class TestSaturation:
         assert sensor.saturated_samples == {'displacement': 0, 'velocity': 1}
 
     @given(st.floats(0.0, 20.0), st.integers(0, 20), st.floats(0.1, 20.0))
-    @settings(deadline=None)
     def test_the_levels_are_the_extremes(self, output_range, bits, adc_range):
         parameters = LdvParameters(noise=False, output_range=output_range, adc_bits=bits, adc_range=adc_range)
         sensor = Ldv(parameters, T)

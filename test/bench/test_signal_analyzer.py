@@ -189,7 +189,7 @@ def test_what_is_not_finite_is_not_hidden():
     assert analyzer.fault() == ''
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.floats(1.0, 3000.0),
     st.floats(1.0, 20.0),

@@ -328,7 +328,7 @@ def test_a_negative_learning_gain_is_warned_of(law):
     assert 'grow by 1 1/s' in warning
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(0.0, 1e20), min_size=8, max_size=8),
     st.floats(1e-6, 1.0),

@@ -4,14 +4,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import settings
 
 from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
 from hdd_servo_ros.numerics.records import record
-
-# The first example compiles the kernels; no test here asserts a time.
-settings.register_profile('drive', deadline=None, derandomize=True)
-settings.load_profile('drive')
 
 Array = npt.NDArray[np.float64]
 Run = Callable[..., Array]

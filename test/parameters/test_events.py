@@ -1,7 +1,7 @@
 """Parameter events as bytes: the same as ROS reads and writes."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rclpy.parameter import parameter_value_to_python
@@ -26,7 +26,6 @@ VALUES = st.one_of(
 )
 
 
-@settings(deadline=None)  # the first use loads all message definitions
 @given(st.dictionaries(st.from_regex('[a-z][a-z.]*', fullmatch=True), VALUES), st.integers(0, 10**12))
 def test_there_and_back_as_ros_reads_it(values, time_ns):
     message = pack_parameter_event(NodeChange('/ns/node', time_ns, values))

@@ -20,7 +20,7 @@ from hdd_servo_ros.tools.recover import main as recover
 
 LAST_TICK = 2500  # more than two chunks of an MCAP file
 TOPICS = ('clock', 'reference', 'head', 'ldv', 'control', 'estimates')
-DAMAGE = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+DAMAGE = settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def record(directory, storage):

@@ -138,7 +138,7 @@ def test_a_logarithmic_axis_without_positive_values_is_linear(tmp_path):
         changed(logarithmic=True, y_range=(0.0, 1.0))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.floats(-1e9, 1e9, allow_subnormal=False), min_size=1, max_size=5),
     st.sampled_from([False, True]),

@@ -110,7 +110,7 @@ def test_constant():
     np.testing.assert_array_equal(rows([0, 5], waveform='constant', offset=1.5), [[1.5, 0.0, 0.0]] * 2)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     waveform=st.sampled_from(['sine', 'chirp', 'multisine']),
     sweep=st.sampled_from(['linear', 'logarithmic']),

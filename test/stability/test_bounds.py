@@ -91,7 +91,7 @@ def test_compensator_adds_its_weights():
     lam=st.floats(0.5, 20.0),
     error=st.floats(-2.0, 2.0),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_bounds_over_time_against_the_worst_case_integrated(initial, c1, c2, mass, lam, error):
     """V' = -c1 V + c2 and e' = -lambda e + sqrt(2 V/m) are the worst that (4.29) and (4.40) allow."""
     bounds = Bounds(mass, lam, c1, c2, initial)

@@ -79,7 +79,7 @@ DRIVES = st.fixed_dictionaries(
     drive=DRIVES,
     reference=st.fixed_dictionaries({'frequency': st.floats(0.0, 2.0), 'amplitude': st.floats(0.0, 1.0)}),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_random_designs_keep_both_certificates(controller, drive, reference):
     # The laws hold r for a sample, so that V of a design too fast for it may grow. The theorem is about continuous
     # time: its bounds must hold once the samples are short.

@@ -44,7 +44,7 @@ def cost(values, p):
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_least_distance_against_a_general_solver(seed):
     generator = np.random.default_rng(seed)
     rows = generator.uniform(0.1, 1.0, (12, 3))
@@ -62,7 +62,6 @@ def test_least_distance_against_a_general_solver(seed):
 @given(
     velocity=st.floats(-2.0, 2.0), deflection=st.floats(-1.0, 1.0), damping=st.floats(0.0, 5.0), extra=st.floats(0.0, 2)
 )
-@settings(deadline=None)
 def test_the_bound_holds_for_every_deflection(velocity, deflection, damping, extra):
     plant = KnownPlant(
         stiffness=7.0,
