@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
-from hdd_servo_ros.studies.tune import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
+from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
 
 CONTROLLERS = ('adaptive_nn', 'pid')
 

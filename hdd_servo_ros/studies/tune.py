@@ -1,7 +1,7 @@
 """
 Tune both controllers for a drive by one rule, and print what belongs into the parameter file.
 
-    ros2 run hdd_servo_ros tune [--params-file FILE ...] [--seconds 60]
+    ros2 run hdd_servo_ros tune [--params-file FILE ...] [--overshoot 20|none] [--seconds 60]
     ros2 run hdd_servo_ros tune --params-file params/simulation_study.yaml --same-peak
 
 The rule for both: peak sensitivity Ms <= 2 of the sampled loop, in presliding, where the friction is a spring, and in
@@ -19,11 +19,16 @@ slower: fast enough to settle within a second, slow enough not to outrun the loo
 times as fast. A sample of delay turns the loop by another 18 degrees there, and m_hat, found to bear 3.6 1/s at most,
 learns at 2 1/s instead.
 
-PID controller. Among all k_d and corner frequencies of the derivative's filter, each with the largest k_p that the rule
-allows, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's noise. A grid
-over k_d, up to 6 times what the loop bears without a filter, and the filter's pole finds the start of a Nelder-Mead
-search. Then it gets the largest k_i, k_p again the largest allowed, that costs at most 5 % of that: the sines do not
-need an integral, steps and slow references do. k_i is rounded down to two digits, the others to three.
+PID controller. Of all k_p, k_i, k_d and corner frequencies of the derivative's filter that keep Ms <= 2 and the limit
+of the overshoot, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's
+noise. The overshoot is that of the head's true position in the simulated loop, on lone steps of 0.5 and 5 um from rest,
+the larger of the two; ``--overshoot`` gives its limit, 20 % unless stated otherwise, or ``none``. k_p is always the
+largest with Ms <= 2: a larger gain at low frequency costs nothing on the sines. Over k_i the error has a maximum, where
+integral and derivative cancel in |C|^2 = k_p^2 + (k_d w - k_i/w)^2. So differential evolution searches the range below
+and the range above it, by an estimate of the error that needs no run (:mod:`~hdd_servo_ros.analysis.sine_error`); a
+Nelder-Mead search on simulated sines begins at the better of the two. Where steps count, that is with a limit of the
+overshoot, the largest k_i follows that costs at most 5 % of the least squared error, again of all four gains: the sines
+need no integral, steps and slow references do. All gains are rounded to three digits. The search is deterministic.
 
 With ``--same-peak`` the PID controller alone is tuned, for a study whose adaptive NN controller is given (section 4.4):
 least squared error over the last half of 20 s of the file's reference, with no more peak control than the adaptive NN
@@ -40,10 +45,8 @@ from collections.abc import Mapping, Sequence
 from scipy.optimize import minimize
 
 from hdd_servo_ros.analysis.largest_gains import (
-    largest,
     largest_gain_on_r,
     largest_lambda,
-    largest_proportional_gain,
     round_down,
     round_up,
     scaled_integral_gain,
@@ -60,6 +63,8 @@ from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.verdict import verdict
 from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.studies.pid_search import OVERSHOOT, computation_delay, tune_pid
+from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, Steps, metrics_of, run_sine
 
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
 FORGETTING_RATE = 5.0
@@ -70,22 +75,8 @@ LATE_MASS_RATE = 2.0
 """Of m_hat on the design reference where the command comes late [1/s]."""
 LEAKAGE_RATE = 0.03
 """Of sigma_hat and m_hat [1/s]."""
-AMPLITUDE = 2.0
-"""Of the sines [um]."""
 DESIGN_FREQUENCY = 100.0
 """Of the design reference [Hz]."""
-FREQUENCIES = (100.0, 200.0)
-"""Of the sines by which the PID controller is judged [Hz]."""
-DERIVATIVE_SHARES = tuple(0.4 * 1.12**step for step in range(25))
-"""k_d of the grid that the search for the PID controller's gains starts from, over the largest without a filter."""
-FILTER_POLES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-"""Poles z of the derivative's filter in this grid; 0 is no filter."""
-INTEGRAL_COST = 1.05
-"""What the integral may cost of the squared error."""
-TRANSIENT = 2.0
-"""What the tables leave out at the start of a run [s]."""
-
-Sections = Mapping[str, Mapping[str, object]]
 
 
 def tune_adaptive_nn(
@@ -143,82 +134,6 @@ def tune_adaptive_nn(
     }
 
 
-def computation_delay(sections: Sections, node: str) -> int:
-    """Return by how many samples a controller's command comes late."""
-    return dsp_parameters(node, sections.get(node, {})).computation_delay
-
-
-def tune_pid(plant: PlantParameters, sample_time: float, sections: Sections) -> dict[str, object]:
-    """
-    Return the PID controller's gains by the rule above, under their ROS names.
-
-    Parameters
-    ----------
-    plant
-        The drive, also in ``sections``.
-    sample_time
-        T [s].
-    sections
-        Parameters of drive and vibrometer for the runs, and of the PID controller its computation delay.
-    """
-    margins = LoopMargins(plant, sample_time)
-    delay = computation_delay(sections, 'pid_controller')
-
-    # With hardly any k_p and no filter, k_d could reach this far.
-    reach = largest_gain_on_r(margins, largest_lambda(margins, 100.0, delay=delay), delay=delay)
-
-    def candidate(derivative: float, bandwidth: float, integral: float = 0.0, digits: int = 15) -> LinearController:
-        law = LinearController(0.0, derivative, integral, bandwidth, delay)
-        proportional = largest_proportional_gain(margins, law)
-        return dataclasses.replace(law, proportional=round_down(proportional, digits) if proportional > 0.0 else 0.0)
-
-    def cost(law: LinearController) -> float:
-        if law.proportional == 0.0 or margins.peak_sensitivity(law) > MAX_SENSITIVITY:
-            return math.inf
-        runs = [track('pid', pid_gains(law), sections, sample_time, frequency, 1.0, 0.5) for frequency in FREQUENCIES]
-        return sum(run.rms_error**2 for run in runs)
-
-    def derivative_and_bandwidth(point: Sequence[float]) -> tuple[float, float]:
-        share, pole = point
-        return share * reach, -math.log(pole) / (2.0 * math.pi * sample_time) if pole > 0.0 else 0.0
-
-    def cost_at(point: Sequence[float]) -> float:
-        return cost(candidate(*derivative_and_bandwidth(point)))
-
-    point = min(itertools.product(DERIVATIVE_SHARES, FILTER_POLES), key=cost_at)
-    bounds = ((0.0, math.inf), (0.0, 0.99))
-    # Begun anew where it has ended: at the edge of what the rule allows, a simplex may close up too early.
-    for _ in range(2):
-        share, pole = point
-        simplex = [(share, pole), (0.95 * share, pole), (share, pole + 0.05)]
-        options = {'initial_simplex': simplex, 'xatol': 1e-3, 'fatol': math.inf}
-        point = minimize(cost_at, point, method='Nelder-Mead', bounds=bounds, options=options).x
-    derivative, bandwidth = derivative_and_bandwidth(point)
-    derivative, bandwidth = round_down(derivative), round_down(bandwidth) if bandwidth > 0.0 else 0.0
-
-    def rounded(derivative: float, integral: float) -> LinearController:
-        # The best k_d may be the last that any k_p goes with; three digits of both need some room.
-        while cost(law := candidate(derivative, bandwidth, integral, digits=3)) == math.inf:
-            derivative = round_down(0.995 * derivative)
-        return law
-
-    without = rounded(derivative, 0.0)
-    most = INTEGRAL_COST * cost(candidate(without.derivative, bandwidth))
-    # Walked from an integral that takes a second to do what k_p does: one still slower is none.
-    integral = largest(lambda gain: cost(candidate(without.derivative, bandwidth, gain)) <= most, without.proportional)
-    return pid_gains(rounded(without.derivative, round_down(integral, 2)) if integral > 0.0 else without)
-
-
-def pid_gains(law: LinearController) -> dict[str, object]:
-    """Return the gains of the PID controller that acts as ``law``, under their ROS names."""
-    return {
-        'proportional_gain': law.proportional,
-        'integral_gain': law.integral,
-        'derivative_gain': law.derivative,
-        'derivative_bandwidth': law.bandwidth,
-    }
-
-
 def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float = 20.0) -> dict[str, object]:
     """
     Return PID gains with the least error under the peak control of the adaptive NN controller in ``sections``.
@@ -269,42 +184,6 @@ def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float =
     return gains(result.x)
 
 
-def track(
-    controller: str,
-    gains: Mapping[str, object],
-    sections: Sections,
-    sample_time: float,
-    frequency: float,
-    duration: float,
-    transient: float,
-) -> TrackingMetrics:
-    """Run a 2 um sine with one controller under ``gains`` and return its metrics."""
-    rows = _run_sine(controller, gains, sections, sample_time, frequency, duration)
-    return _metrics(rows, transient)
-
-
-def _run_sine(
-    controller: str,
-    gains: Mapping[str, object],
-    sections: Sections,
-    sample_time: float,
-    frequency: float,
-    duration: float,
-) -> SignalRows:
-    node = f'{controller}_controller'
-    parameters = {
-        'vcm_plant': sections.get('vcm_plant', {}),
-        'ldv_sensor': sections.get('ldv_sensor', {}),
-        'reference_generator': {'waveform': 'sine', 'amplitude': AMPLITUDE, 'frequency': frequency},
-        node: {**sections.get(node, {}), **gains},
-    }
-    return Experiment(sample_time, controller, parameters).run(0, round(duration / sample_time) + 1)
-
-
-def _metrics(rows: SignalRows, transient: float) -> TrackingMetrics:
-    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient)
-
-
 def _mark(rows: SignalRows, controller: str, sections: Sections) -> str:
     """Return the verdict of a run where it does not track, as the tables of reports have it; empty where it does."""
     node = f'{controller}_controller'
@@ -339,10 +218,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
     parser.add_argument('--seconds', type=float, default=60.0, help='length of the runs in the table [s]')
     parser.add_argument(
+        '--overshoot',
+        default=f'{OVERSHOOT:g}',
+        metavar='PERCENT',
+        help="limit of the PID controller's overshoot on steps, or none; default %(default)s",
+    )
+    parser.add_argument(
         '--same-peak', action='store_true', help='tune PID alone, under the peak control of the adaptive NN controller'
     )
     options = parser.parse_args(arguments)
     return exit_code('tune', lambda: _tune(options), kept='nothing is kept')
+
+
+def _overshoot(text: str) -> float:
+    """Return the limit of the overshoot [%]; infinity for none."""
+    if text == 'none':
+        return math.inf
+    try:
+        limit = float(text)
+    except ValueError:
+        limit = math.nan
+    if not 0.0 < limit < math.inf:
+        raise ArgumentError(f'--overshoot {text} is refused: expected a number above 0 [%], or none')
+    return limit
+
+
+def _progress(line: str) -> None:
+    """Print how the search goes on, apart from the result."""
+    print(f'PID: {line}', file=sys.stderr, flush=True)
 
 
 def _tune(options: argparse.Namespace) -> int:
@@ -350,6 +253,7 @@ def _tune(options: argparse.Namespace) -> int:
     TimerParameters(sample_time=options.sample_time, duration=0.0)
     if not options.seconds > TRANSIENT:
         raise ArgumentError(f'--seconds {options.seconds:g} is no more than the {TRANSIENT:g} s that do not count')
+    overshoot = _overshoot(options.overshoot)
     sections = read_parameter_files(options.params_file)
     if options.same_peak:
         _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time))
@@ -358,7 +262,7 @@ def _tune(options: argparse.Namespace) -> int:
     base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
     delays = {node: computation_delay(sections, node) for node in ('adaptive_nn_controller', 'pid_controller')}
     nn = tune_adaptive_nn(plant, options.sample_time, base, delays['adaptive_nn_controller'])
-    pid = tune_pid(plant, options.sample_time, sections)
+    pid = tune_pid(plant, options.sample_time, sections, overshoot, _progress)
     error_filter_lambda = float(str(nn['error_filter_lambda']))
     if error_filter_lambda < base.error_filter_lambda:
         # A comment, for what is printed is a parameter file.
@@ -387,6 +291,7 @@ def _tune(options: argparse.Namespace) -> int:
         delay=delays['pid_controller'],
     )
     print(f'Ms of PID:   {margins.peak_sensitivity(fair):.3f}')
+    print(f'Overshoot of PID on steps: {Steps(sections, options.sample_time).overshoot(pid):.1f} %')
     print(f'\n2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s:   rms / max error [nm], peak u [V]')
     marks = []
     for label, controller, gains in (
@@ -395,8 +300,8 @@ def _tune(options: argparse.Namespace) -> int:
         ('PID with k_p = k lambda, k_d = k', 'pid', same),
     ):
         for frequency in FREQUENCIES:
-            rows = _run_sine(controller, gains, sections, options.sample_time, frequency, options.seconds)
-            run = _metrics(rows, TRANSIENT)
+            rows = run_sine(controller, gains, sections, options.sample_time, frequency, options.seconds)
+            run = metrics_of(rows, TRANSIENT)
             marks.append(_mark(rows, controller, sections))
             line = (
                 f'{label:34s} {frequency:5g} Hz   {run.rms_error:8.2f} / {run.max_error:8.2f}   {run.peak_control:.3f}'

@@ -1,6 +1,7 @@
 """The tuning rule: that it keeps what it promises, and that the shipped numbers are its result."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,9 @@ from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.studies.tune import (
-    FREQUENCIES,
-    computation_delay,
-    main,
-    track,
-    tune_adaptive_nn,
-    tune_pid,
-    tune_pid_same_peak,
-)
+from hdd_servo_ros.studies.pid_search import computation_delay, tune_pid
+from hdd_servo_ros.studies.tune import main, tune_adaptive_nn, tune_pid_same_peak
+from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, Steps, track
 
 T = 1e-4
 PARAMS = Path(__file__).parents[2] / 'params'
@@ -64,12 +59,6 @@ def test_step_references_are_the_rules_result():
     assert 1.9 < LoopMargins(PlantParameters(), T).peak_sensitivity(law) <= 2.0
 
 
-def test_shipped_pid_is_the_rules_result():
-    found = tune_pid(PlantParameters(), T, {})
-    shipped = {name: SHIPPED['pid_controller'][name] for name in found}
-    assert shipped == pytest.approx(found, rel=1e-9)
-
-
 def pid_law(gains, delay=0):
     return LinearController(
         gains['proportional_gain'],
@@ -80,27 +69,84 @@ def pid_law(gains, delay=0):
     )
 
 
+def squared_error(gains, sections, duration=10.0, transient=2.0):
+    return sum(track('pid', gains, sections, T, f, duration, transient).rms_error ** 2 for f in FREQUENCIES)
+
+
+@pytest.mark.parametrize(
+    ('overlays', 'limit'),
+    [
+        ((), 20.0),
+        (('pid_for_sines',), math.inf),
+        (('one_sample_delay',), 20.0),
+        (('frictionless',), 20.0),
+        (('small_form_factor',), 20.0),
+        (('sixteen_modes',), 20.0),
+    ],
+    ids=str,
+)
+def test_the_shipped_pids_are_the_rules_result(overlays, limit):
+    """
+    Within what the search may vary with the version of SciPy: about its minimum the error is flat.
+
+    The files have what it found.
+    """
+    sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *overlays)])
+    plant = block_parameters('vcm_plant', sections['vcm_plant'])
+    lines = []
+    found = tune_pid(plant, T, sections, limit, lines.append)
+    shipped = {name: sections['pid_controller'][name] for name in found}
+    assert shipped == pytest.approx(found, rel=0.1)
+    assert squared_error(shipped, sections) == pytest.approx(squared_error(found, sections), rel=0.01)
+    for gains in (shipped, found):
+        law = pid_law(gains, computation_delay(sections, 'pid_controller'))
+        assert 1.99 < LoopMargins(plant, T).peak_sensitivity(law) <= 2.0
+        assert Steps(sections, T).overshoot(gains) <= limit
+    assert lines
+
+
+PID_NAMES = ('proportional_gain', 'integral_gain', 'derivative_gain', 'derivative_bandwidth')
+
+
 @pytest.mark.parametrize(
     ('other', 'limit'),
     [
-        # Without a filter; with less integral; with none, for which the rule gives up 5 %.
+        # Without a filter, though with 30 % overshoot; with less integral; with none, for which the rule gives up 5 %.
         ((0.522, 30.0, 9.71e-5, 0.0), 0.7),
         ((0.62, 30.0, 1.3e-4, 3500.0), 1.0),
         ((0.629, 30.0, 1.39e-4, 3160.0), 1.03),
         ((0.58, 30.0, 1.48e-4, 2560.0), 0.92),
         ((0.632, 0.0, 1.41e-4, 3100.0), 1.055),
+        # Much more integral, with the same overshoot.
+        ((0.529, 400.0, 1.75e-4, 2200.0), 0.88),
     ],
 )
-def test_no_sound_pid_is_much_better_than_the_shipped(other, limit):
+def test_no_pid_that_keeps_the_rule_is_much_better_than_the_shipped(other, limit):
     """The squared errors, over 10 s where the search took 1 s, of other gains with Ms <= 2."""
-    names = ('proportional_gain', 'integral_gain', 'derivative_gain', 'derivative_bandwidth')
-    gains = dict(zip(names, other, strict=True))
+    gains = dict(zip(PID_NAMES, other, strict=True))
     assert LoopMargins(PlantParameters(), T).peak_sensitivity(pid_law(gains)) <= 2.0
+    shipped = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
+    assert squared_error(shipped, SHIPPED) < limit * squared_error(gains, SHIPPED)
 
-    def squares(own):
-        return sum(track('pid', own, SHIPPED, T, frequency, 10.0, 2.0).rms_error ** 2 for frequency in FREQUENCIES)
 
-    assert squares({name: SHIPPED['pid_controller'][name] for name in names}) < limit * squares(gains)
+def test_without_a_limit_of_the_overshoot_the_integral_pays():
+    """Gains from an independent search leave a sixth of the squared error, and those of the file less than that."""
+    gains = dict(zip(PID_NAMES, (0.160, 2240.0, 2.332e-4, 1491.0), strict=True))
+    assert 1.99 < LoopMargins(PlantParameters(), T).peak_sensitivity(pid_law(gains)) <= 2.0
+    shipped = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
+    sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', 'pid_for_sines')])
+    for_sines = {name: sections['pid_controller'][name] for name in PID_NAMES}
+    assert squared_error(for_sines, SHIPPED) < squared_error(gains, SHIPPED) < 0.16 * squared_error(shipped, SHIPPED)
+    assert 80.0 < Steps(SHIPPED, T).overshoot(for_sines) < 90.0
+
+
+def test_fewer_limits_of_the_overshoot_allow_less_error():
+    """Two valleys of the error over k_i: with 20 % of overshoot the near one is the best, with 50 % the far one."""
+    near = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
+    far = tune_pid(PlantParameters(), T, SHIPPED, 50.0)
+    assert far['integral_gain'] > 15.0 * near['integral_gain']
+    assert squared_error(far, SHIPPED) < 0.4 * squared_error(near, SHIPPED)
+    assert Steps(SHIPPED, T).overshoot(far) <= 50.0
 
 
 @pytest.mark.parametrize('overlay', ['small_form_factor', 'sixteen_modes'])
@@ -114,14 +160,7 @@ def test_the_adaptive_nn_of_other_drives_is_the_rules_result(overlay):
     assert shipped == pytest.approx(found, rel=1e-9)
 
 
-@pytest.mark.parametrize('overlay', ['frictionless', 'small_form_factor', 'sixteen_modes'])
-def test_the_pid_of_other_drives_is_the_rules_result(overlay):
-    sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', overlay)])
-    found = tune_pid(block_parameters('vcm_plant', sections['vcm_plant']), T, sections)
-    assert {name: sections['pid_controller'][name] for name in found} == pytest.approx(found, rel=1e-9)
-
-
-def test_shipped_gains_for_one_sample_of_delay_are_the_rules_result():
+def test_the_adaptive_nn_for_one_sample_of_delay_is_the_rules_result():
     file = read_parameter_files([PARAMS / 'one_sample_delay.yaml'])
     base = from_mapping(
         AdaptiveNnParameters,
@@ -131,8 +170,6 @@ def test_shipped_gains_for_one_sample_of_delay_are_the_rules_result():
     shipped = {name: file['adaptive_nn_controller'][name] for name in found}
     assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
     assert shipped == pytest.approx(found, rel=1e-9)
-    found = tune_pid(PlantParameters(), T, file)
-    assert {name: file['pid_controller'][name] for name in found} == pytest.approx(found, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -197,6 +234,8 @@ def test_same_peak_finds_the_shipped(overlays):
         (['--params-file', 'hopeless.yaml'], 'no error_filter_lambda has a gain with Ms <= 2'),
         (['--sample-time', '-1'], 'sample_time = -1.0 is refused'),
         (['--same-peak', '--sample-time', '0'], 'sample_time = 0.0 is refused'),
+        (['--overshoot', 'much'], '--overshoot much is refused: expected a number above 0 [%], or none'),
+        (['--overshoot', '-5'], '--overshoot -5 is refused'),
         (['--seconds', '2'], '--seconds 2 is no more than the 2 s that do not count'),
     ],
 )
