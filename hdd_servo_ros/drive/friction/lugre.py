@@ -9,13 +9,25 @@ velocity w is held, so that the bristle equation is linear and is solved exactly
 with p1(X) = (1 - e^(-X)) / X and p2(X) = (1 - p1) / X. The momentum equation is written in impulses and so is linear in
 w too; only X needs w beforehand, and takes it predicted from the friction of the substep before. The step is of second
 order and bounded for any stiffness; the deflection is kept within the bound of lemma 4.1, f_s/sigma_0.
+
+The prediction fails where sigma_1 stops the body within a substep or two: an X of another motion lets the contact give
+back more energy than it holds. There X is solved for together with w, and the step is as passive as the model.
 """
+
+import math
 
 import numpy as np
 
 from hdd_servo_ros.drive.friction.parameters import FrictionModel
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import exp, sine_cosine_of_turns
+
+STRONG_DAMPING = 0.5
+"""D sigma_1/m above which the friction of the substep before no longer predicts the velocity of this one."""
+PASSES = 100
+"""Most passes over the mean velocity of such a substep; ten do on average."""
+TOLERANCE = 1.0e-13
+"""Relative change of the mean velocity in the last pass."""
 
 
 @compiled
@@ -99,6 +111,8 @@ def lugre_substep(
     stiffness = friction.stiffness
     damping = friction.bristle_damping
     limit = friction.bristle_limit
+    if gain * substep * damping > STRONG_DAMPING:
+        return _strongly_damped_substep(friction, substep, gain, position, velocity, bristle, applied, drag)
     mean = velocity + 0.5 * substep * gain * (applied - previous_force - drag * velocity)
     level = lugre_level(friction, position + 0.5 * substep * velocity, mean)
     rate = stiffness * abs(mean) / level
@@ -110,3 +124,73 @@ def lugre_substep(
     mean = (2.0 * velocity + gain * substep * (applied - held)) / (2.0 + gain * substep * (resistance + drag))
     force = held + resistance * mean
     return mean, min(max(bristle + substep * (mean * decay_1 - relaxation), -limit), limit), force
+
+
+@compiled
+def _strongly_damped_substep(
+    friction: np.record,
+    substep: float,
+    gain: float,
+    position: float,
+    velocity: float,
+    bristle: float,
+    applied: float,
+    drag: float,
+) -> tuple[float, float, float]:
+    """
+    Advance a body whose velocity the bristle's damping changes too fast to be predicted; see :func:`lugre_substep`.
+
+    The velocity that a mean velocity lacks is continuous in it. At rest it has the sign of the push on a body at rest,
+    and the other sign at a velocity that follows from the limit of the deflection. The Illinois form of the false
+    position finds the root between them.
+    """
+    stiffness = friction.stiffness
+    damping = friction.bristle_damping
+    limit = friction.bristle_limit
+    impulse = gain * substep
+    middle = position + 0.5 * substep * velocity
+    low, lack_at_low = 0.0, 2.0 * velocity + impulse * (applied - stiffness * bristle)
+    reach = abs(velocity) + 0.5 * impulse * (abs(applied) + (stiffness + damping / substep) * limit)
+    high = math.copysign(reach, lack_at_low)
+    lack_at_high = _lacking_velocity(friction, substep, gain, middle, velocity, bristle, applied, drag, high)
+    mean, side = 0.0, 0
+    for _ in range(PASSES):
+        before = mean
+        mean = (low * lack_at_high - high * lack_at_low) / (lack_at_high - lack_at_low)
+        lack = _lacking_velocity(friction, substep, gain, middle, velocity, bristle, applied, drag, mean)
+        if lack == 0.0 or abs(mean - before) <= TOLERANCE * abs(mean):
+            break
+        # An end that stays for the second time counts half, or it might stay for ever.
+        if lack * lack_at_low > 0.0:
+            low, lack_at_low = mean, lack
+            if side == 1:
+                lack_at_high *= 0.5
+            side = 1
+        else:
+            high, lack_at_high = mean, lack
+            if side == -1:
+                lack_at_low *= 0.5
+            side = -1
+    end, _ = lugre_bristle(substep, mean, bristle, stiffness, lugre_level(friction, middle, mean))
+    return mean, min(max(end, -limit), limit), applied - drag * mean - 2.0 * (mean - velocity) / impulse
+
+
+@compiled
+def _lacking_velocity(
+    friction: np.record,
+    substep: float,
+    gain: float,
+    middle: float,
+    velocity: float,
+    bristle: float,
+    applied: float,
+    drag: float,
+    mean: float,
+) -> float:
+    """Return twice the velocity [um/s] that a mean velocity lacks to obey the momentum equation of a substep."""
+    stiffness = friction.stiffness
+    end, deflection = lugre_bristle(substep, mean, bristle, stiffness, lugre_level(friction, middle, mean))
+    force = stiffness * deflection + friction.bristle_damping * (end - bristle) / substep
+    force += friction.viscous_coefficient * mean
+    lack: float = 2.0 * (velocity - mean) + gain * substep * (applied - force - drag * mean)
+    return lack
