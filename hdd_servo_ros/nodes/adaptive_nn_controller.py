@@ -9,12 +9,15 @@ from std_srvs.srv import Trigger
 from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY
 from hdd_servo_ros.analysis.linear_laws import FrozenEstimates
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.topics import DISTURBANCE
-from hdd_servo_ros.nodes.controller_node import ControllerNode
+from hdd_servo_ros.nodes.controller_node import ControllerNode, block_parameters_of
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
+from hdd_servo_ros.signals.reference import ReferenceParameters
+from hdd_servo_ros.stability.coverage import Loop, not_covered
 from hdd_servo_ros.stability.margin import CertificateMargin
 
 _R = AdaptiveNn.estimate_names.index('r')
@@ -31,10 +34,14 @@ class AdaptiveNnController(ControllerNode):
         self._first_r = 0.0
         self._margin: CertificateMargin | None = None
         self._is_disturbed = False
+        self._sensor: LdvParameters | None = None
+        self._reference: ReferenceParameters | None = None
 
     def prepare(self, run: RunPlan) -> None:
         super().prepare(run)
         self._is_disturbed = run.publisher_of(self.resolve_topic_name(DISTURBANCE.name)) is not None
+        self._sensor = block_parameters_of(run, 'ldv_sensor')
+        self._reference = block_parameters_of(run, 'reference_generator')
         # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
         self.step = self._first_step  # type: ignore[method-assign]
 
@@ -85,8 +92,17 @@ class AdaptiveNnController(ControllerNode):
             return Diagnosis('certificate', OK, self._margin.why_not or 'not known yet')
         dsp = self.parameters[ControllerOutputParameters].dsp
         limited = self._dsp.saturated_samples
-        effects = self._margin.not_covered(dsp, limited, is_disturbed=self._is_disturbed)
-        caveat = f', which does not cover {effects}' if effects else ''
+        loop = Loop(
+            self._at_start,
+            self._drive,
+            dsp,
+            self._sensor,
+            self._reference,
+            limited,
+            is_disturbed=self._is_disturbed,
+            ideal_values_are_allowed=self._margin.ideal_values_are_allowed,
+        )
+        caveat = f', which does not cover {", ".join(not_covered(loop))}'
         if found['margin'] < 0.0:
             return Diagnosis('certificate', WARN, f'outside the bound of theorem 4.1{caveat}', {**found, 'r': r})
         return Diagnosis('certificate', OK, f'inside the bound of theorem 4.1{caveat}', {**found, 'r': r})

@@ -25,7 +25,7 @@ _OFTEN = 0.5
 """Part of the ticks above which a limited control is an error."""
 
 
-def _block_parameters_of(run: RunPlan, name: str) -> Any:
+def block_parameters_of(run: RunPlan, name: str) -> Any:
     """Return the parameters of a node's block before tick 0, None if there is no such node in the run."""
     found = next((node for full_name, node in run.nodes.items() if full_name.endswith(f'/{name}')), None)
     return None if found is None else block_parameters(name, with_tuples(found['parameters']))
@@ -72,8 +72,8 @@ class ControllerNode(CatalogueNode):
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
-        self._drive = _block_parameters_of(run, 'vcm_plant')
-        self._sensor = _block_parameters_of(run, 'ldv_sensor')
+        self._drive = block_parameters_of(run, 'vcm_plant')
+        self._sensor = block_parameters_of(run, 'ldv_sensor')
         self._scales = self._sensor_scales()
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)

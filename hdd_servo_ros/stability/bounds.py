@@ -7,7 +7,7 @@ The proof gives V' <= -c1 V + c2, and from it
 
 with c1 the smallest of 2k/m (printed 2k, but V holds m r^2/2), sigma_i k_i and sigma_w/lambda_max(Gamma^-1)
 (4.30), and c2 half the sum of sigma_i times the squares of the ideal values (4.31). As every term of V is at most V,
-this bounds r and every estimate, and e = r filtered by 1/(s + lambda).
+this bounds r and every estimate, and e, which is r through a filter (:mod:`hdd_servo_ros.stability.error_filter`).
 """
 
 import dataclasses
@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from hdd_servo_ros.control.adaptive_nn_parameters import (
     AdaptiveNnParameters,
@@ -24,6 +23,7 @@ from hdd_servo_ros.control.adaptive_nn_parameters import (
     PhiParameters,
     SigmaParameters,
 )
+from hdd_servo_ros.stability.error_filter import ErrorFilter
 from hdd_servo_ros.stability.ideal_values import IdealValues
 
 Array = NDArray[np.float64]
@@ -124,8 +124,8 @@ class Bounds:
     ----------
     mass
         m [V s^2/um].
-    error_filter_lambda
-        lambda [1/s]; zero if e is not r filtered by 1/(s + lambda), so that nothing is said of e.
+    error_filter
+        What makes e of r.
     c1, c2
         Of (4.30) [1/s] and (4.31).
     initial
@@ -133,7 +133,7 @@ class Bounds:
     """
 
     mass: float
-    error_filter_lambda: float
+    error_filter: ErrorFilter
     c1: float
     c2: float
     initial: float
@@ -158,35 +158,60 @@ class Bounds:
         return math.sqrt(2.0 * level / self.mass)
 
     def e_of(self, level: float) -> float:
-        """Return |r|/lambda [um] of the largest |r|; (4.41) adds |e(0)|, (4.45) is this."""
-        return self.r_of(level) / self.error_filter_lambda if self.error_filter_lambda > 0.0 else math.inf
+        """
+        Return the largest |e| [um] that the largest |r| leaves once the start has died away.
+
+        It is that |r| times the L1 norm of the filter, which is 1/lambda without integral action. (4.41) adds |e(0)|,
+        (4.45) is this.
+        """
+        return self.error_filter.norm * self.r_of(level)
 
     def r_over(self, time: Array) -> Array:
         """Return the bound on |r| over time (4.43) [um/s]."""
         values: Array = np.sqrt(2.0 * self.level(time) / self.mass)
         return values
 
-    def e_over(self, time: Array, initial_error: float) -> Array:
+    def e_over(self, time: Array, initial_error: float, initial_integral: float = 0.0) -> Array:
         """
-        Return the bound on |e| over time (4.40) [um], from |r| <= (4.43) and |e(0)|.
+        Return the bound on |e| over time (4.40) [um], from |r| <= (4.43) and e and its integral at the start.
 
-        Over each sample |r| counts with the larger of its bounds at both ends, as that bound is monotonic.
+        Parameters
+        ----------
+        time
+            Equally spaced times [s].
+        initial_error, initial_integral
+            e(0) [um], and the integral of e at the start [um s].
         """
-        if self.error_filter_lambda <= 0.0:
-            return np.full(len(time), math.inf)
-        r = self.r_over(time)
-        decay = np.exp(-self.error_filter_lambda * (time[1] - time[0])) if len(time) > 1 else 1.0
-        drive = np.maximum(r[1:], r[:-1]) * (1.0 - decay) / self.error_filter_lambda
-        values: Array = lfilter([1.0], [1.0, -decay], np.concatenate(([abs(initial_error)], drive)))
-        return values
+        return self.error_filter.error_over(time, self.r_over(time), initial_error, initial_integral)
+
+    def omega(self, initial_error: float, initial_integral: float = 0.0) -> tuple[float, float]:
+        """
+        Return how far (i) lets the state be from the reference: largest |x - x_d| [um] and |v - x_d'| [um/s].
+
+        Without integral action these are |e(0)| + R/lambda and lambda |e(0)| + 2 R, with R the bound (i) on |r|.
+
+        Parameters
+        ----------
+        initial_error, initial_integral
+            e(0) [um], and the integral of e at the start [um s].
+        """
+        own = self.error_filter
+        largest_r = self.r_of(self.uniform)
+        size = own.initial_size(initial_error, initial_integral)
+        return size + own.norm * largest_r, own.largest_rate(size) + own.rate_norm * largest_r
 
 
 def theorem_bounds(parameters: AdaptiveNnParameters, ideal: IdealValues, initial: float) -> Bounds:
     """Return the bounds for a controller, the ideal values and V(0)."""
     rate = min(convergence_rates(parameters, ideal).values())
-    # With integral action r holds an integral: the bounds on r stay, those on e by lambda alone do not.
-    error_filter_lambda = parameters.error_filter_lambda if parameters.integral_gain == 0.0 else 0.0
-    return Bounds(ideal.mass, error_filter_lambda, rate, residual_rate(parameters, ideal), initial)
+    error_filter = ErrorFilter(parameters.error_filter_lambda, parameters.integral_gain)
+    return Bounds(ideal.mass, error_filter, rate, residual_rate(parameters, ideal), initial)
+
+
+def projection_allows(parameters: AdaptiveNnParameters, ideal: IdealValues) -> bool:
+    """Return whether the sets of projection hold the ideal values; the compensator's, zero, are in any."""
+    inside = all(law.minimum <= true <= law.maximum for _, law, true in scalar_laws(parameters, ideal))
+    return inside and float(np.abs(ideal.weights).max()) <= parameters.network.maximum
 
 
 @dataclasses.dataclass(frozen=True)

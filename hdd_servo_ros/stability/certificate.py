@@ -17,6 +17,7 @@ from hdd_servo_ros.control.input_shaping import SHAPING_STATE, fill_shaped
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.numerics.records import zeros
 from hdd_servo_ros.stability.bounds import (
     Bounds,
@@ -24,11 +25,13 @@ from hdd_servo_ros.stability.bounds import (
     check,
     convergence_rates,
     lyapunov,
+    projection_allows,
     scalar_laws,
     theorem_bounds,
     weight_energy,
 )
-from hdd_servo_ros.stability.ideal_values import IdealValues, KnownPlant, NetworkAt, run_values, theorem_values
+from hdd_servo_ros.stability.coverage import EFFECTS, Loop
+from hdd_servo_ros.stability.ideal_values import IdealValues, KnownPlant, NetworkAt, Region, run_values, theorem_values
 from hdd_servo_ros.stability.weight_replay import replay_weights
 
 Array = NDArray[np.float64]
@@ -66,6 +69,8 @@ class Certificate:
         Time [s] and V at the ticks.
     r, e
         True filtered error [um/s] and error [um] at the ticks.
+    first_integral
+        Integral of e in r of the first tick [um s].
     checks
         Each signal against its bound.
     """
@@ -78,6 +83,7 @@ class Certificate:
     value: Array
     r: Array
     e: Array
+    first_integral: float
     checks: tuple[Check, ...]
 
     @property
@@ -128,12 +134,12 @@ def certify(
     e = x - _shaped_reference(signals, controller, sample_time)
     r = v - signals.reference[:, 1] + controller.error_filter_lambda * e
     r = r + controller.integral_gain * columns['integral']
-    seen = _network_inputs(signals, controller, scales)
+    first_integral = float(columns['integral'][0])
+    seen = _network_inputs(signals, controller, scales, sample_time)
     d = abs(plant.disturbance.amplitude) + extra_disturbance
     ideals = {'run': run_values(mass, controller, friction, v, seen, d)}
     if plant.friction.model == 'lugre' and controller.sigma.enabled:
-        region = ((min(x.min(), 0.0), max(x.max(), 0.0)), (min(v.min(), 0.0), max(v.max(), 0.0)))
-        ideals = {'theorem': theorem_values(known_plant(plant, d), controller, region), **ideals}
+        ideals = {'theorem': theorem_values(known_plant(plant, d), controller, _region(signals)), **ideals}
     energies = {kind: np.empty(len(x)) for kind in ideals}
     pieces = replay_weights(
         controller,
@@ -158,11 +164,11 @@ def certify(
             bound += NetworkAt(controller, seen).output(ideal.weights)
         checks = (
             check(FRICTION_CHECK, 'V', np.abs(friction - ideal.sigma * v) + d, bound),
-            *_checks(signals.time, value, r, e, bounds, sample_time),
+            *_checks(signals.time, value, r, e, first_integral, bounds, sample_time),
             *_estimate_checks(controller, ideal, bounds, columns),
         )
         rates = convergence_rates(controller, ideal)
-        certificates.append(Certificate(kind, ideal, rates, bounds, signals.time, value, r, e, checks))
+        certificates.append(Certificate(kind, ideal, rates, bounds, signals.time, value, r, e, first_integral, checks))
     return tuple(certificates)
 
 
@@ -191,17 +197,19 @@ def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample
 
 
 def _network_inputs(
-    signals: Signals, controller: AdaptiveNnParameters, scales: SensorScales
+    signals: Signals, controller: AdaptiveNnParameters, scales: SensorScales, sample_time: float
 ) -> tuple[Array, Array] | None:
     """Return the position [um] and velocity [um/s] that the network saw; None where its velocity is not recorded."""
     if controller.network.input == 'reference':
-        return signals.reference[:, 0], signals.reference[:, 1]
+        return _shaped_reference(signals, controller, sample_time), signals.reference[:, 1]
     if controller.velocity_source != 'sensor':
         return None
     return signals.ldv[:, 0] * scales.displacement, signals.ldv[:, 1] * scales.velocity
 
 
-def _checks(time: Array, value: Array, r: Array, e: Array, bounds: Bounds, sample_time: float) -> tuple[Check, ...]:
+def _checks(
+    time: Array, value: Array, r: Array, e: Array, first_integral: float, bounds: Bounds, sample_time: float
+) -> tuple[Check, ...]:
     """Compare V, r and e with their bounds."""
     decay = np.exp(-bounds.c1 * sample_time)
     magnitude, error = np.abs(r), np.abs(e)
@@ -211,10 +219,11 @@ def _checks(time: Array, value: Array, r: Array, e: Array, bounds: Bounds, sampl
         check('|r|  (i)', 'um/s', magnitude, bounds.r_of(bounds.uniform)),
         check('|r|  (ii), over time', 'um/s', magnitude, bounds.r_over(time)),
     ]
-    if bounds.error_filter_lambda > 0.0:
+    if bounds.error_filter.is_stable:
+        first = float(e[0])
         checks += [
-            check('|e|  (i)', 'um', error, error[0] + bounds.e_of(bounds.uniform)),
-            check('|e|  (ii), over time', 'um', error, bounds.e_over(time, float(e[0]))),
+            check('|e|  (i)', 'um', error, bounds.omega(first, first_integral)[0]),
+            check('|e|  (ii), over time', 'um', error, bounds.e_over(time, first, first_integral)),
         ]
     return tuple(checks if len(value) > 1 else checks[1:])
 
@@ -243,49 +252,74 @@ def conditions(
     certificates: Sequence[Certificate],
 ) -> tuple[Condition, ...]:
     """Return what theorem 4.1 takes for granted, and whether the run keeps it."""
+    measured = _measured(signals, sample_time, plant, controller, dsp, certificates)
+    loop = Loop(controller, plant, dsp)
+    found = []
+    for effect in EFFECTS:
+        if effect.name == 'projection':
+            found += _projection(effect.condition, controller, certificates)
+        elif effect.name in measured:
+            found.append(Condition(effect.condition, *measured[effect.name]))
+        else:
+            is_in = effect.is_in(loop)
+            found.append(Condition(effect.condition, not is_in, effect.statement if is_in else ''))
+    region = _region(signals)
+    x_d = _shaped_reference(signals, controller, sample_time)
+    references = (x_d, signals.reference[:, 1])
+    found += [_omega(each, references, region) for each in certificates if each.kind == 'theorem']
+    return tuple(found)
+
+
+def _region(signals: Signals) -> Region:
+    """Return the ranges of position [um] and velocity [um/s] where the run went, from rest at zero on."""
+    x, v = signals.head[:, :2].T
+    return (min(x.min(), 0.0), max(x.max(), 0.0)), (min(v.min(), 0.0), max(v.max(), 0.0))
+
+
+def _omega(certificate: Certificate, references: tuple[Array, Array], region: Region) -> Condition:
+    """Compare where (i) lets the state go with the region where phi was taken."""
+    reach = certificate.bounds.omega(float(certificate.e[0]), certificate.first_integral)
+    allowed = tuple((each.min() - far, each.max() + far) for each, far in zip(references, reach, strict=True))
+    holds = all(low >= least and high <= most for (low, high), (least, most) in zip(allowed, region, strict=True))
+    ranges = (
+        f'{name} from {low:.3g} to {high:.3g}, and the run went from {least:.3g} to {most:.3g}'
+        for name, (low, high), (least, most) in zip(('x', 'v'), allowed, region, strict=True)
+    )
+    return Condition('Omega of (i) inside the region where phi holds', holds, f'(i) allows {"; ".join(ranges)}')
+
+
+def _measured(
+    signals: Signals,
+    sample_time: float,
+    plant: PlantParameters,
+    controller: AdaptiveNnParameters,
+    dsp: DspParameters,
+    certificates: Sequence[Certificate],
+) -> dict[str, tuple[bool, str]]:
+    """Return, by the effect's name, whether the run keeps its condition, and by how much not."""
     columns = signals.estimates
     r = certificates[0].r
     off = float(np.abs(columns['r'] - r).max())
     clipped = np.abs(columns['r']) > controller.r_limit if controller.r_limit > 0.0 else np.zeros(len(r), dtype=bool)
-    smooth, detail = _smooth(signals, controller, sample_time)
-    resonances = plant.resonance.form != 'none'
-    found = [
-        Condition('continuous time', False, f'sampled and held, T = {sample_time:g} s: sgn r chatters at this rate'),
-        Condition(
-            'rigid body, force without lag',
-            not resonances and plant.actuator.driver == 'reduced',
-            f'resonances {plant.resonance.form}, driver {plant.actuator.driver}',
-        ),
-        Condition(
-            'state read exactly',
+    return {
+        'sampling': (False, f'sampled and held, T = {sample_time:g} s: sgn r chatters at this rate'),
+        'resonances': (plant.resonance.form == 'none', f'resonances {plant.resonance.form}'),
+        'actuator.driver': (not plant.actuator.is_electrical, f'driver {plant.actuator.driver}'),
+        'measurement': (
             off <= _SAME * float(np.abs(r).max()),
             f"the controller's r is off by up to {off:.3g} of {float(np.abs(r).max()):.3g}",
         ),
-        Condition('true sgn', controller.boundary_layer == 0.0, f'boundary layer {controller.boundary_layer:g}'),
-        *_output_conditions(signals, sample_time, plant, controller, dsp),
-        Condition('the whole r in the laws', not clipped.any(), f'r was clipped at {int(clipped.sum())} ticks'),
-        Condition('reference without jumps', smooth, detail),
-    ]
-    if controller.projection:
-        found += [_projection(controller, certificate) for certificate in certificates]
-    for certificate in certificates:
-        if certificate.kind == 'theorem':
-            velocity = certificate.bounds.r_of(certificate.bounds.uniform)
-            reach = float(np.abs(signals.head[:, 1]).max())
-            # |v| <= |dx_d| + lambda |e| + |r|, of which |r| alone decides.
-            found.append(
-                Condition(
-                    'Omega of (i) inside the region where phi holds',
-                    velocity <= reach,
-                    f'(i) allows |r| up to {velocity:.3g}; phi was taken for |v| <= {reach:.3g}, where the run went',
-                )
-            )
-    return tuple(found)
+        'boundary_layer': (controller.boundary_layer == 0.0, f'boundary layer {controller.boundary_layer:g}'),
+        **_output_conditions(signals, sample_time, plant, controller, dsp),
+        'r_limit': (not clipped.any(), f'r was clipped at {int(clipped.sum())} ticks'),
+        'reference steps': _smooth(signals, controller, sample_time),
+        '/disturbance': (True, 'its bound was given' if DISTURBANCE.name in signals else 'no node published it'),
+    }
 
 
 def _output_conditions(
     signals: Signals, sample_time: float, plant: PlantParameters, controller: AdaptiveNnParameters, dsp: DspParameters
-) -> tuple[Condition, ...]:
+) -> dict[str, tuple[bool, str]]:
     """Return what the theorem takes for granted of the way to the force: the law's u, whole, exact and at once."""
     # With a delay, u and u before the limit are still those of one command.
     u, unsaturated = signals.control[:, :2].T
@@ -303,15 +337,14 @@ def _output_conditions(
         quantisation += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
     if dsp.computation_delay > 0:
         delay += f': u {dsp.computation_delay * sample_time:g} s late, which the theorem does not cover'
-    return (
-        Condition(
-            'no saturation',
+    return {
+        'saturation': (
             not limited.any(),
             f'u was limited at {int(limited.sum())} ticks; {smallest} lets {limits[smallest]:.6g} out',
         ),
-        Condition('no quantisation of u', dsp.dac_bits == 0, quantisation),
-        Condition('no computation delay', dsp.computation_delay == 0, delay),
-    )
+        'dsp.dac_bits': (dsp.dac_bits == 0, quantisation),
+        'dsp.computation_delay': (dsp.computation_delay == 0, delay),
+    }
 
 
 def _smooth(signals: Signals, controller: AdaptiveNnParameters, sample_time: float) -> tuple[bool, str]:
@@ -325,10 +358,13 @@ def _smooth(signals: Signals, controller: AdaptiveNnParameters, sample_time: flo
     return count == 0, f'{count} jumps'
 
 
-def _projection(controller: AdaptiveNnParameters, certificate: Certificate) -> Condition:
-    ideal = certificate.ideal
-    inside = all(law.minimum <= true <= law.maximum for _, law, true in scalar_laws(controller, ideal))
-    inside = inside and float(np.abs(ideal.weights).max()) <= controller.network.maximum
-    return Condition(
-        f'projection onto sets that hold the ideal values ({certificate.kind})', inside, 'their minimum and maximum'
-    )
+def _projection(
+    condition: str, controller: AdaptiveNnParameters, certificates: Sequence[Certificate]
+) -> list[Condition]:
+    """Return the condition of projection for each choice of the ideal values; none where projection is off."""
+    if not controller.projection:
+        return []
+    return [
+        Condition(f'{condition} ({each.kind})', projection_allows(controller, each.ideal), 'their minimum and maximum')
+        for each in certificates
+    ]

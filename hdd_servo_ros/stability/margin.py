@@ -4,7 +4,6 @@ import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import ParameterError
@@ -32,6 +31,7 @@ class CertificateMargin:
         self.why_not = ''
         """Why there is no certificate; empty if there is one or will be."""
         self._monitor: CertificateMonitor | None = None
+        self._ideal_values_are_allowed = True
         if plant.friction.model != 'lugre':
             self.why_not = f'the theorem is about LuGre friction, not {plant.friction.model}'
         else:
@@ -39,7 +39,7 @@ class CertificateMargin:
 
     def _find(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
         # They bring scipy, which takes longer to import than all else that the node needs before it can begin.
-        from hdd_servo_ros.stability.bounds import CertificateMonitor
+        from hdd_servo_ros.stability.bounds import CertificateMonitor, projection_allows
         from hdd_servo_ros.stability.certificate import known_plant
         from hdd_servo_ros.stability.ideal_values import theorem_values
 
@@ -55,29 +55,13 @@ class CertificateMargin:
         except ParameterError as error:
             self.why_not = str(error)
         else:
+            self._ideal_values_are_allowed = not controller.projection or projection_allows(controller, ideal)
             self._monitor = monitor
 
-    @staticmethod
-    def not_covered(dsp: DspParameters, limited_commands: int, *, is_disturbed: bool) -> str:
-        """
-        Return what the theorem does not cover of a loop, empty if that is nothing.
-
-        Parameters
-        ----------
-        dsp
-            What lies between the controller's law and `/control`.
-        limited_commands
-            How many commands were limited so far, by the controller or behind it.
-        is_disturbed
-            Whether a node publishes `/disturbance`, whose bound the controller does not know.
-        """
-        effects = {
-            'saturation': limited_commands > 0,
-            'dsp.dac_bits': dsp.dac_bits > 0,
-            'dsp.computation_delay': dsp.computation_delay > 0,
-            '/disturbance': is_disturbed,
-        }
-        return ', '.join(name for name, is_on in effects.items() if is_on)
+    @property
+    def ideal_values_are_allowed(self) -> bool:
+        """Whether projection, if on, allows the theorem's ideal values; true as long as they are not known."""
+        return self._ideal_values_are_allowed
 
     def at(self, time: float, r: float) -> Mapping[str, float] | None:
         """Return bound and margin [um/s] at a time [s], None as long as they are not known."""

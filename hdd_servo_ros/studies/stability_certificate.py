@@ -136,7 +136,7 @@ def table(report: Report) -> str:
                 tick, value, limit = each.first_violation
                 lines.append(f'    first violated at tick {tick}: {value:.6g} above {limit:.6g}')
         late = [('|r|', in_units('um/s'), certificate.late(certificate.r), bounds.r_of(bounds.ultimate))]
-        if bounds.error_filter_lambda > 0.0:
+        if bounds.error_filter.is_stable:
             late.append(('|e|', in_units('um'), certificate.late(certificate.e), bounds.e_of(bounds.ultimate)))
         for name, unit, value, limit in late:
             lines.append(
@@ -166,7 +166,7 @@ def draw(report: Report, path: Path) -> None:
         drawn = (
             (certificate.value, bounds.level(time), f'V ({certificate.kind})'),
             (np.abs(certificate.r), bounds.r_over(time), '|r|'),
-            (np.abs(certificate.e), bounds.e_over(time, float(certificate.e[0])), '|e|'),
+            (np.abs(certificate.e), bounds.e_over(time, float(certificate.e[0]), certificate.first_integral), '|e|'),
         )
         for axis, (values, limits, label) in zip(axes, drawn, strict=True):
             if axis is axes[0] or index == 0:

@@ -10,13 +10,16 @@ import pytest
 
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.bench.dsp import ControllerOutputParameters, Dsp, DspParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.drive.resonance import ResonanceParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.nodes.adaptive_nn_controller import AdaptiveNnController
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.ros.diagnosis import OK, WARN
+from hdd_servo_ros.signals.reference import ReferenceParameters
 from hdd_servo_ros.stability.margin import CertificateMargin
 
 THESIS = read_parameter_files([Path(__file__).parents[2] / 'params' / 'thesis_law.yaml'])['adaptive_nn_controller']
@@ -41,6 +44,11 @@ def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, 
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
     found = AdaptiveNnController._diagnose_adaptation(node)  # type: ignore[arg-type]
     assert (found.level, said in found.message) == (level, True)
+
+
+IDEAL_SENSOR = LdvParameters(noise=False, adc_bits=0)
+SINE = ReferenceParameters()
+RIGID = PlantParameters(resonance=ResonanceParameters(form='none'))
 
 
 @pytest.mark.parametrize(
@@ -74,45 +82,83 @@ def test_no_margin_without_a_drive():
 
 
 @pytest.mark.parametrize(
-    ('values', 'limited', 'is_disturbed', 'said'),
+    ('controller', 'plant', 'dsp', 'sensor', 'reference', 'limited', 'is_disturbed', 'named'),
     [
-        ({}, 0, False, 'theorem 4.1'),
-        ({'dac_range': 10.0}, 0, False, 'theorem 4.1'),
-        ({}, 3, False, 'theorem 4.1, which does not cover saturation'),
-        ({}, 0, True, 'theorem 4.1, which does not cover /disturbance'),
-        ({'computation_delay': 1}, 0, False, 'theorem 4.1, which does not cover dsp.computation_delay'),
+        ({}, RIGID, {}, IDEAL_SENSOR, SINE, 0, False, 'sampling'),
+        ({}, RIGID, {'dac_range': 10.0}, IDEAL_SENSOR, SINE, 0, False, 'sampling'),
+        ({}, PlantParameters(), {}, LdvParameters(), SINE, 0, False, 'sampling, resonances, measurement'),
+        ({}, RIGID, {}, IDEAL_SENSOR, SINE, 3, False, 'sampling, saturation'),
+        ({}, RIGID, {}, IDEAL_SENSOR, SINE, 0, True, 'sampling, /disturbance'),
+        ({}, RIGID, {'computation_delay': 1}, IDEAL_SENSOR, SINE, 0, False, 'sampling, dsp.computation_delay'),
         (
+            {},
+            RIGID,
             {'dac_bits': 16, 'dac_range': 10.0, 'computation_delay': 1},
+            IDEAL_SENSOR,
+            SINE,
             0,
             False,
-            'theorem 4.1, which does not cover dsp.dac_bits, dsp.computation_delay',
+            'sampling, dsp.dac_bits, dsp.computation_delay',
         ),
+        (
+            {'boundary_layer': 1.0, 'r_limit': 500.0, 'compensator.enabled': True},
+            RIGID,
+            {},
+            IDEAL_SENSOR,
+            ReferenceParameters(waveform='square'),
+            0,
+            False,
+            'sampling, boundary_layer, r_limit, reference steps, compensator.lag',
+        ),
+        ({'velocity_source': 'difference'}, RIGID, {}, IDEAL_SENSOR, SINE, 0, False, 'sampling, measurement'),
+        ({}, RIGID, {}, None, None, 0, False, 'sampling, measurement, reference steps'),
+        ({'projection': True}, RIGID, {}, IDEAL_SENSOR, SINE, 0, False, 'sampling, projection'),
     ],
 )
 @pytest.mark.parametrize(('r', 'level', 'where'), [(10.0, OK, 'inside'), (1e12, WARN, 'outside')])
-def test_the_certificate_says_what_it_does_not_cover(values, limited, is_disturbed, said, r, level, where, margin):
+def test_the_certificate_names_what_it_does_not_cover(
+    controller, plant, dsp, sensor, reference, limited, is_disturbed, named, r, level, where, margin
+):
+    parameters = from_mapping(AdaptiveNnParameters, controller)
     node = SimpleNamespace(
         tick=1,
         changes=(),
-        parameters={ControllerOutputParameters: ControllerOutputParameters(dsp=DspParameters(**values))},
-        _drive={'parameters': {}},
-        _margin=margin,
+        parameters={ControllerOutputParameters: ControllerOutputParameters(dsp=DspParameters(**dsp))},
+        _at_start=parameters,
+        _drive=plant,
+        _sensor=sensor,
+        _reference=reference,
+        _margin=SimpleNamespace(at=margin.at, ideal_values_are_allowed='projection' not in controller),
         _is_disturbed=is_disturbed,
         _ticks=SimpleNamespace(sample_time=1e-4),
         _controller=SimpleNamespace(estimates=np.full(len(AdaptiveNn.estimate_names), r)),
         _dsp=SimpleNamespace(saturated_samples=limited),
     )
     found = AdaptiveNnController._diagnose_certificate(node)  # type: ignore[arg-type]
-    assert (found.level, found.message) == (level, f'{where} the bound of {said}')
+    message = f'{where} the bound of theorem 4.1, which does not cover {named}'
+    assert (found.level, found.message) == (level, message)
+
+
+def test_projection_that_excludes_the_ideal_values_is_found():
+    allowed = {}
+    for values in ({}, {'projection': True}, {'projection': True, 'phi.maximum': 1e-3}):
+        found = CertificateMargin(from_mapping(AdaptiveNnParameters, values), PlantParameters(), 1000.0)
+        wait_for(found)
+        allowed[tuple(values)] = found.ideal_values_are_allowed
+    assert list(allowed.values()) == [True, True, False]
+
+
+def wait_for(margin):
+    wait_until = time.monotonic() + 60.0
+    while margin.at(0.0, 0.0) is None:
+        assert time.monotonic() < wait_until
+        assert not margin.why_not
+        time.sleep(0.01)
 
 
 @pytest.fixture(scope='module')
 def margin():
     """Find the theorem's constants, which a thread of their own does, for the default controller and drive."""
     found = CertificateMargin(from_mapping(AdaptiveNnParameters, THESIS), PlantParameters(), 1000.0)
-    wait_until = time.monotonic() + 60.0
-    while found.at(0.0, 0.0) is None:
-        assert time.monotonic() < wait_until
-        assert not found.why_not
-        time.sleep(0.01)
+    wait_for(found)
     return found

@@ -21,6 +21,7 @@ from hdd_servo_ros.stability.bounds import (
     theorem_bounds,
     weight_energy,
 )
+from hdd_servo_ros.stability.error_filter import ErrorFilter
 from hdd_servo_ros.stability.ideal_values import IdealValues
 
 P = from_mapping(
@@ -94,7 +95,7 @@ def test_compensator_adds_its_weights():
 @settings(max_examples=25)
 def test_bounds_over_time_against_the_worst_case_integrated(initial, c1, c2, mass, lam, error):
     """V' = -c1 V + c2 and e' = -lambda e + sqrt(2 V/m) are the worst that (4.29) and (4.40) allow."""
-    bounds = Bounds(mass, lam, c1, c2, initial)
+    bounds = Bounds(mass, ErrorFilter(lam), c1, c2, initial)
     time = np.linspace(0.0, 2.0, 2001)
 
     def worst(t, y):
@@ -109,11 +110,22 @@ def test_bounds_over_time_against_the_worst_case_integrated(initial, c1, c2, mas
     assert (e <= abs(error) + bounds.e_of(bounds.uniform) + 1e-9).all()
 
 
-def test_nothing_is_said_of_e_with_integral_action():
-    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, 'integral_gain': 100.0})
+def test_with_integral_action_e_is_bounded_by_the_norm_of_its_filter():
+    p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, 'error_filter_lambda': 3.0, 'integral_gain': 2.0})
     bounds = theorem_bounds(p, IDEAL, 1.0)
-    assert bounds.e_of(1.0) == math.inf
-    assert np.isinf(bounds.e_over(np.arange(3.0), 0.0)).all()
+    # The poles are -1 and -2: g = 2 e^(-2t) - e^(-t) is zero at ln 2, and h = e^(-t) - e^(-2t) is 1/4 there.
+    assert bounds.e_of(1.0) == pytest.approx(0.5 * bounds.r_of(1.0))
+    far, fast = bounds.omega(0.2)
+    assert far == pytest.approx(0.2 + 0.5 * bounds.r_of(bounds.uniform))
+    # g' is zero at 2 ln 2, where g is -1/8.
+    assert fast == pytest.approx(0.2 * math.sqrt(11.0) + 2.25 * bounds.r_of(bounds.uniform))
+
+
+def test_omega_without_integral_action():
+    """|e| <= |e(0)| + R/lambda, and so |e'| = |r - lambda e| <= 2 R + lambda |e(0)|."""
+    bounds = Bounds(2.0, ErrorFilter(4.0), 1.0, 3.0, 5.0)
+    largest = math.sqrt(2.0 * 8.0 / 2.0)
+    assert bounds.omega(-0.5) == pytest.approx((0.5 + largest / 4.0, 2.0 + 2.0 * largest))
 
 
 def test_check_counts_and_names_the_first_violation():

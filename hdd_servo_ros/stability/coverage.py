@@ -1,0 +1,170 @@
+"""What theorem 4.1 does not cover: one list, for the diagnostics, the certificate and docs/controllers.md."""
+
+import dataclasses
+from collections.abc import Callable
+
+from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.signals.reference import ReferenceParameters
+
+
+@dataclasses.dataclass(frozen=True)
+class Loop:
+    """
+    What decides about a loop whether the theorem covers it.
+
+    Attributes
+    ----------
+    controller, plant, dsp
+        Parameters of the controller, of the drive, and of what is between the law and ``/control``.
+    sensor, reference
+        Those of the vibrometer and the reference; None where another node takes its part, of which nothing is known.
+    limited_commands
+        How many commands have been limited so far, by the controller or after it.
+    is_disturbed
+        Whether a node publishes ``/disturbance``, with a bound that the controller does not know.
+    ideal_values_are_allowed
+        Whether projection, if on, allows the ideal values.
+    """
+
+    controller: AdaptiveNnParameters
+    plant: PlantParameters
+    dsp: DspParameters
+    sensor: LdvParameters | None = None
+    reference: ReferenceParameters | None = None
+    limited_commands: int = 0
+    is_disturbed: bool = False
+    ideal_values_are_allowed: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """
+    An effect that the theorem does not cover.
+
+    Attributes
+    ----------
+    name
+        Name in the diagnostics and in docs/controllers.md.
+    condition
+        The condition of the theorem that it breaks, as the certificate names it.
+    statement
+        What the theorem says of it, as docs/controllers.md has it.
+    is_in
+        Returns whether a loop has the effect.
+    """
+
+    name: str
+    condition: str
+    statement: str
+    is_in: Callable[[Loop], bool]
+
+
+def _is_measurement_inexact(loop: Loop) -> bool:
+    sensor = loop.sensor
+    if sensor is None or loop.controller.velocity_source != 'sensor':
+        return True
+    lag = sensor.demodulator_delay > 0.0 or sensor.demodulator_bandwidth > 0.0
+    return sensor.noise or sensor.adc_bits > 0 or lag or sensor.dropout_rate > 0.0
+
+
+def _has_steps(loop: Loop) -> bool:
+    reference = loop.reference
+    if reference is None:
+        return True
+    starts_late = reference.start_time > 0.0 and reference.waveform != 'constant'
+    return reference.waveform in ('square', 'step', 'ramp') or starts_late
+
+
+EFFECTS = (
+    Effect(
+        'sampling',
+        'continuous time',
+        'not covered: the laws hold r over a sample, and V may grow where they are fast for T',
+        lambda loop: True,
+    ),
+    Effect(
+        'resonances',
+        'rigid body',
+        'not covered: r of the bounds is that of the head, which then is not the rigid body that u moves',
+        lambda loop: loop.plant.resonance.form != 'none',
+    ),
+    Effect(
+        'actuator.driver',
+        'force without lag',
+        'not covered with `current` and `voltage`: amplifier, coil and back-EMF delay the force',
+        lambda loop: loop.plant.actuator.is_electrical,
+    ),
+    Effect(
+        'measurement',
+        'state read exactly',
+        'not covered: noise, ADC, lag and drop-outs of the vibrometer, and the filter of `velocity_source: difference`'
+        '; r of the bounds is that of the true head',
+        _is_measurement_inexact,
+    ),
+    Effect(
+        'boundary_layer',
+        'true sgn',
+        'not covered',
+        lambda loop: loop.controller.boundary_layer > 0.0,
+    ),
+    Effect(
+        'saturation',
+        'no saturation',
+        'not covered, by `control_limit` or `dsp.dac_range`, whether the estimates are frozen or not; the ticks are '
+        'counted',
+        lambda loop: loop.limited_commands > 0,
+    ),
+    Effect(
+        'dsp.dac_bits',
+        'no quantisation of u',
+        'not covered; violations are counted all the same',
+        lambda loop: loop.dsp.dac_bits > 0,
+    ),
+    Effect(
+        'dsp.computation_delay',
+        'no computation delay',
+        'not covered; violations are counted all the same',
+        lambda loop: loop.dsp.computation_delay > 0,
+    ),
+    Effect(
+        'r_limit',
+        'the whole r in the laws',
+        'covered while abs(r) stays below it',
+        lambda loop: loop.controller.r_limit > 0.0,
+    ),
+    Effect(
+        'reference steps',
+        'reference without jumps',
+        "not covered: r and V jump with x_d and x_d', and once more with the second part of a shaped step; e and r are "
+        'those of the reference as the law takes it',
+        _has_steps,
+    ),
+    Effect(
+        'compensator.lag',
+        'compensator without lag',
+        "covered only with a lag of 0, with W_c* = 0: then W_c'W_c/(2 Gamma_c) is in V and sigma_c Gamma_c among the "
+        'rates. With a lag the terms in W_c do not cancel, and V can exceed its bounds',
+        lambda loop: loop.controller.compensator.enabled and loop.controller.compensator.lag > 0.0,
+    ),
+    Effect(
+        'projection',
+        'projection onto sets that hold the ideal values',
+        'covered if the ideal values are between `minimum` and `maximum`; W_c* = 0 is inside any bound',
+        lambda loop: loop.controller.projection and not loop.ideal_values_are_allowed,
+    ),
+    Effect(
+        '/disturbance',
+        'bound of /disturbance known',
+        'covered by the certificate of a run with the bound of `--disturbance`; not during a run',
+        lambda loop: loop.is_disturbed,
+    ),
+)
+"""All that theorem 4.1 does not cover, or only under a condition."""
+
+
+def not_covered(loop: Loop) -> tuple[str, ...]:
+    """Return the names of the effects that a loop has and the theorem does not cover."""
+    return tuple(effect.name for effect in EFFECTS if effect.is_in(loop))

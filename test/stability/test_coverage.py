@@ -1,0 +1,22 @@
+"""The list of what theorem 4.1 does not cover is the same in the code and in the documents."""
+
+import re
+from pathlib import Path
+
+from hdd_servo_ros.stability.coverage import EFFECTS
+
+DOCS = Path(__file__).parents[2] / 'docs'
+
+
+def test_the_page_has_the_list_of_the_code():
+    section = (DOCS / 'controllers.md').read_text().split('### What the theorem does not cover\n')[1].split('\n## ')[0]
+    table = section.split('| effect | is it covered? |\n|---|---|\n')[1].split('\n\n')[0]
+    rows = dict(re.findall(r'^\| `?([^|`]+)`? \| ([^|]+) \|$', table, flags=re.MULTILINE))
+    assert rows == {effect.name: effect.statement for effect in EFFECTS}
+    assert list(rows) == [effect.name for effect in EFFECTS]
+
+
+def test_the_page_of_diagnostics_refers_to_the_list_and_has_none_of_its_own():
+    (row,) = [line for line in (DOCS / 'live.md').read_text().splitlines() if 'controller: certificate`' in line]
+    assert '(controllers.md#what-the-theorem-does-not-cover)' in row
+    assert not [effect.name for effect in EFFECTS if effect.name in row]
