@@ -118,6 +118,10 @@ def amplitude_spectrum(
     """
     Return frequencies [Hz] and the amplitude that a sine at each would have [unit], about the signal's mean.
 
+    Welch's half-overlapping segments with a flat-top window: a peak reads the amplitude of a sine within 0.2 %, also
+    between two lines. It is up to five lines wide on either side, so sines closer than ten lines merge, and noise reads
+    as that of a band of 3.8 lines.
+
     Parameters
     ----------
     signal, sample_time
@@ -129,7 +133,9 @@ def amplitude_spectrum(
 
     y = np.asarray(signal, dtype=np.float64)
     segment = min(len(y), max(2, round(1.0 / (resolution * sample_time))))
-    frequencies, power = welch(y, fs=1.0 / sample_time, nperseg=segment, detrend='constant', scaling='spectrum')
+    frequencies, power = welch(
+        y, fs=1.0 / sample_time, window='flattop', nperseg=segment, detrend='constant', scaling='spectrum'
+    )
     return frequencies, np.sqrt(2.0 * power)
 
 

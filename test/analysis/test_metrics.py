@@ -86,6 +86,18 @@ def test_amplitude_spectrum_reads_the_amplitude_of_a_sine_at_its_frequency():
     assert short[1] == pytest.approx(500.0)
 
 
+@pytest.mark.parametrize('off', [0.0, 0.1, 0.25, 0.5])
+def test_a_peak_of_the_amplitude_spectrum_reads_the_amplitude_between_two_lines(off):
+    """A Hann window reads 0.849 for a unit sine midway between two lines."""
+    t = np.arange(50_000) * T
+    frequencies, amplitudes = amplitude_spectrum(np.sin(2.0 * np.pi * (300.0 + off) * t + 0.3), T)
+    assert amplitudes.max() == pytest.approx(1.0, rel=2e-3)
+    assert abs(frequencies[np.argmax(amplitudes)] - 300.0 - off) < 0.51
+    # As wide as the docstring states; the mean of a segment that ends within a period is not zero.
+    beside = (np.abs(frequencies - 300.0 - off) > 5.0) & (frequencies > 10.0)
+    assert amplitudes[beside].max() < 1e-3
+
+
 @pytest.mark.parametrize(('period', 'samples'), [(100.0, 100), (200.0 / 3.0, 200)])
 def test_repeatable_and_non_repeatable_parts(period, samples):
     ticks = np.arange(40_123)
