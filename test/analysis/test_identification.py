@@ -250,3 +250,17 @@ def test_the_rigid_body_of_a_free_drive_raises_no_doubt():
     model = identify_measured(measured, 10, 4)
     assert min(mode.damping for mode in model.modes()) < 0.0
     assert doubts(model, measured) == []
+
+
+@pytest.mark.parametrize(('distance', 'count'), [(0.01, 1), (0.02, 2)])
+def test_close_modes_come_back_as_one_where_the_page_says_so(distance, count):
+    """Two modes with a damping of 0.02 and 1 % of noise, as in the table of docs/identification.md."""
+    frequency = np.geomspace(400.0, 20_000.0, 170)
+    first = 2.0 * np.pi * 5000.0
+    modes = [[1.0, 0.04 * w, w * w] for w in (first, first * (1.0 + distance))]
+    response = freqs([GAIN], SPRING, frequency)
+    response = response + sum(freqs([0.5 * GAIN], denominator, frequency) for denominator in modes)
+    model = identify_measured(FrequencyResponse.of(frequency, noisy(response, 0)))
+    found = [mode.frequency for mode in model.modes() if mode.pole.imag > 0.0 and 4500.0 < mode.frequency < 6000.0]
+    assert len(found) == count
+    assert np.mean(found) == pytest.approx(5000.0 * (1.0 + 0.5 * distance), rel=2e-3)
