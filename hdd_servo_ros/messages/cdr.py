@@ -6,7 +6,7 @@ unpacks them, several times faster than a general serializer. The bytes are thos
 in the padding, little-endian; the tests compare them.
 """
 
-import functools
+import dataclasses
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -14,12 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.codecs import ARRAYS, CLOCKS, VECTORS, Codec
+from hdd_servo_ros.messages.codecs import ARRAYS, AXES, CLOCKS, VECTORS, Codec
+from hdd_servo_ros.messages.tick_messages import Messages
 from hdd_servo_ros.messages.ticks import NANOSECONDS
-
-Messages = NDArray[np.uint8]
-RowPacker = Callable[[Messages, NDArray[np.float64]], Messages]
-"""Makes messages, one a row, of stamp bytes, shape (n, 8), and numbers, shape (n, width)."""
 
 HEADER = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
@@ -144,9 +141,50 @@ def numbers(codec: Codec, message: bytes) -> list[float]:
     return list(values)
 
 
-def row_packer(codec: Codec, frame_id: str, names: Sequence[str]) -> RowPacker:
+@dataclasses.dataclass(frozen=True)
+class RowLayout:
     """
-    Return what packs many messages of a type at once.
+    What makes many messages of a type at once: the same bytes as the type's codec makes one by one.
+
+    Attributes
+    ----------
+    template
+        A message.
+    stamp_at
+        Where its time is; None if that is among its numbers.
+    width
+        How many float64 are at its end.
+    """
+
+    template: bytes
+    stamp_at: int | None
+    width: int
+
+    def fill(self, messages: Messages, stamps: NDArray[np.uint8], values: NDArray[np.float64]) -> None:
+        """
+        Complete copies of the template.
+
+        Parameters
+        ----------
+        messages
+            The copies, shape (n, size); the rows may lie apart.
+        stamps
+            Stamp bytes, shape (n, 8); see :func:`stamp_rows`.
+        values
+            Numbers of each message, shape (n, width).
+        """
+        if self.stamp_at is not None:
+            messages[:, self.stamp_at : self.stamp_at + 8].view('<u8')[:, 0] = stamps.view('<u8')[:, 0]
+        if self.width:
+            numbers = messages[:, -8 * self.width :].view('<f8')
+            # Column by column: a row is too short for a loop of its own.
+            for column in range(self.width):
+                numbers[:, column] = values[:, column]
+
+
+def row_layout(codec: Codec, frame_id: str, names: Sequence[str]) -> RowLayout:
+    """
+    Return what makes many messages of a type at once.
 
     Parameters
     ----------
@@ -162,33 +200,7 @@ def row_packer(codec: Codec, frame_id: str, names: Sequence[str]) -> RowPacker:
     KeyError
         If only single messages are made of this type.
     """
-    return _ROW_PACKERS[codec](frame_id, names)
-
-
-def vector_rows(codec: VectorCodec, stamps: NDArray[np.uint8], values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """
-    Return many vector messages at once, one a row, the same bytes as :meth:`VectorCodec.pack` gives.
-
-    Parameters
-    ----------
-    codec
-        The layout.
-    stamps
-        Stamp bytes, shape (n, 8); see :func:`stamp_rows`.
-    values
-        x, y, z, shape (n, 3).
-    """
-    return _rows(codec.pack(bytes(8), 0.0, 0.0, 0.0), codec.stamp.start, stamps, values)
-
-
-def array_rows(codec: ArrayCodec, values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return many array messages at once, one a row; ``values`` has shape (n, number of names)."""
-    return _rows(codec.pack([0.0] * len(codec.names)), None, None, values)
-
-
-def clock_rows(stamps: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return many clock messages at once, one a row."""
-    return _rows(ClockCodec.pack(bytes(8)), STAMP.start, stamps, np.empty((len(stamps), 0)))
+    return _ROW_LAYOUTS[codec](frame_id, names)
 
 
 def stamp_rows(times_ns: NDArray[np.int64]) -> NDArray[np.uint8]:
@@ -198,35 +210,20 @@ def stamp_rows(times_ns: NDArray[np.int64]) -> NDArray[np.uint8]:
     return stamps.view(np.uint8).reshape(len(times_ns), 8)
 
 
-def _rows(
-    template: bytes, stamp_at: int | None, stamps: NDArray[np.uint8] | None, values: NDArray[np.float64]
-) -> NDArray[np.uint8]:
-    """Repeat a message, and write the stamps and, at its end, the values into the copies."""
-    rows = np.tile(np.frombuffer(template, dtype=np.uint8), (len(values), 1))
-    if stamps is not None:
-        assert stamp_at is not None
-        rows[:, stamp_at : stamp_at + 8] = stamps
-    size = values.shape[1] * 8
-    if size:
-        rows[:, -size:] = np.ascontiguousarray(values, dtype='<f8').view(np.uint8).reshape(len(values), size)
-    return rows
+def _vector_layout(frame_id: str, _: Sequence[str]) -> RowLayout:
+    return RowLayout(VectorCodec(frame_id).pack(bytes(8), 0.0, 0.0, 0.0), STAMP.start, len(AXES))
 
 
-def _vector_packer(frame_id: str, _: Sequence[str]) -> RowPacker:
-    return functools.partial(vector_rows, VectorCodec(frame_id))
+def _array_layout(_: str, names: Sequence[str]) -> RowLayout:
+    return RowLayout(ArrayCodec(names).pack([0.0] * len(names)), None, len(names))
 
 
-def _array_packer(_: str, names: Sequence[str]) -> RowPacker:
-    codec = ArrayCodec(names)
-    return lambda _, values: array_rows(codec, values)
+def _clock_layout(_: str, __: Sequence[str]) -> RowLayout:
+    return RowLayout(ClockCodec.pack(bytes(8)), STAMP.start, 0)
 
 
-def _clock_packer(_: str, __: Sequence[str]) -> RowPacker:
-    return lambda stamps, _: clock_rows(stamps)
-
-
-_ROW_PACKERS: dict[Codec, Callable[[str, Sequence[str]], RowPacker]] = {
-    CLOCKS: _clock_packer,
-    VECTORS: _vector_packer,
-    ARRAYS: _array_packer,
+_ROW_LAYOUTS: dict[Codec, Callable[[str, Sequence[str]], RowLayout]] = {
+    CLOCKS: _clock_layout,
+    VECTORS: _vector_layout,
+    ARRAYS: _array_layout,
 }

@@ -1,60 +1,16 @@
-"""A rosbag2 bag written with `rosbags`, carrying what `ros2 bag info` of Jazzy reads."""
+"""A rosbag2 bag to be written: MCAP in bulk by this package, sqlite3 by `rosbags`."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
+from typing import Any
 
-from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
-from rosbags.typesys import Stores, get_typestore
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.tick_messages import Messages, TickMessages
+from hdd_servo_ros.recording.mcap_bag import McapBag
 
 STORAGES = ('mcap', 'sqlite3')
-_WRITTEN_BY = 'ros_distro: rosbags'
-_DISTRIBUTION = 'ros_distro: jazzy'
-_FOREVER = QosTime(9223372036, 854775807)
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
-
-
-class _JazzyMcapWriter(McapWriter):
-    def close(self, version: int, metadata: str) -> None:
-        super().close(version, metadata.replace(_WRITTEN_BY, _DISTRIBUTION))
-
-
-class _JazzySqlite3Writer(Sqlite3Writer):
-    SQLITE_SCHEMA = Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'")
-
-    def close(self, version: int, metadata: str) -> None:
-        super().close(version, metadata.replace(_WRITTEN_BY, _DISTRIBUTION))
-
-
-class _JazzyWriter(Writer):
-    """`rosbags` names itself as the distribution; the message definitions and hashes here are Jazzy's."""
-
-    STORAGE_PLUGINS = MappingProxyType(
-        {StoragePlugin.MCAP: _JazzyMcapWriter, StoragePlugin.SQLITE3: _JazzySqlite3Writer}
-    )
-
-    def close(self) -> None:
-        super().close()
-        temporary = self.metapath.with_suffix('.yaml.tmp')
-        temporary.write_text(self.metapath.read_text('utf8').replace(_WRITTEN_BY, _DISTRIBUTION), 'utf8')
-        temporary.replace(self.metapath)
-
-
-def _offered_qos(depth: int) -> Qos:
-    return Qos(
-        QosHistory.KEEP_LAST,
-        depth,
-        QosReliability.RELIABLE,
-        QosDurability.VOLATILE,
-        _FOREVER,
-        _FOREVER,
-        QosLiveliness.AUTOMATIC,
-        _FOREVER,
-        False,
-    )
 
 
 class BagWriter:
@@ -76,7 +32,7 @@ class BagWriter:
     ------
     ValueError
         If the storage is unknown.
-    rosbags.rosbag2.WriterError
+    FileExistsError
         If the path exists already: nothing is overwritten.
     """
 
@@ -85,21 +41,87 @@ class BagWriter:
     ) -> None:
         if storage not in STORAGES:
             raise ValueError(f'parameter storage = {storage!r} is refused: one of {", ".join(STORAGES)}')
-        self._writer = _JazzyWriter(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
-        for key, text in metadata.items():
-            self._writer.set_custom_data(key, text)
-        self._writer.open()
-        self._connections: list[Connection] = [
-            self._writer.add_connection(name, type_name, typestore=_TYPES, offered_qos_profiles=(_offered_qos(depth),))
-            for name, type_name, depth in topics
-        ]
+        if path.exists():
+            raise FileExistsError(f'{path} exists already')
+        self._bag = _BAGS[storage](path, topics, metadata)
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
         """Write messages in order: index of the topic, receive time [ns] and payload of each."""
-        write, connections = self._writer.write, self._connections
-        for topic, stamp, message in zip(topics, stamps, messages, strict=True):
-            write(connections[topic], stamp, message)
+        sizes = [len(message) for message in messages]
+        self.write_batch(np.array(topics), np.array(stamps), np.array(sizes), memoryview(b''.join(messages)))
+
+    def write_batch(
+        self,
+        topics: NDArray[np.integer],
+        stamps: NDArray[np.integer],
+        sizes: NDArray[np.integer],
+        payloads: memoryview,
+    ) -> None:
+        """
+        Write messages in order.
+
+        Parameters
+        ----------
+        topics, stamps, sizes
+            Index of the topic, receive time [ns] and size [bytes] of each message, shape (n,).
+        payloads
+            The messages, one after the other.
+
+        Raises
+        ------
+        ValueError
+            If the arrays differ in length.
+        """
+        if not len(topics) == len(stamps) == len(sizes):
+            raise ValueError(f'{len(topics)} topics, {len(stamps)} stamps and {len(sizes)} sizes of messages')
+        numbers = [array.astype(np.int64) for array in (topics, stamps, sizes)]
+        kinds = _messages_per_tick(*numbers)
+        if kinds:
+            ticks = _BatchOfTicks(numbers[1][::kinds], numbers[2][:kinds], payloads)
+            self.write_ticks(numbers[0][:kinds].tolist(), ticks)
+        else:
+            self._bag.write_messages(*numbers, payloads)
+
+    def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
+        """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+        self._bag.write_ticks(topics, messages)
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``: from here on the bag is complete."""
-        self._writer.close()
+        self._bag.close()
+
+
+def _messages_per_tick(topics: NDArray[np.int64], stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> int:
+    """Return how many messages a tick has if all have the same topics and sizes in the same order, else 0."""
+    again = np.flatnonzero(topics[1:] == topics[:1])
+    if not len(again) or len(topics) % (again[0] + 1):
+        return 0
+    kinds = int(again[0]) + 1
+    topics, stamps, sizes = (array.reshape(-1, kinds) for array in (topics, stamps, sizes))
+    is_regular = np.all(topics == topics[0]) and np.all(sizes == sizes[0]) and np.all(stamps == stamps[:, :1])
+    return kinds if is_regular else 0
+
+
+class _BatchOfTicks:
+    """Messages that lie one after the other, tick by tick."""
+
+    def __init__(self, times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview) -> None:
+        self.times = times
+        self.templates = [bytes(size) for size in sizes.tolist()]
+        self._ends = np.cumsum(sizes).tolist()
+        self._rows = np.frombuffer(payloads, dtype=np.uint8).reshape(len(times), -1)
+
+    def fill(self, ticks: slice, payloads: Sequence[Messages]) -> None:
+        """Copy the messages of some ticks."""
+        for rows, end in zip(payloads, self._ends, strict=True):
+            rows[:] = self._rows[ticks, end - rows.shape[1] : end]
+
+
+def _sqlite3_bag(path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> Any:
+    # Imported late: it takes `rosbags` a while to be imported, and most bags are MCAP.
+    from hdd_servo_ros.recording.sqlite3_bag import Sqlite3Bag
+
+    return Sqlite3Bag(path, topics, metadata)
+
+
+_BAGS: dict[str, Any] = {'mcap': McapBag, 'sqlite3': _sqlite3_bag}

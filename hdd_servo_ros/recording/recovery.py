@@ -1,6 +1,7 @@
 """Mending a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
 
 import dataclasses
+import itertools
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,8 @@ BACKUP = 'damaged'
 """Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
 _WORKSHOP = 'recovering'
 _ENDINGS = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+_BATCH = 4096
+"""Messages that are written at once."""
 _NO_TICK = 'no tick is left'
 
 
@@ -204,8 +207,10 @@ class Recovery:
             [(topic, kind, queue_depth(topic)) for topic, kind in types.items()],
             bag_metadata(self._said),
         )
-        for topic, time, payload in self._kept(self.finding.last_tick + 1):
-            writer.write((places[topic],), (time,), (payload,))
+        kept = self._kept(self.finding.last_tick + 1)
+        while batch := list(itertools.islice(kept, _BATCH)):
+            topics, times, payloads = zip(*batch, strict=True)
+            writer.write([places[topic] for topic in topics], times, payloads)
         writer.close()
         return workshop / 'bag'
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from hdd_servo_ros.graph.catalogue import CONTROLLERS
 from hdd_servo_ros.messages.outcome import FAILED
+from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.messages.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
@@ -92,12 +93,10 @@ class RunRecorder:
             self._last_tick_at = time.monotonic()
         self._last_tick = tick
 
-    def write_ticks(
-        self, last_tick: int, topics: Sequence[int], stamps_ns: Sequence[int], messages: Sequence[bytes | memoryview]
-    ) -> None:
-        """Write the messages of many ticks up to ``last_tick``, with each one's topic and time [ns]."""
-        assert self._writer is not None
-        self._writer.write(topics, stamps_ns, messages)
+    def write_ticks(self, last_tick: int, messages: TickMessages) -> None:
+        """Write the messages of many ticks up to ``last_tick``, one per topic and tick, in the topics' order."""
+        assert isinstance(self._writer, BagWriter)
+        self._writer.write_ticks(self._loop_topics, messages)
         self._last_tick = last_tick
 
     def write_parameter_event(self, stamp_ns: int, message: bytes) -> None:

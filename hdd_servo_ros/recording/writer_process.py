@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
 from hdd_servo_ros.recording.bag_writer import BagWriter
 
 _BATCH = struct.Struct('<I')
@@ -135,18 +137,13 @@ def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:
         (count,) = _BATCH.unpack(head)
         if count == _CLOSE:
             return True
-        topics, stamps, lengths = array('B'), array('q'), array('I')
-        for numbers in (topics, stamps, lengths):
-            numbers.frombytes(pipe.read(count * numbers.itemsize))
-        payload = memoryview(pipe.read(sum(lengths)))
-        if len(payload) < sum(lengths):
+        kinds = (np.uint8, np.int64, np.uint32)
+        topics, stamps, sizes = (np.frombuffer(pipe.read(count * np.dtype(kind).itemsize), kind) for kind in kinds)
+        size = int(sizes.sum())
+        payloads = memoryview(pipe.read(size))
+        if len(payloads) < size:
             return False
-        messages = []
-        start = 0
-        for length in lengths:
-            messages.append(payload[start : start + length])
-            start += length
-        writer.write(topics, stamps, messages)
+        writer.write_batch(topics, stamps, sizes, payloads)
 
 
 def main() -> int:

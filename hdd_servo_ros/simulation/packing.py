@@ -1,12 +1,13 @@
 """Rows of signals as the messages that the nodes would publish."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.cdr import Messages, row_packer, stamp_rows
+from hdd_servo_ros.messages.cdr import RowLayout, row_layout, stamp_rows
 from hdd_servo_ros.messages.signals import SignalRows
+from hdd_servo_ros.messages.tick_messages import Messages
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import SIGNAL_TOPICS, LoopTopic
 
@@ -32,35 +33,68 @@ class Packer:
     ) -> None:
         self._topics = tuple(topics)
         self._sample_time_ns = sample_time_to_nanoseconds(sample_time)
-        self._packers = {topic.name: row_packer(topic.codec, frame_id, estimate_names) for topic in self._topics}
+        self._layouts = {topic.name: row_layout(topic.codec, frame_id, estimate_names) for topic in self._topics}
 
-    def pack(self, rows: SignalRows, recorded: Mapping[str, Messages]) -> tuple[list[int], list[int], list[memoryview]]:
+    def pack(self, rows: SignalRows, recorded: Mapping[str, Messages]) -> 'PackedRows':
         """
-        Return topic, time [ns] and payload of every message of the rows.
+        Return the messages of the rows.
 
         Parameters
         ----------
         rows
-            The signals.
+            The signals; they must stay as they are until the messages are written.
         recorded
             Messages of the same ticks that were recorded before and are passed on as they are, by their topic.
         """
-        count = len(rows)
-        times = np.arange(rows.first_tick, rows.first_tick + count, dtype=np.int64) * self._sample_time_ns
-        stamps = stamp_rows(times)
-        kinds = len(self._topics)
-        payloads: list[Any] = [None] * (count * kinds)
-        for index, topic in enumerate(self._topics):
-            messages = recorded[topic.name] if topic.name in recorded else self._messages(topic, stamps, rows)
-            size = messages.shape[1]
-            flat = messages.reshape(-1).data
-            payloads[index::kinds] = [flat[start : start + size] for start in range(0, count * size, size)]
-        return list(range(kinds)) * count, np.repeat(times, kinds).tolist(), payloads
+        times = np.arange(rows.first_tick, rows.first_tick + len(rows), dtype=np.int64) * self._sample_time_ns
+        return PackedRows(times, [self._column(topic, rows, recorded) for topic in self._topics])
 
-    def _messages(self, topic: LoopTopic, stamps: Messages, rows: SignalRows) -> Messages:
-        """Return the messages of a topic, one per row."""
+    def _column(
+        self, topic: LoopTopic, rows: SignalRows, recorded: Mapping[str, Messages]
+    ) -> 'tuple[RowLayout, NDArray[np.float64]] | Messages':
+        if topic.name in recorded:
+            return recorded[topic.name]
         values = np.empty((len(rows), 0)) if topic.codec.width == 0 else rows[topic.name]
-        return self._packers[topic.name](stamps, values)
+        return self._layouts[topic.name], values
+
+
+class PackedRows:
+    """
+    Messages of ticks, made when they are written; see :class:`hdd_servo_ros.messages.tick_messages.TickMessages`.
+
+    Parameters
+    ----------
+    times
+        Time of each tick [ns].
+    columns
+        For each topic its layout and the numbers of each message, or the messages themselves.
+    """
+
+    def __init__(
+        self, times: NDArray[np.int64], columns: Sequence[tuple[RowLayout, NDArray[np.float64]] | Messages]
+    ) -> None:
+        self._times = times
+        self._columns = columns
+
+    @property
+    def times(self) -> NDArray[np.int64]:
+        """Receive time of each tick's messages [ns], shape (n,)."""
+        return self._times
+
+    @property
+    def templates(self) -> list[bytes]:
+        """For each topic, a message of the right size that holds the bytes that never change."""
+        return [column[0].template if isinstance(column, tuple) else bytes(column.shape[1]) for column in self._columns]
+
+    def fill(self, ticks: slice, payloads: Sequence[Messages]) -> None:
+        """Complete copies of the templates for some of the ticks."""
+        stamps = stamp_rows(self._times[ticks])
+        for column, messages in zip(self._columns, payloads, strict=True):
+            if isinstance(column, tuple):
+                layout, values = column
+                layout.fill(messages, stamps, values[ticks])
+            else:
+                messages[:] = column[ticks]
 
 
 def first_not_finite(rows: SignalRows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:

@@ -74,7 +74,7 @@ class SimulatedRun:
             outcome, valid = self._piece(first_tick, count, rows)
             if self.recorder is not None and len(valid):
                 messages = self._packer.pack(valid, self._simulation.recorded_messages(valid))
-                self.recorder.write_ticks(first_tick + len(valid) - 1, *messages)
+                self.recorder.write_ticks(first_tick + len(valid) - 1, messages)
             elif self.recorder is None:
                 self.sums.add(valid)
             if progress is not None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdd_servo_ros.messages.cdr import STAMP, names_and_start, numbers, row_packer, stamp_rows
+from hdd_servo_ros.messages.cdr import STAMP, names_and_start, numbers, row_layout, stamp_rows
 from hdd_servo_ros.messages.codecs import CODECS, COUNTS
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, ESTIMATES, RECORDED
 
@@ -17,7 +17,10 @@ def test_what_is_packed_is_read_again(topic, frame_id):
     width = len(NAMES) if codec.width is None else codec.width
     stamps = stamp_rows(np.array([7_000_000_100, 8_000_000_200]))
     values = np.random.default_rng(1).normal(size=(2, width))
-    messages = [row.tobytes() for row in row_packer(codec, frame_id, NAMES)(stamps, values)]
+    layout = row_layout(codec, frame_id, NAMES)
+    rows = np.tile(np.frombuffer(layout.template, np.uint8), (2, 1))
+    layout.fill(rows, stamps, values)
+    messages = [row.tobytes() for row in rows]
     assert len(messages) == 2
     for message, stamp, expected in zip(messages, stamps, values, strict=True):
         assert (message[STAMP] == stamp.tobytes()) == codec.is_stamped
@@ -35,4 +38,4 @@ def test_a_topic_declares_no_more_than_its_messages_carry(topic):
 
 def test_counts_are_made_one_by_one():
     with pytest.raises(KeyError):
-        row_packer(COUNTS, 'drive', NAMES)
+        row_layout(COUNTS, 'drive', NAMES)

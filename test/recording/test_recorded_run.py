@@ -163,7 +163,7 @@ def test_what_is_left_of_a_run_that_was_cut_off(tmp_path):
     recorder, messages = recorder_of(tmp_path / 'run', {})
     for tick in range(10):
         recorder.write_tick(tick, TICKS.nanoseconds(tick), messages(tick))
-    recorder.write_ticks(9, range(3), [TICKS.nanoseconds(10)] * 3, messages(10)[:3])
+    recorder._writer.write(range(3), [TICKS.nanoseconds(10)] * 3, messages(10)[:3])
     recorder.finish('failed', 'the disk is full')
     run = Run.open(tmp_path / 'run')
     assert (run.status, run.reason, run.last_tick) == ('failed', 'the disk is full', 9)

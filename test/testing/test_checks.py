@@ -53,9 +53,11 @@ def record(
             vector.pack(stamp, 0.1 * x, 0.1 * x, 0.05 * x),
             array.pack([(stamped or {}).get(tick, tick) * T, estimate]),
         ]
-        kept = [place for place, topic in enumerate(LOOP_TOPICS) if (topic.name, tick) != without]
-        times = [TICKS.nanoseconds(tick)] * len(kept)
-        recorder.write_ticks(tick, kept, times, [messages[place] for place in kept])
+        if tick != (without or ('', None))[1]:
+            recorder.write_tick(tick, TICKS.nanoseconds(tick), messages)
+            continue
+        kept = [place for place, topic in enumerate(LOOP_TOPICS) if topic.name != without[0]]
+        recorder._writer.write(kept, [TICKS.nanoseconds(tick)] * len(kept), [messages[place] for place in kept])
     recorder.finish(*ended)
     return Run.open(path)
 

@@ -1,0 +1,111 @@
+"""A rosbag2 bag of MCAP files, written in bulk."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.recording.bag_topics import BagTopic, bag_topics, to_yaml
+from hdd_servo_ros.recording.mcap_writer import Channel, McapWriter
+from hdd_servo_ros.version import __version__
+
+_VERSION = 9
+"""Of rosbag2's format."""
+_NO_TIMES = 2**63 - 1, 0
+"""First and last time of a bag without messages, as rosbag2 writes them."""
+
+
+class McapBag:
+    """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
+
+    def __init__(self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> None:
+        self._path = path
+        self._topics = bag_topics(topics)
+        self._custom_data = dict(metadata)
+        path.mkdir(parents=True)
+        self._files: list[_File] = []
+        self._name = f'{path.name}.mcap'
+        self._file = self._open()
+
+    def _open(self) -> McapWriter:
+        return McapWriter(
+            self._path / self._name, [_channel(topic) for topic in self._topics], f'hdd_servo_ros {__version__}'
+        )
+
+    def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
+        """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+        self._file.write_ticks(topics, messages)
+
+    def write_messages(
+        self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
+    ) -> None:
+        """Write messages of any size in any order; see :meth:`McapWriter.write_messages`."""
+        self._file.write_messages(topics, times, sizes, payloads)
+
+    def close(self) -> None:
+        """Complete the file, and write ``metadata.yaml``."""
+        self._close_file()
+        temporary = self._path / 'metadata.yaml.tmp'
+        temporary.write_text(to_yaml({'rosbag2_bagfile_information': self._metadata(self._files)}), 'utf8')
+        temporary.replace(self._path / 'metadata.yaml')
+
+    def _close_file(self) -> None:
+        file = self._file
+        self._files.append(_File(self._name, file.counts, *(file.times or _NO_TIMES)))
+        file.close('rosbag2', {'serialized_metadata': to_yaml(self._metadata(self._files[-1:])).strip()})
+
+    def _metadata(self, files: Sequence['_File']) -> dict[str, Any]:
+        """Return the content of ``metadata.yaml`` for some of the files."""
+        counts = np.sum([file.counts for file in files], axis=0)
+        whole = _File('', counts, min(file.first for file in files), max(file.last for file in files))
+        return {
+            'version': _VERSION,
+            'storage_identifier': 'mcap',
+            'relative_file_paths': [file.name for file in files],
+            **whole.times_and_count(),
+            'topics_with_message_count': [
+                {
+                    'topic_metadata': {
+                        'name': topic.name,
+                        'type': topic.type_name,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': topic.offered_qos_profiles,
+                        'type_description_hash': topic.type_hash,
+                    },
+                    'message_count': count,
+                }
+                for topic, count in zip(self._topics, counts.tolist(), strict=True)
+            ],
+            # Chunks are compressed within MCAP, of which rosbag2's metadata say nothing.
+            'compression_format': '',
+            'compression_mode': '',
+            'files': [{'path': file.name, **file.times_and_count()} for file in files],
+            'custom_data': self._custom_data or None,
+            'ros_distro': 'jazzy',
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class _File:
+    """What `metadata.yaml` tells of a file: name, number of messages per topic, first and last time [ns]."""
+
+    name: str
+    counts: NDArray[np.int64]
+    first: int
+    last: int
+
+    def times_and_count(self) -> dict[str, Any]:
+        return {
+            'starting_time': {'nanoseconds_since_epoch': self.first},
+            'duration': {'nanoseconds': max(0, self.last - self.first)},
+            'message_count': int(self.counts.sum()),
+        }
+
+
+def _channel(topic: BagTopic) -> Channel:
+    metadata = {'offered_qos_profiles': to_yaml(topic.offered_qos_profiles).strip()}
+    return Channel(topic.name, topic.type_name, topic.definition, topic.encoding, metadata)

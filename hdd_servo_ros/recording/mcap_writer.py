@@ -1,0 +1,392 @@
+"""
+An MCAP file written in bulk: many messages become one array, a chunk's index another.
+
+The records are those of https://mcap.dev/spec, sections "Records" (each with its opcode, fields and byte order),
+"Chunk", "Message Index" and "Summary Section"; comments below name the record. All numbers are little-endian.
+"""
+
+import dataclasses
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.recording.crc import combined_crc
+from hdd_servo_ros.recording.zstd import compress
+
+MAGIC = b'\x89MCAP0\r\n'
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(0x0B, 0x10)
+CHUNK_SIZE = 2**20
+"""A chunk is closed before it would grow beyond this [bytes]; it is what a crash of the writing process loses."""
+
+MESSAGE_HEAD = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
+"""A Message record before its data."""
+_OPCODE_AND_LENGTH = 9
+_LOG_TIME, _PUBLISH_TIME = (MESSAGE_HEAD.fields[name][1] for name in ('log_time', 'publish_time'))  # type: ignore[index]
+INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
+"""An entry of a Message Index: log time, and offset of the message in the uncompressed chunk."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """
+    A topic of a file.
+
+    Attributes
+    ----------
+    topic
+        Full name.
+    type_name, definition
+        Name of the message type and its text: name, encoding and data of the Schema record.
+    encoding
+        Encoding of the definition.
+    metadata
+        Texts of the Channel record.
+    """
+
+    topic: str
+    type_name: str
+    definition: str
+    encoding: str
+    metadata: Mapping[str, str]
+
+
+class McapWriter:
+    """
+    Write a new MCAP file.
+
+    Parameters
+    ----------
+    path
+        The file; it must not exist.
+    channels
+        Its topics; messages name a topic by its index here.
+    library
+        What the Header record names as the file's writer.
+    compression
+        Of the chunks: ``none`` or ``zstd``.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists.
+    """
+
+    def __init__(self, path: Path, channels: Sequence[Channel], library: str, compression: str = 'none') -> None:
+        self._compress = _COMPRESSIONS[compression]
+        self._compression = b'' if compression == 'none' else compression.encode()
+        self._file = path.open('xb')
+        self._size = 0
+        self._crc = 0
+        self._counts = np.zeros(len(channels), dtype=np.int64)
+        self._chunk = _Chunk(len(channels))
+        self._chunk_indexes: list[bytes] = []
+        self._first, self._last = _NO_TIMES
+        self._schemas, self._channels = _schemas_and_channels(channels)
+        self._put(MAGIC + _record(HEADER, _text('ros2') + _text(library)))
+        self._chunk.append(np.frombuffer(b''.join((*self._schemas, *self._channels)), dtype=np.uint8))
+
+    @property
+    def size(self) -> int:
+        """Size of the file so far, with the chunk that is not written yet [bytes]."""
+        return self._size + self._chunk.size
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Number of messages of each topic."""
+        return self._counts
+
+    @property
+    def times(self) -> tuple[int, int] | None:
+        """First and last log time [ns]; None if there is no message."""
+        first, last = self._chunk.times
+        return (min(self._first, first), max(self._last, last)) if self._counts.any() else None
+
+    def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
+        """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+        template, starts = _tick_template(topics, messages.templates)
+        width = len(template)
+        times = messages.times
+        first = 0
+        while first < len(times):
+            self._make_room(width)
+            count = min(self._chunk.room // width, len(times) - first)
+            rows = self._chunk.take(count * width).reshape(count, width)
+            rows[:] = template
+            part = slice(first, first + count)
+            stamps = times[part].astype('<u8')
+            payloads = []
+            for start, message in zip(starts, messages.templates, strict=True):
+                for field in (_LOG_TIME, _PUBLISH_TIME):
+                    rows[:, start + field : start + field + 8].view('<u8')[:, 0] = stamps
+                data = start + MESSAGE_HEAD.itemsize
+                payloads.append(rows[:, data : data + len(message)])
+            messages.fill(part, payloads)
+            offsets = self._chunk.size - count * width + width * np.arange(count)
+            for topic, start in zip(topics, starts, strict=True):
+                self._enter(topic, stamps, offsets + start)
+            first += count
+
+    def write_messages(
+        self,
+        topics: NDArray[np.int64],
+        times: NDArray[np.int64],
+        sizes: NDArray[np.int64],
+        payloads: memoryview,
+    ) -> None:
+        """
+        Write messages of any size in any order.
+
+        Parameters
+        ----------
+        topics, times, sizes
+            Index of the topic, log time [ns] and size [bytes] of each message, shape (n,).
+        payloads
+            The messages, one after the other.
+        """
+        heads = np.zeros(len(topics), dtype=MESSAGE_HEAD)
+        heads['opcode'] = MESSAGE
+        heads['length'] = sizes + (MESSAGE_HEAD.itemsize - _OPCODE_AND_LENGTH)
+        heads['channel'] = topics + 1
+        heads['log_time'] = heads['publish_time'] = times
+        records: list[bytes | memoryview] = [b''] * (2 * len(topics))
+        records[0::2] = _cut(heads.view(np.uint8).data, [MESSAGE_HEAD.itemsize] * len(topics))
+        records[1::2] = _cut(payloads, sizes.tolist())
+        data = np.frombuffer(b''.join(records), dtype=np.uint8)
+        ends = np.cumsum(sizes + MESSAGE_HEAD.itemsize)
+        starts = ends - sizes - MESSAGE_HEAD.itemsize
+        first = 0
+        while first < len(topics):
+            begin = int(starts[first])
+            self._make_room(int(ends[first]) - begin)
+            last = int(np.searchsorted(ends, begin + self._chunk.room, side='right'))
+            part = slice(first, last)
+            offsets = self._chunk.size + starts[part] - begin
+            self._chunk.append(data[begin : int(ends[last - 1])])
+            for topic in np.unique(topics[part]).tolist():
+                chosen = topics[part] == topic
+                self._enter(topic, times[part][chosen], offsets[chosen])
+            first = last
+
+    def _make_room(self, size: int) -> None:
+        """See to it that the chunk has room for a record of ``size`` bytes."""
+        if self._chunk.room < size and self._chunk.has_messages:
+            self._close_chunk()
+        # A record that is larger than a chunk gets a larger chunk.
+        self._chunk.reserve(size)
+
+    def _enter(self, topic: int, times: NDArray[np.integer], offsets: NDArray[np.int64]) -> None:
+        self._counts[topic] += len(times)
+        self._chunk.enter(topic, times, offsets)
+
+    def _put(self, data: bytes | memoryview, crc: int | None = None) -> None:
+        """Write data, whose checksum may be known."""
+        self._file.write(data)
+        self._crc = zlib.crc32(data, self._crc) if crc is None else combined_crc(self._crc, crc, len(data))
+        self._size += len(data)
+
+    def _close_chunk(self) -> None:
+        """Write the chunk with its Message Index records, and begin another."""
+        chunk, start = self._chunk, self._size
+        first, last = chunk.times
+        self._first, self._last = min(self._first, first), max(self._last, last)
+        if not chunk.has_messages:
+            first = last = 0
+        records = self._compress(chunk.records)
+        crc = zlib.crc32(chunk.records)
+        head = struct.pack('<QQQI', first, last, chunk.size, crc)
+        head += _bytes(self._compression) + struct.pack('<Q', len(records))
+        self._put(struct.pack('<BQ', CHUNK, len(head) + len(records)) + head)
+        self._put(records, None if self._compression else crc)
+        end = self._size
+        indexes = [(topic + 1, _index_record(topic + 1, entries)) for topic, entries in chunk.entries()]
+        offsets, place = [], end
+        for channel, index in indexes:
+            offsets.append(struct.pack('<HQ', channel, place))
+            place += len(index)
+        self._put(b''.join(index for _, index in indexes))
+        # What is complete is the system's from here on, whatever happens to this process.
+        self._file.flush()
+        self._chunk_indexes.append(
+            _record(
+                CHUNK_INDEX,
+                struct.pack('<QQQQ', first, last, start, end - start)
+                + _bytes(b''.join(offsets))
+                + struct.pack('<Q', self._size - end)
+                + _bytes(self._compression)
+                + struct.pack('<QQ', len(records), chunk.size),
+            )
+        )
+        chunk.clear()
+
+    def close(self, name: str, metadata: Mapping[str, str]) -> None:
+        """Write the last chunk, a Metadata record of this name, and the summary; the file is complete then."""
+        if self._chunk.size:
+            self._close_chunk()
+        start = self._size
+        self._put(_record(METADATA, _text(name) + _map(metadata)))
+        index = _record(METADATA_INDEX, struct.pack('<QQ', start, self._size - start) + _text(name))
+        self._put(_record(DATA_END, struct.pack('<I', self._crc)))
+        groups = (
+            (SCHEMA, self._schemas),
+            (CHANNEL, self._channels),
+            (CHUNK_INDEX, self._chunk_indexes),
+            (METADATA_INDEX, [index]),
+            (STATISTICS, [self._statistics()]),
+        )
+        summary, offsets = b'', b''
+        for opcode, records in groups:
+            group = b''.join(records)
+            if group:
+                place = self._size + len(summary)
+                offsets += _record(SUMMARY_OFFSET, struct.pack('<BQQ', opcode, place, len(group)))
+            summary += group
+        # The Footer's checksum covers the summary and the Footer itself up to there.
+        footer = struct.pack('<BQQQ', FOOTER, 20, self._size, self._size + len(summary))
+        content = summary + offsets + footer
+        self._put(content + struct.pack('<I', zlib.crc32(content)) + MAGIC)
+        self._file.close()
+
+    def _statistics(self) -> bytes:
+        first, last = self.times or (0, 0)
+        counts = b''.join(struct.pack('<HQ', index + 1, count) for index, count in enumerate(self._counts.tolist()))
+        numbers = int(self._counts.sum()), len(self._schemas), len(self._channels), 0, 1, len(self._chunk_indexes)
+        return _record(STATISTICS, struct.pack('<QHIIIIQQ', *numbers, first, last) + _bytes(counts))
+
+
+_NO_TIMES = 2**63 - 1, 0
+
+
+class _Chunk:
+    """The records that are to be written next."""
+
+    def __init__(self, topics: int) -> None:
+        self._buffer = np.empty(CHUNK_SIZE, dtype=np.uint8)
+        self._entries: list[list[NDArray[np.void]]] = [[] for _ in range(topics)]
+        self._order: dict[int, None] = {}
+        self.size = 0
+        self.times = _NO_TIMES
+
+    @property
+    def records(self) -> memoryview:
+        return self._buffer[: self.size].data
+
+    @property
+    def room(self) -> int:
+        return len(self._buffer) - self.size
+
+    @property
+    def has_messages(self) -> bool:
+        return bool(self._order)
+
+    def reserve(self, size: int) -> None:
+        if self.room < size:
+            self._buffer = np.concatenate((self._buffer[: self.size], np.empty(size, dtype=np.uint8)))
+
+    def take(self, size: int) -> NDArray[np.uint8]:
+        """Return the next ``size`` bytes, to be filled."""
+        self.reserve(size)
+        self.size += size
+        return self._buffer[self.size - size : self.size]
+
+    def append(self, records: NDArray[np.uint8]) -> None:
+        self.take(len(records))[:] = records
+
+    def enter(self, topic: int, times: NDArray[np.integer], offsets: NDArray[np.int64]) -> None:
+        """Note where messages of a topic are."""
+        entries = np.empty(len(times), dtype=INDEX_ENTRY)
+        entries['time'], entries['offset'] = times, offsets
+        self._entries[topic].append(entries)
+        self._order[topic] = None
+        self.times = min(self.times[0], int(times.min())), max(self.times[1], int(times.max()))
+
+    def entries(self) -> Iterable[tuple[int, NDArray[np.void]]]:
+        """Iterate over the topics, by their first messages, with where their messages are."""
+        return ((topic, np.concatenate(self._entries[topic])) for topic in self._order)
+
+    def clear(self) -> None:
+        self._buffer = self._buffer[:CHUNK_SIZE]
+        for topic in self._order:
+            self._entries[topic] = []
+        self._order = {}
+        self.size = 0
+        self.times = _NO_TIMES
+
+
+def _tick_template(topics: Sequence[int], messages: Sequence[bytes]) -> tuple[NDArray[np.uint8], list[int]]:
+    """Return the Message records of a tick, and where each begins."""
+    records, starts, place = [], [], 0
+    for topic, message in zip(topics, messages, strict=True):
+        length = MESSAGE_HEAD.itemsize - _OPCODE_AND_LENGTH + len(message)
+        head = np.array((MESSAGE, length, topic + 1, 0, 0, 0), dtype=MESSAGE_HEAD)
+        records.append(head.tobytes() + message)
+        starts.append(place)
+        place += len(records[-1])
+    return np.frombuffer(b''.join(records), dtype=np.uint8), starts
+
+
+def _schemas_and_channels(channels: Sequence[Channel]) -> tuple[list[bytes], list[bytes]]:
+    """Return the Schema records, one per message type, and the Channel records."""
+    numbers: dict[str, int] = {}
+    schemas, records = [], []
+    for index, channel in enumerate(channels):
+        if channel.type_name not in numbers:
+            numbers[channel.type_name] = len(numbers) + 1
+            content = _text(channel.type_name) + _text(channel.encoding) + _text(channel.definition)
+            schemas.append(_record(SCHEMA, struct.pack('<H', numbers[channel.type_name]) + content))
+        head = struct.pack('<HH', index + 1, numbers[channel.type_name])
+        records.append(_record(CHANNEL, head + _text(channel.topic) + _text('cdr') + _map(channel.metadata)))
+    return schemas, records
+
+
+def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
+    data = entries.tobytes()
+    return struct.pack('<BQHI', MESSAGE_INDEX, 6 + len(data), channel, len(data)) + data
+
+
+def _record(opcode: int, content: bytes) -> bytes:
+    return struct.pack('<BQ', opcode, len(content)) + content
+
+
+def _bytes(data: bytes) -> bytes:
+    return struct.pack('<I', len(data)) + data
+
+
+def _text(text: str) -> bytes:
+    return _bytes(text.encode())
+
+
+def _map(texts: Mapping[str, str]) -> bytes:
+    return _bytes(b''.join(_text(key) + _text(text) for key, text in texts.items()))
+
+
+def _cut(data: memoryview, sizes: Iterable[int]) -> list[memoryview]:
+    parts, place = [], 0
+    for size in sizes:
+        parts.append(data[place : place + size])
+        place += size
+    return parts
+
+
+def _as_it_is(data: memoryview) -> memoryview:
+    return data
+
+
+_COMPRESSIONS: dict[str, Callable[[memoryview], bytes | memoryview]] = {
+    'none': _as_it_is,
+    'zstd': compress,
+}

@@ -1,0 +1,89 @@
+"""A rosbag2 bag of an sqlite3 database, written with `rosbags`, carrying what `ros2 bag info` of Jazzy reads."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+from rosbags.typesys import Stores, get_typestore
+
+from hdd_servo_ros.messages.tick_messages import TickMessages
+
+_WRITTEN_BY = 'ros_distro: rosbags'
+_DISTRIBUTION = 'ros_distro: jazzy'
+_FOREVER = QosTime(9223372036, 854775807)
+
+
+class _JazzySqlite3Writer(Sqlite3Writer):
+    SQLITE_SCHEMA = Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'")
+
+    def close(self, version: int, metadata: str) -> None:
+        super().close(version, metadata.replace(_WRITTEN_BY, _DISTRIBUTION))
+
+
+class _JazzyWriter(Writer):
+    """`rosbags` names itself as the distribution; the message definitions and hashes here are Jazzy's."""
+
+    STORAGE_PLUGINS = MappingProxyType({StoragePlugin.SQLITE3: _JazzySqlite3Writer})
+
+    def close(self) -> None:
+        super().close()
+        temporary = self.metapath.with_suffix('.yaml.tmp')
+        temporary.write_text(self.metapath.read_text('utf8').replace(_WRITTEN_BY, _DISTRIBUTION), 'utf8')
+        temporary.replace(self.metapath)
+
+
+def _offered_qos(depth: int) -> Qos:
+    return Qos(
+        QosHistory.KEEP_LAST,
+        depth,
+        QosReliability.RELIABLE,
+        QosDurability.VOLATILE,
+        _FOREVER,
+        _FOREVER,
+        QosLiveliness.AUTOMATIC,
+        _FOREVER,
+        False,
+    )
+
+
+class Sqlite3Bag:
+    """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
+
+    def __init__(self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> None:
+        self._writer = _JazzyWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        for key, text in metadata.items():
+            self._writer.set_custom_data(key, text)
+        self._writer.open()
+        types = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: list[Connection] = [
+            self._writer.add_connection(name, type_name, typestore=types, offered_qos_profiles=(_offered_qos(depth),))
+            for name, type_name, depth in topics
+        ]
+
+    def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
+        """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+        count = len(messages.times)
+        payloads = [np.tile(np.frombuffer(template, np.uint8), (count, 1)) for template in messages.templates]
+        messages.fill(slice(0, count), payloads)
+        write, connections = self._writer.write, [self._connections[topic] for topic in topics]
+        for tick, time in enumerate(messages.times.tolist()):
+            for connection, rows in zip(connections, payloads, strict=True):
+                write(connection, time, rows[tick].data)
+
+    def write_messages(
+        self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
+    ) -> None:
+        """Write messages: topic, time [ns] and size [bytes] of each, and all of them one after the other."""
+        ends = np.cumsum(sizes)
+        numbers = (topics.tolist(), times.tolist(), (ends - sizes).tolist(), ends.tolist())
+        for topic, time, start, end in zip(*numbers, strict=True):
+            self._writer.write(self._connections[topic], time, payloads[start:end])
+
+    def close(self) -> None:
+        """Write the index and ``metadata.yaml``."""
+        self._writer.close()

@@ -1,0 +1,63 @@
+"""Zstandard, by the library that `rosbags` brings for it; imported only where a bag is compressed."""
+
+from types import ModuleType
+from typing import Any
+
+LEVEL = 3
+"""Compression level: on a default run, higher ones gain little and take much longer."""
+
+
+def _library() -> ModuleType:
+    """
+    Return the library.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If it is not installed.
+    """
+    from backports import zstd
+
+    return zstd
+
+
+def compress(data: Any) -> bytes:
+    """Return the bytes of a buffer as one Zstandard frame."""
+    frame: bytes = _library().compress(data, level=LEVEL)
+    return frame
+
+
+def decompress(frame: Any) -> bytes:
+    """
+    Return the content of a whole frame.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged or cut off.
+    """
+    library = _library()
+    try:
+        content: bytes = library.decompress(frame)
+    except library.ZstdError as error:
+        raise ValueError(f'not a whole Zstandard frame: {error}') from None
+    return content
+
+
+def decompress_beginning(frame: Any) -> bytes:
+    """Return what can be had of a frame that may be cut off or damaged: the content of its first whole blocks."""
+    library = _library()
+    decompressor = library.ZstdDecompressor()
+    content = b''
+    try:
+        # In small pieces, so that damage takes no more than the block that it is in.
+        for start in range(0, len(frame), _PIECE):
+            content += decompressor.decompress(frame[start : start + _PIECE])
+            if decompressor.eof:
+                break
+    except library.ZstdError:
+        pass
+    return content
+
+
+_PIECE = 4096
