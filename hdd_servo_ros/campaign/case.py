@@ -14,7 +14,7 @@ from hdd_servo_ros.version import __version__
 
 _NOT_COMPARED = {
     'deterministic_timer': ('rate', 'progress', 'lookahead', 'start_timeout', 'peer_timeout'),
-    'bag_recorder': ('run_dir', 'storage'),
+    'bag_recorder': ('run_dir', 'storage', 'compression', 'max_bag_size', 'max_bag_duration'),
 }
 """Parameters on which no bit of a run depends."""
 

@@ -17,8 +17,10 @@ from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
 from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
@@ -68,7 +70,11 @@ class BagRecorder(CatalogueNode):
                 [(port.topic, port.name) for port in self.inputs],
                 run.description(),
                 separate_process=self._separate_process,
+                recorded=parameters.topics,
+                options=BagOptions.of(parameters),
             )
+        except ParameterError as error:
+            raise RunError(str(error)) from None
         except OSError as error:
             raise RunError(
                 f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is refused: {error}'

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 from hdd_servo_ros.parameters.schedule import FORM, Change, parse_schedule
 
@@ -154,6 +155,44 @@ class RecorderParameters(ParameterSet):
         '', 'folder of the run; empty makes runs/<date-time>-<controller> below the working folder', read_only=True
     )
     storage: str = parameter('mcap', 'storage of the bag', choices=('mcap', 'sqlite3'), read_only=True)
+    compression: str = parameter(
+        'none',
+        'compression of an mcap bag, chunk by chunk: a run takes less space and more processor time',
+        choices=('none', 'zstd'),
+        read_only=True,
+    )
+    max_bag_size: int = parameter(
+        0,
+        'size beyond which an mcap bag goes on in another file; 0 for one file of any size',
+        unit='bytes',
+        minimum=0,
+        read_only=True,
+    )
+    max_bag_duration: float = parameter(
+        0.0,
+        'simulated time after which an mcap bag goes on in another file; 0 for one file of any duration',
+        unit='s',
+        minimum=0.0,
+        read_only=True,
+    )
+    topics: tuple[str, ...] = parameter(
+        (),
+        'loop topics to record, such as head and control; empty for all; parameter events are always recorded',
+        read_only=True,
+        element=str,
+    )
+
+    def check_together(self) -> None:
+        """Refuse what only MCAP can do with another storage, and topics that are none of the loop."""
+        if self.storage != 'mcap':
+            for name in ('compression', 'max_bag_size', 'max_bag_duration'):
+                default = next(field.default for field in dataclasses.fields(self) if field.name == name)
+                if getattr(self, name) != default:
+                    allowed = f'{default!r} with storage = {self.storage!r}'
+                    raise ParameterError(name, getattr(self, name), allowed)
+        names = [topic.name for topic in ALL_LOOP_TOPICS]
+        if not set(self.topics) <= set(names):
+            raise ParameterError('topics', self.topics, f'a list, each element one of {", ".join(names)}')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """
 A rosbag2 bag read by topic, many messages at once.
 
-The messages of a loop topic all have one size, so that a topic of 100 000 ticks is one array of bytes. MCAP files are
-read through their message indexes, sqlite3 files by one query a topic; what else there is (compressed bags, files
-without an index) goes through the reader of `rosbags`, message by message.
+The messages of a loop topic all have one size, so that a topic of 100 000 ticks is one array of bytes. MCAP files,
+their chunks compressed by zstd or not, are read through their message indexes, sqlite3 files by one query a topic; what
+else there is (bags that rosbag2 has compressed, files without an index) goes through the reader of `rosbags`, message
+by message.
 """
 
 import contextlib
@@ -19,6 +20,8 @@ from typing import Any
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+
+from hdd_servo_ros.recording.zstd import decompress
 
 _YamlLoader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
@@ -232,8 +235,9 @@ class _McapFile:
                 start, _, map_size = struct.unpack_from('<QQI', self._content, offset + 16)
                 entries = self._content[offset + 36 : offset + 36 + map_size]
                 indexes = dict(struct.iter_unpack('<HQ', entries))
-                (compression,) = struct.unpack_from('<I', self._content, offset + 36 + map_size + 8)
-                if compression or not indexes:
+                (length,) = struct.unpack_from('<I', self._content, offset + 36 + map_size + 8)
+                compression = self._content[offset + 48 + map_size : offset + 48 + map_size + length]
+                if compression not in _DECOMPRESSORS or not indexes:
                     raise _NotInBulk
                 self._chunks.append((start, indexes))
             offset += size
@@ -253,12 +257,8 @@ class _McapFile:
 
     def _chunk_column(self, start: int, index: int) -> Column:
         """Return the messages of one channel in the chunk at ``start``, found by the index record at ``index``."""
-        size, crc, _, data_size = struct.unpack_from('<QIIQ', self._content, start + 25)
-        data = memoryview(self._content)[start + 49 : start + 49 + size]
-        if data_size != size or len(data) != size:
-            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
-        if crc and zlib.crc32(data) != crc:
-            raise BagError(f'{self._path}: the chunk at byte {start} is damaged: its checksum is wrong')
+        data = self._chunk_data(start)
+        size = len(data)
         (length,) = struct.unpack_from('<I', self._content, index + _INDEX_HEAD - 4)
         entries = np.frombuffer(self._content, _INDEX_ENTRY, length // _INDEX_ENTRY.itemsize, index + _INDEX_HEAD)
         content = np.frombuffer(data, dtype=np.uint8)
@@ -274,6 +274,25 @@ class _McapFile:
             return Column(times, _gather(content, starts, int(lengths[0])))
         return Column(times, [bytes(data[at : at + size]) for at, size in zip(starts, lengths, strict=True)])
 
+    def _chunk_data(self, start: int) -> memoryview:
+        """Return the records of the chunk at ``start``."""
+        size, crc, length = struct.unpack_from('<QII', self._content, start + 25)
+        compression = self._content[start + 41 : start + 41 + length]
+        (stored,) = struct.unpack_from('<Q', self._content, start + 41 + length)
+        begin = start + 49 + length
+        data = memoryview(self._content)[begin : begin + stored]
+        if len(data) != stored:
+            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
+        try:
+            data = _DECOMPRESSORS[compression](data)
+        except ValueError as error:
+            raise BagError(f'{self._path}: the chunk at byte {start} is damaged: {error}') from None
+        if len(data) != size:
+            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
+        if crc and zlib.crc32(data) != crc:
+            raise BagError(f'{self._path}: the chunk at byte {start} is damaged: its checksum is wrong')
+        return data
+
 
 def _gather(content: NDArray[np.uint8], starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
     """Return a copy of ``size`` bytes at each of ``starts``, shape (n, size); all must lie inside."""
@@ -287,4 +306,8 @@ def _gather(content: NDArray[np.uint8], starts: NDArray[np.int64], size: int) ->
     return copied
 
 
+_DECOMPRESSORS: dict[bytes, Callable[[memoryview], memoryview]] = {
+    b'': lambda data: data,
+    b'zstd': lambda data: memoryview(decompress(data)),
+}
 _BULK_READERS: dict[str, Callable[[Path, str], Column]] = {'mcap': _read_mcap, 'sqlite3': _read_sqlite3}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.tick_messages import Messages, TickMessages
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.mcap_bag import McapBag
 
 STORAGES = ('mcap', 'sqlite3')
@@ -27,23 +28,30 @@ class BagWriter:
         Absolute name, type name and offered queue depth of each topic; messages name a topic by its index here.
     metadata
         Texts kept in the bag's ``custom_data``.
+    options
+        Compression and splitting.
 
     Raises
     ------
     ValueError
-        If the storage is unknown.
+        If the storage is unknown, or cannot do what the options ask for.
     FileExistsError
         If the path exists already: nothing is overwritten.
     """
 
     def __init__(
-        self, path: Path, storage: str, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]
+        self,
+        path: Path,
+        storage: str,
+        topics: Sequence[tuple[str, str, int]],
+        metadata: dict[str, str],
+        options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
     ) -> None:
         if storage not in STORAGES:
             raise ValueError(f'parameter storage = {storage!r} is refused: one of {", ".join(STORAGES)}')
         if path.exists():
             raise FileExistsError(f'{path} exists already')
-        self._bag = _BAGS[storage](path, topics, metadata)
+        self._bag = _BAGS[storage](path, topics, metadata, options)
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
         """Write messages in order: index of the topic, receive time [ns] and payload of each."""
@@ -117,11 +125,11 @@ class _BatchOfTicks:
             rows[:] = self._rows[ticks, end - rows.shape[1] : end]
 
 
-def _sqlite3_bag(path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> Any:
+def _sqlite3_bag(*arguments: Any) -> Any:
     # Imported late: it takes `rosbags` a while to be imported, and most bags are MCAP.
     from hdd_servo_ros.recording.sqlite3_bag import Sqlite3Bag
 
-    return Sqlite3Bag(path, topics, metadata)
+    return Sqlite3Bag(*arguments)
 
 
 _BAGS: dict[str, Any] = {'mcap': McapBag, 'sqlite3': _sqlite3_bag}

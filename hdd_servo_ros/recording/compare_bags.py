@@ -85,9 +85,10 @@ def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple
 
 
 def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
-    """Iterate over the topics to compare: those of every run, and the optional ones that either run holds."""
+    """Iterate over the topics to compare: those that either run holds, the optional ones if there are messages."""
     for topic in ALL_LOOP_TOPICS:
-        if not topic.is_optional or topic.name in left.run or topic.name in right.run:
+        runs = (left.run, right.run)
+        if any(topic.name in run if topic.is_optional else topic.name in run.counts for run in runs):
             yield topic
 
 

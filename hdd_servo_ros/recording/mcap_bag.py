@@ -1,4 +1,4 @@
-"""A rosbag2 bag of MCAP files, written in bulk."""
+"""A rosbag2 bag of one MCAP file or several, written in bulk."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,12 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.messages.ticks import NANOSECONDS
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_topics import BagTopic, bag_topics, to_yaml
 from hdd_servo_ros.recording.mcap_writer import Channel, McapWriter
+from hdd_servo_ros.recording.zstd import require_zstd
 from hdd_servo_ros.version import __version__
 
 _VERSION = 9
 """Of rosbag2's format."""
+_TICKS_BETWEEN_SPLITS = 512
+"""Ticks after which the size of a file is looked at."""
 _NO_TIMES = 2**63 - 1, 0
 """First and last time of a bag without messages, as rosbag2 writes them."""
 
@@ -22,32 +28,67 @@ _NO_TIMES = 2**63 - 1, 0
 class McapBag:
     """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
 
-    def __init__(self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> None:
+    def __init__(
+        self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str], options: BagOptions
+    ) -> None:
+        if options.compression != 'none':
+            # Now, not at the first chunk.
+            try:
+                require_zstd()
+            except ValueError as error:
+                raise ParameterError('compression', options.compression, str(error)) from None
         self._path = path
         self._topics = bag_topics(topics)
         self._custom_data = dict(metadata)
         path.mkdir(parents=True)
         self._files: list[_File] = []
-        self._name = f'{path.name}.mcap'
+        self._options = options
         self._file = self._open()
 
     def _open(self) -> McapWriter:
-        return McapWriter(
-            self._path / self._name, [_channel(topic) for topic in self._topics], f'hdd_servo_ros {__version__}'
-        )
+        self._name = f'{self._path.name}_{len(self._files)}.mcap' if self._options.splits else f'{self._path.name}.mcap'
+        channels = [_channel(topic) for topic in self._topics]
+        return McapWriter(self._path / self._name, channels, f'hdd_servo_ros {__version__}', self._options.compression)
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
         """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
-        self._file.write_ticks(topics, messages)
+        times = messages.times
+        first = 0
+        while first < len(times):
+            count = self._fitting(times[first : first + _TICKS_BETWEEN_SPLITS] if self._options.splits else times)
+            self._file.write_ticks(topics, messages, slice(first, first + count))
+            first += count
 
     def write_messages(
         self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
     ) -> None:
         """Write messages of any size in any order; see :meth:`McapWriter.write_messages`."""
-        self._file.write_messages(topics, times, sizes, payloads)
+        ends = np.cumsum(sizes)
+        first = 0
+        while first < len(times):
+            part = slice(first, first + self._fitting(times[first:]))
+            begin, end = int(ends[part][0] - sizes[first]), int(ends[part][-1])
+            self._file.write_messages(topics[part], times[part], sizes[part], payloads[begin:end])
+            first = part.stop
+
+    def _fitting(self, times: NDArray[np.int64]) -> int:
+        """Return how many of the next messages, by their times [ns], the file takes; open another if it takes none."""
+        longest = round(self._options.max_bag_duration * NANOSECONDS)
+        begun = self._file.times
+        if begun is not None:
+            is_too_large = 0 < self._options.max_bag_size < self._file.size
+            is_too_long = 0 < longest < times[0] - begun[0]
+            if is_too_large or is_too_long:
+                self._close_file()
+                self._file = self._open()
+                begun = None
+        if not longest:
+            return len(times)
+        late = np.flatnonzero(times - (times[0] if begun is None else begun[0]) > longest)
+        return int(late[0]) if len(late) else len(times)
 
     def close(self) -> None:
-        """Complete the file, and write ``metadata.yaml``."""
+        """Complete the last file, and write ``metadata.yaml``."""
         self._close_file()
         temporary = self._path / 'metadata.yaml.tmp'
         temporary.write_text(to_yaml({'rosbag2_bagfile_information': self._metadata(self._files)}), 'utf8')

@@ -102,8 +102,8 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """Size of the file so far, with the chunk that is not written yet [bytes]."""
-        return self._size + self._chunk.size
+        """Size of the file so far, without the chunk that is not written yet [bytes]."""
+        return self._size
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -116,15 +116,15 @@ class McapWriter:
         first, last = self._chunk.times
         return (min(self._first, first), max(self._last, last)) if self._counts.any() else None
 
-    def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
-        """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+    def write_ticks(self, topics: Sequence[int], messages: TickMessages, ticks: slice) -> None:
+        """Write the messages of some of the ticks, one per topic and tick, within each in the order of ``topics``."""
         template, starts = _tick_template(topics, messages.templates)
         width = len(template)
         times = messages.times
-        first = 0
-        while first < len(times):
+        first = ticks.start
+        while first < ticks.stop:
             self._make_room(width)
-            count = min(self._chunk.room // width, len(times) - first)
+            count = min(self._chunk.room // width, ticks.stop - first)
             rows = self._chunk.take(count * width).reshape(count, width)
             rows[:] = template
             part = slice(first, first + count)

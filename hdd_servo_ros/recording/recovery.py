@@ -3,14 +3,15 @@
 import dataclasses
 import itertools
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS, RECORDER
 from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
@@ -76,14 +77,12 @@ class Recovery:
             raise RecoveryError(f'{run} is not a run folder: it has neither run.yaml nor bag/')
         self._said_fault = ''
         self._said = self._read_run_yaml()
-        files = [path for ending in _ENDINGS for path in sorted((run / 'bag').glob(f'*{ending}'))]
-        self._file = files[0] if files else None
-        if self._file is not None and (user := _user_of(self._file)) is not None:
-            raise RecoveryError(f'{run}: process {user} still has the bag open')
-        self._salvage = Salvage()
+        self._files = _bag_files(run / 'bag')
+        for file in self._files:
+            if (user := _user_of(file)) is not None:
+                raise RecoveryError(f'{run}: process {user} still has the bag open')
         self._bag_fault = '' if self._is_given_up() else self._find_bag_fault()
-        if self._file is not None:
-            self._salvage = salvage(self._file)
+        self._salvage = _salvage_all(self._files)
         self._topics = self._loop_topics()
         self._step = self._tick_ns()
         self.finding = self._judge()
@@ -101,7 +100,7 @@ class Recovery:
         return moved and self._said.get('last_tick') == -1
 
     def _find_bag_fault(self) -> str:
-        if self._file is None:
+        if not self._files:
             return 'bag/ holds neither an .mcap nor a .db3 file'
         if not (self.run / 'bag' / 'metadata.yaml').is_file():
             return 'metadata.yaml is missing: the bag was never closed'
@@ -147,7 +146,7 @@ class Recovery:
         status, reason = str(self._said.get('status', RUNNING)), str(self._said.get('reason', ''))
         faults = [self._bag_fault] if self._bag_fault else []
         if self._salvage.fault:
-            faults.append(f'{self._file}: {self._salvage.fault}')
+            faults.append(self._salvage.fault)
         if status == RUNNING:
             faults.append(self._said_fault or 'run.yaml says that the run is still running')
         elif status == FINISHED and ticks - 1 < (self._said.get('last_tick') or 0):
@@ -175,8 +174,8 @@ class Recovery:
             return ()
         is_damaged = bool(self._bag_fault or self._salvage.fault)
         new_bag = None
-        if self._file is not None and self.finding.last_tick >= 0 and is_damaged:
-            new_bag = self._write_bag(self._file)
+        if self._files and self.finding.last_tick >= 0 and is_damaged:
+            new_bag = self._write_bag()
         backup = _free_name(self.run / BACKUP)
         backup.mkdir()
         if (self.run / 'run.yaml').exists():
@@ -195,7 +194,7 @@ class Recovery:
         rewrite_run_yaml(self.run, content)
         return tuple(sorted(backup.iterdir()))
 
-    def _write_bag(self, file: Path) -> Path:
+    def _write_bag(self) -> Path:
         workshop = self.run / _WORKSHOP
         shutil.rmtree(workshop, ignore_errors=True)
         workshop.mkdir()
@@ -203,9 +202,10 @@ class Recovery:
         places = {topic: place for place, topic in enumerate(types)}
         writer = BagWriter(
             workshop / 'bag',
-            _ENDINGS[file.suffix],
+            _ENDINGS[self._files[0].suffix],
             [(topic, kind, queue_depth(topic)) for topic, kind in types.items()],
             bag_metadata(self._said),
+            self._options(),
         )
         kept = self._kept(self.finding.last_tick + 1)
         while batch := list(itertools.islice(kept, _BATCH)):
@@ -213,6 +213,35 @@ class Recovery:
             writer.write([places[topic] for topic in topics], times, payloads)
         writer.close()
         return workshop / 'bag'
+
+    def _options(self) -> BagOptions:
+        """Return how the bag was to be stored, by the parameters of its recorder; the defaults where nothing tells."""
+        nodes = self._said.get('nodes', {})
+        recorders = [node['parameters'] for name, node in nodes.items() if name.rsplit('/', 1)[-1] == RECORDER]
+        known = {field.name for field in dataclasses.fields(BagOptions)}
+        found = recorders[0] if recorders else {}
+        return BagOptions(**{name: value for name, value in found.items() if name in known})
+
+
+def _bag_files(bag: Path) -> list[Path]:
+    """Return the files of a bag in the order in which they were written."""
+    files = [path for ending in _ENDINGS for path in bag.glob(f'*{ending}')]
+    # Of bag_2 and bag_10 the shorter name is the earlier one.
+    return sorted(files, key=lambda path: (list(_ENDINGS).index(path.suffix), len(path.name), path.name))
+
+
+def _salvage_all(files: Sequence[Path]) -> Salvage:
+    """Return what can be read of the files of a bag."""
+    whole = Salvage()
+    faults = []
+    for file in files:
+        found = salvage(file)
+        whole.types |= found.types
+        whole.messages += found.messages
+        if found.fault:
+            faults.append(f'{file}: {found.fault}')
+    whole.fault = '; '.join(faults)
+    return whole
 
 
 def _free_name(path: Path) -> Path:

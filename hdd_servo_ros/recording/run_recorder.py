@@ -10,6 +10,8 @@ from hdd_servo_ros.graph.catalogue import CONTROLLERS
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.messages.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
 from hdd_servo_ros.recording.writer_process import WriterProcess
@@ -30,6 +32,10 @@ class RunRecorder:
         ``mcap`` or ``sqlite3``.
     topics
         For every topic that has one message a tick: the loop topic, and the full name that it goes by.
+    recorded
+        Names of those to record; all if empty.
+    options
+        Compression and splitting of the bag.
     description
         What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.RunPlan`.
     separate_process
@@ -39,6 +45,8 @@ class RunRecorder:
     ------
     FileExistsError
         If the folder exists.
+    ParameterError
+        If no topic is left to record.
     """
 
     def __init__(
@@ -49,10 +57,19 @@ class RunRecorder:
         description: Mapping[str, Any],
         *,
         separate_process: bool,
+        recorded: Sequence[str] = (),
+        options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
     ) -> None:
+        self._chosen = _chosen(topics, recorded)
+        published, topics = topics, [topics[index] for index in self._chosen]
+        self.topics: list[LoopTopic] = [topic for topic, _ in topics]
+        """The loop topics that are recorded."""
         controller = controller_name(description['nodes'])
         names = {topic.name: full_name for topic, full_name in topics}
         said = {'controller': controller, 'storage': storage, 'topics': names, **description}
+        left_out = {topic.name: full_name for topic, full_name in published if topic.name not in names}
+        if left_out:
+            said['topics_left_out'] = left_out
         self._folder = RunFolder(Path(run_dir), said) if run_dir else _default_folder(controller, said)
         listed = [(full_name, topic.type_name, queue_depth(full_name)) for topic, full_name in topics]
         listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, queue_depth(PARAMETER_EVENTS)))
@@ -60,7 +77,7 @@ class RunRecorder:
         writer = WriterProcess if separate_process else BagWriter
         self._writer: WriterProcess | BagWriter | None = None
         try:
-            self._writer = writer(self._folder.bag, storage, listed, metadata)
+            self._writer = writer(self._folder.bag, storage, listed, metadata, options)
         except Exception as error:
             self._folder.close(FAILED, f'the bag cannot be opened: {error}', -1)
             raise
@@ -83,8 +100,10 @@ class RunRecorder:
         return self._writer is not None
 
     def write_tick(self, tick: int, stamp_ns: int, messages: Sequence[bytes]) -> None:
-        """Write the messages of one tick, in the topics' order; their receive time is the tick's time [ns]."""
+        """Take the messages of one tick, of all topics of the run; their receive time is the tick's time [ns]."""
         assert self._writer is not None
+        if len(self._chosen) < len(messages):
+            messages = [messages[index] for index in self._chosen]
         self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
         if tick == 0:
             self._first_tick_at = time.monotonic()
@@ -94,7 +113,7 @@ class RunRecorder:
         self._last_tick = tick
 
     def write_ticks(self, last_tick: int, messages: TickMessages) -> None:
-        """Write the messages of many ticks up to ``last_tick``, one per topic and tick, in the topics' order."""
+        """Write the messages of many ticks up to ``last_tick``, one per tick and topic of :attr:`topics`."""
         assert isinstance(self._writer, BagWriter)
         self._writer.write_ticks(self._loop_topics, messages)
         self._last_tick = last_tick
@@ -125,6 +144,15 @@ class RunRecorder:
                 wall_time=round(time.monotonic() - self._started, 3),
                 real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
             )
+
+
+def _chosen(topics: Sequence[tuple[LoopTopic, str]], recorded: Sequence[str]) -> list[int]:
+    """Return the indices of the topics to record."""
+    chosen = [index for index, (topic, _) in enumerate(topics) if not recorded or topic.name in recorded]
+    if not chosen:
+        there = ', '.join(topic.name for topic, _ in topics)
+        raise ParameterError('bag_recorder:topics', tuple(recorded), f'this run has {there}')
+    return chosen
 
 
 def queue_depth(topic: str) -> int:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
+from hdd_servo_ros.recording.zstd import decompress, decompress_beginning
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -136,14 +137,34 @@ class _McapSalvage:
             raise _Fault(f'cut off at byte {self._size}, within the head of the chunk that begins at byte {start}')
         _, _, _, checksum = _CHUNK_HEAD.unpack_from(content)
         compression = _text(content, _CHUNK_HEAD.size)
-        if compression:
+        if compression not in ('', 'zstd'):
             raise _Fault(f'the chunk at byte {start} is compressed ({compression})')
-        records = content[_CHUNK_HEAD.size + 12 :]
-        if len(content) == size and checksum and zlib.crc32(records) != checksum:
+        records = content[_CHUNK_HEAD.size + 12 + len(compression) :]
+        first = start + _RECORD.size + _CHUNK_HEAD.size + 12
+        is_whole = len(content) == size
+        if compression:
+            records, first = self._decompressed(records, start, is_whole=is_whole), start
+        if is_whole and checksum and zlib.crc32(records) != checksum:
             raise _Fault(f'the chunk at byte {start} is damaged: its checksum is wrong')
-        self._walk(records, start + _RECORD.size + _CHUNK_HEAD.size + 12)
-        if len(content) < size:
+        if compression and not is_whole:
+            # It ends where a block of the compression does, within a record.
+            with contextlib.suppress(_Fault):
+                self._walk(records, first)
+        else:
+            self._walk(records, first)
+        if not is_whole:
             raise _Fault(f'cut off at byte {self._size}, within the chunk that begins at byte {start}')
+
+    @staticmethod
+    def _decompressed(records: memoryview, start: int, *, is_whole: bool) -> memoryview:
+        """Return the records of a compressed chunk that begins at a byte of the file, or what can be had of them."""
+        try:
+            if is_whole:
+                return memoryview(decompress(records))
+            # A disk that lost power leaves zeros: without them the block in which they begin is never complete.
+            return memoryview(decompress_beginning(bytes(records).rstrip(b'\x00')))
+        except ValueError as error:
+            raise _Fault(f'the chunk at byte {start} is damaged: {error}') from None
 
     def _distrust_last(self) -> None:
         """Drop the message before a hole: a disk that lost power leaves zeros, and they may begin inside of it."""

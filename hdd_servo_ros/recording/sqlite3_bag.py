@@ -12,6 +12,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.recording.bag_options import BagOptions
 
 _WRITTEN_BY = 'ros_distro: rosbags'
 _DISTRIBUTION = 'ros_distro: jazzy'
@@ -54,7 +55,11 @@ def _offered_qos(depth: int) -> Qos:
 class Sqlite3Bag:
     """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
 
-    def __init__(self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]) -> None:
+    def __init__(
+        self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str], options: BagOptions
+    ) -> None:
+        if options != BagOptions():
+            raise ValueError(f'{options} with storage = sqlite3: only MCAP can do that')
         self._writer = _JazzyWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
         for key, text in metadata.items():
             self._writer.set_custom_data(key, text)

@@ -6,6 +6,7 @@ writer is slower. When the loop's process dies, the pipe ends and the bag is clo
 readable bag.
 """
 
+import dataclasses
 import json
 import os
 import select
@@ -20,6 +21,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 
 _BATCH = struct.Struct('<I')
@@ -42,7 +44,12 @@ class WriterProcess:
     """
 
     def __init__(
-        self, path: Path, storage: str, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str]
+        self,
+        path: Path,
+        storage: str,
+        topics: Sequence[tuple[str, str, int]],
+        metadata: dict[str, str],
+        options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
     ) -> None:
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'hdd_servo_ros.recording.writer_process'],
@@ -58,8 +65,14 @@ class WriterProcess:
         self._topics = array('B')
         self._stamps = array('q')
         self._messages: list[bytes | memoryview] = []
-        opening = json.dumps({'path': str(path), 'storage': storage, 'topics': list(topics), 'metadata': metadata})
-        self._send(opening.encode() + b'\n')
+        opening = {
+            'path': str(path),
+            'storage': storage,
+            'topics': list(topics),
+            'metadata': metadata,
+            'options': dataclasses.asdict(options),
+        }
+        self._send(json.dumps(opening).encode() + b'\n')
         assert self._process.stdout is not None
         if self._process.stdout.readline() != b'open\n':
             self._raise()
@@ -154,7 +167,8 @@ def main() -> int:
     pipe = sys.stdin.buffer
     opening = json.loads(pipe.readline())
     try:
-        writer = BagWriter(Path(opening['path']), opening['storage'], opening['topics'], opening['metadata'])
+        options = BagOptions(**opening['options'])
+        writer = BagWriter(Path(opening['path']), opening['storage'], opening['topics'], opening['metadata'], options)
         sys.stdout.write('open\n')
         sys.stdout.flush()
         try:

@@ -4,20 +4,21 @@ from types import ModuleType
 from typing import Any
 
 LEVEL = 3
-"""Compression level: on a default run, higher ones gain little and take much longer."""
+"""Compression level, the library's own default."""
+_PIECE = 4096
+"""Bytes of a frame that are decompressed at once where the frame may be damaged."""
+
+
+def require_zstd() -> None:
+    """Raise ValueError, with what is to be done, if the library is not installed."""
+    _library()
 
 
 def _library() -> ModuleType:
-    """
-    Return the library.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If it is not installed.
-    """
-    from backports import zstd
-
+    try:
+        from backports import zstd
+    except ModuleNotFoundError:
+        raise ValueError('zstd needs the Python package backports.zstd, which rosbags 0.11 brings') from None
     return zstd
 
 
@@ -58,6 +59,3 @@ def decompress_beginning(frame: Any) -> bytes:
     except library.ZstdError:
         pass
     return content
-
-
-_PIECE = 4096

@@ -23,15 +23,18 @@ def show_run(directory: Path, *, plot: bool) -> None:
         print(f'{"margin":>16}  {low_margin}')
     if plot:
         picture = directory / 'run.png'
-        draw_run(run, picture)
-        print(f'{"picture":>16}  {picture}')
+        drawn = draw_run(run, picture)
+        print(f'{"picture":>16}  {picture if drawn else "none: nothing that it shows was recorded"}')
 
 
-def draw_run(run: RecordedRun, path: Path) -> None:
-    """Draw a run over its time, whole and its last moments, into a PNG file."""
+def draw_run(run: RecordedRun, path: Path) -> bool:
+    """Draw a run over its time, whole and its last moments, into a PNG file; return whether there is what to draw."""
     # Late: a run that draws nothing need not wait for matplotlib.
     from hdd_servo_ros.reporting.picture import write_picture
     from hdd_servo_ros.reporting.run_panels import panels_over_time
 
     title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
-    write_picture(panels_over_time(run), title, path)
+    panels = panels_over_time(run)
+    if panels:
+        write_picture(panels, title, path)
+    return bool(panels)

@@ -21,6 +21,7 @@ from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder, controller_name
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, transient_of
 from hdd_servo_ros.reporting.progress import Progress
@@ -56,8 +57,10 @@ class SimulatedRun:
                 simulation.topics,
                 simulation.description(),
                 separate_process=False,
+                recorded=simulation.recorder.topics,
+                options=BagOptions.of(simulation.recorder),
             )
-        topics = [topic for topic, _ in simulation.topics]
+        topics = [] if self.recorder is None else self.recorder.topics
         self._packer = Packer(
             topics, simulation.timer.sample_time, simulation.frame_id, self._experiment.controller.estimate_names
         )

@@ -76,7 +76,7 @@ def certificate_of_run(directory: Path, extra_disturbance: float | None = None) 
             f'{directory}: parameters of {", ".join(sorted(changed))} changed during the run; the theorem is about '
             'one set of constants'
         )
-    if DISTURBANCE.name in run['topics'] and extra_disturbance is None:
+    if DISTURBANCE.name in {**run['topics'], **run.get('topics_left_out', {})} and extra_disturbance is None:
         raise CertificateError(f'{directory}: a node published {DISTURBANCE.name}: say its bound with --disturbance')
     of_controller = with_tuples(nodes[CONTROLLER]['parameters'])
     controller = block_parameters(CONTROLLER, of_controller)

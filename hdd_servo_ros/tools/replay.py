@@ -54,6 +54,14 @@ class Recording:
     def __init__(self, run: Path) -> None:
         self.run = run
         metadata = self.metadata = read_run_yaml(run)
+        left_out = dict(metadata.get('topics_left_out', {}))
+        lost = [name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES]
+        if lost:
+            raise ReplayError(
+                f'{run}: {", ".join(lost)} was left out by parameter topics of bag_recorder, so it cannot be replayed'
+            )
+        self._topics: dict[str, str] = {**metadata['topics'], **left_out}
+        """Every topic of the run, recorded or not."""
         optional = {name for topic, name in metadata['topics'].items() if topic in _OPTIONAL_NAMES}
         self.nodes: dict[str, dict[str, Any]] = {
             name: node
@@ -67,7 +75,7 @@ class Recording:
             raise ReplayError(f'{run}: it holds no tick')
         external = [
             name
-            for topic, name in metadata['topics'].items()
+            for topic, name in self._topics.items()
             if topic not in _OPTIONAL_NAMES and not self._is_published(name)
         ]
         if external:
@@ -141,7 +149,7 @@ class Recording:
         """Return the ROS arguments that give namespace and topics the names that they had."""
         arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
         own = {topic.name for topic in ALL_LOOP_TOPICS}
-        for topic, name in self.metadata['topics'].items():
+        for topic, name in self._topics.items():
             if topic in own and name != f'{self.namespace}/{topic}':
                 arguments += ['-r', f'{topic}:={name}']
         return arguments

@@ -21,7 +21,8 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.recording import mcap_writer
-from hdd_servo_ros.recording.bag_columns import Bag
+from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.salvage import salvage
 
@@ -80,9 +81,20 @@ PARTS = st.lists(st.one_of(TICKS, SINGLE, LARGE), max_size=6)
 """What is written: messages of ticks, or a list of messages of any kind."""
 
 
-def write(path: Path, parts) -> list[Message]:
+OPTIONS = st.sampled_from(
+    [
+        BagOptions(),
+        BagOptions(compression='zstd'),
+        BagOptions(max_bag_size=6000),
+        BagOptions(max_bag_duration=1e-3),
+        BagOptions(compression='zstd', max_bag_size=10_000, max_bag_duration=2e-3),
+    ]
+)
+
+
+def write(path: Path, parts, options=BagOptions()) -> list[Message]:  # noqa: B008 - a frozen value
     """Write a bag; return its messages one by one."""
-    writer = BagWriter(path, 'mcap', TOPICS, METADATA)
+    writer = BagWriter(path, 'mcap', TOPICS, METADATA, options)
     written: list[Message] = []
     for part in parts:
         if isinstance(part, tuple):
@@ -280,15 +292,112 @@ def message_ends(content: bytes) -> Iterator[int]:
 
 
 @PROPERTIES
-@given(parts=PARTS)
-def test_the_bulk_reader_reads_it(tmp_path, small_chunks, parts):
+@given(parts=PARTS, options=OPTIONS)
+def test_compressed_and_split(tmp_path, small_chunks, parts, options):
     path = fresh(tmp_path) / 'bag'
-    messages = write(path, parts)
+    messages = write(path, parts, options)
+    in_order = sorted(messages, key=lambda message: message[1])
+    if not options.splits:
+        assert read_by_rosbags(path)[1] == in_order
+    information = yaml.safe_load((path / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    names = information['relative_file_paths']
+    assert names == [f'bag_{n}.mcap' for n in range(len(names))] if options.splits else ['bag.mcap']
+    assert sorted(names) == sorted(file.name for file in path.glob('*.mcap'))
+    assert information['message_count'] == len(messages) == sum(file['message_count'] for file in information['files'])
+    # Each file is whole by itself: together they hold the messages in the order in which they were written.
+    found = []
+    for name, listed in zip(names, information['files'], strict=True):
+        content = (path / name).read_bytes()
+        reader = NonSeekingReader(io.BytesIO(content), validate_crcs=True)
+        here = [
+            (NAMES.index(channel.topic), message.log_time, message.data)
+            for _, channel, message in reader.iter_messages(log_time_order=False)
+        ]
+        assert len(here) == listed['message_count']
+        times = [time for _, time, _ in here]
+        if times:
+            assert listed['starting_time']['nanoseconds_since_epoch'] == min(times)
+            assert listed['duration']['nanoseconds'] == max(times) - min(times)
+            longest = options.max_bag_duration * 1e9
+            assert not longest or messages != in_order or max(times) - min(times) <= longest
+        found += here
+    assert found == messages
     bag = Bag(path)
     for index, name in enumerate(NAMES):
         column = bag.column(name)
-        expected = sorted(((time, data) for topic, time, data in messages if topic == index), key=lambda pair: pair[0])
+        expected = [(time, data) for topic, time, data in in_order if topic == index]
         assert list(zip(column.times.tolist(), column.as_bytes(), strict=True)) == expected
+
+
+def test_rosbags_reads_a_split_bag(tmp_path):
+    """Its reader takes the files of a bag together where their times follow each other."""
+    ticks = Ticks([100_000 * tick for tick in range(2000)], [12, 60, 60], 1)
+    messages = write(tmp_path / 'bag', [((0, 1, 2), ticks)], BagOptions(compression='zstd', max_bag_duration=0.05))
+    information = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    # A file goes on up to the last tick that is no later than that after its first.
+    assert [file['message_count'] // 3 for file in information['files']] == [501, 501, 501, 497]
+    assert read_by_rosbags(tmp_path / 'bag')[1] == messages
+
+
+@pytest.mark.parametrize(('size', 'compression'), [(2_500_000, 'none'), (2_500_000, 'zstd')])
+def test_a_file_exceeds_the_largest_size_by_a_chunk_at_most(tmp_path, size, compression):
+    ticks = Ticks([100_000 * tick for tick in range(30_000)], [12, 60, 120], 1)
+    write(tmp_path / 'bag', [((0, 1, 2), ticks)], BagOptions(compression=compression, max_bag_size=size))
+    *whole, last = sorted((tmp_path / 'bag').glob('*.mcap'))
+    assert len(whole) > 1
+    assert all(size < file.stat().st_size < size + 2**20 + 300_000 for file in whole)
+    assert last.stat().st_size < size + 2**20 + 300_000
+
+
+@PROPERTIES
+@given(parts=PARTS, cut=st.floats(0.0, 1.0), hole=st.integers(0, 500))
+def test_a_compressed_file_that_is_cut_off_or_ends_in_zeros(tmp_path, small_chunks, parts, cut, hole):
+    base = fresh(tmp_path)
+    messages = write(base / 'bag', parts, BagOptions(compression='zstd'))
+    path = base / 'bag' / 'bag.mcap'
+    content = path.read_bytes()
+    length = int(cut * len(content))
+    path.write_bytes(content[:length] + bytes(min(hole, len(content) - length)))
+    found = salvage(path)
+    # Every chunk that was complete is there, but for a message before zeros, and of the next one nothing that was not
+    # written.
+    complete = sum(count for end, count in chunk_ends(content) if end <= length)
+    assert complete - (hole > 0) <= len(found.messages)
+    assert [(NAMES.index(topic), time, data) for topic, time, data in found.messages] == messages[: len(found.messages)]
+
+
+def chunk_ends(content: bytes) -> Iterator[tuple[int, int]]:
+    """Yield where each chunk of a file ends, and how many messages it has, by its indexes."""
+    summary = SeekingReader(io.BytesIO(content)).get_summary()
+    assert summary is not None
+    for chunk in summary.chunk_indexes:
+        sizes = [struct.unpack_from('<Q', content, at + 1)[0] - 6 for at in chunk.message_index_offsets.values()]
+        yield chunk.chunk_start_offset + chunk.chunk_length, sum(sizes) // 16
+
+
+def test_a_cut_in_a_compressed_chunk_leaves_its_first_blocks(tmp_path):
+    ticks = Ticks([100_000 * tick for tick in range(10_000)], [12, 60, 60], 1)
+    messages = write(tmp_path / 'bag', [((0, 1, 2), ticks)], BagOptions(compression='zstd'))
+    path = tmp_path / 'bag' / 'bag.mcap'
+    content = path.read_bytes()
+    ((end, count), *_) = chunk_ends(content)
+    path.write_bytes(content[: end - 100_000])
+    found = salvage(path)
+    assert 'cut off at byte' in found.fault
+    assert 0.5 * count < len(found.messages) < count
+    assert [data for _, _, data in found.messages] == [data for _, _, data in messages[: len(found.messages)]]
+
+
+def test_damage_in_a_compressed_chunk_is_found(tmp_path):
+    ticks = Ticks([100_000 * tick for tick in range(1000)], [12, 60, 60], 1)
+    write(tmp_path / 'bag', [((0, 1, 2), ticks)], BagOptions(compression='zstd'))
+    path = tmp_path / 'bag' / 'bag.mcap'
+    content = bytearray(path.read_bytes())
+    content[20_000] ^= 0xFF
+    path.write_bytes(content)
+    assert 'damaged' in salvage(path).fault
+    with pytest.raises(BagError, match='damaged'):
+        Bag(tmp_path / 'bag').column('/clock')
 
 
 def test_chunks_are_no_larger_than_those_of_rosbags(tmp_path):

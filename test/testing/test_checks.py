@@ -53,11 +53,13 @@ def record(
             vector.pack(stamp, 0.1 * x, 0.1 * x, 0.05 * x),
             array.pack([(stamped or {}).get(tick, tick) * T, estimate]),
         ]
-        if tick != (without or ('', None))[1]:
+        kept = [index for index, topic in enumerate(LOOP_TOPICS) if (topic.name, tick) != without]
+        if len(kept) == len(messages):
             recorder.write_tick(tick, TICKS.nanoseconds(tick), messages)
-            continue
-        kept = [place for place, topic in enumerate(LOOP_TOPICS) if topic.name != without[0]]
-        recorder._writer.write(kept, [TICKS.nanoseconds(tick)] * len(kept), [messages[place] for place in kept])
+        else:
+            assert recorder._writer is not None
+            stamps = [TICKS.nanoseconds(tick)] * len(kept)
+            recorder._writer.write(kept, stamps, [messages[index] for index in kept])
     recorder.finish(*ended)
     return Run.open(path)
 

@@ -1,0 +1,192 @@
+"""
+What recording costs: `simulate` into a bag and the rig's writing process, beside the bare writer of `rosbags`.
+
+``python -m benchmarks.bench_bags [--quick]`` prints the processor time and the wall time per tick of every round [us].
+The real-time factors are those of 10 kHz, where a tick is 100 us.
+"""
+
+import argparse
+import resource
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.bare_writer import BareWriter
+from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME
+from hdd_servo_ros.messages.topics import QUEUE_DEPTH
+from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.recording.writer_process import WriterProcess
+from hdd_servo_ros.simulation.interrupts import interrupts
+from hdd_servo_ros.simulation.packing import Packer
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.simulation.simulate import SimulatedRun
+
+ROOT = Path(__file__).parent.parent
+PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
+TICK_US = 100.0
+REPEATS = 10
+
+
+class Recording:
+    """
+    The measures, each of which returns processor time and wall time per tick [us].
+
+    Parameters
+    ----------
+    directory
+        Where bags are written; each is removed once it has been measured.
+    ticks
+        Length of the runs of `simulate`; the others are given a tenth of them.
+    """
+
+    def __init__(self, directory, ticks):
+        self.directory = Path(directory)
+        self.ticks = ticks
+        self.sizes = {}
+        simulation = self._simulation()
+        self.topics = [(name, topic.type_name, QUEUE_DEPTH) for topic, name in simulation.topics]
+        names = simulation.experiment.controller.estimate_names
+        packer = Packer([topic for topic, _ in simulation.topics], 1e-4, simulation.frame_id, names)
+        self.messages = messages_of(packer.pack(simulation.experiment.run(0, ticks // 10), {}))
+
+    def _simulation(self, *arguments):
+        given = ['--params-file', str(PARAMS), '-p', f'duration:={self.ticks * 1e-4}', *arguments]
+        return Simulation(parse_ros_arguments(['--ros-args', *given]))
+
+    def loop(self):
+        """Run `simulate` without recording."""
+        return self._run(self._simulation('-p', 'deterministic_timer:record:=false'))
+
+    def simulate(self, *arguments):
+        """Run `simulate` into a bag, opening and closing included."""
+        run = self.directory / 'run'
+        figures = self._run(self._simulation('-p', f'run_dir:={run}', *arguments))
+        self.sizes[arguments] = sum(file.stat().st_size for file in (run / 'bag').glob('*.mcap'))
+        shutil.rmtree(run)
+        return figures
+
+    def _run(self, simulation):
+        simulation.experiment.compile()
+        with Clock(self.ticks) as clock:
+            run = SimulatedRun(simulation)
+            with interrupts() as requests:
+                outcome = run.run(requests, None)
+            run.finish(outcome)
+        assert outcome == FINISHED_OUTCOME
+        return clock.figures
+
+    def rosbags(self):
+        """Write the same messages by the bare writer of `rosbags`, one by one."""
+        times, payloads = self.messages
+        kinds = range(len(self.topics))
+        with Clock(len(times)) as clock:
+            writer = BareWriter(self.directory / 'bare', self.topics)
+            for stamp, messages in zip(times, payloads, strict=True):
+                writer.write(kinds, (stamp,) * len(kinds), messages)
+            writer.close()
+        shutil.rmtree(self.directory / 'bare')
+        return clock.figures
+
+    def writing_process(self):
+        """Write them by the process that writes the bag of the rig; its start, a bag without a tick, is left out."""
+        used = []
+        # The messages many times over, so that what is written costs more than the start.
+        for rounds in (0, REPEATS):
+            before = children_time()
+            started = time.perf_counter()
+            writer = WriterProcess(self.directory / 'piped', 'mcap', self.topics, {})
+            kinds = tuple(range(len(self.topics)))
+            for _ in range(rounds):
+                for stamp, messages in zip(*self.messages, strict=True):
+                    writer.write(kinds, (stamp,) * len(kinds), messages)
+            writer.close()
+            used.append((children_time() - before, time.perf_counter() - started))
+            shutil.rmtree(self.directory / 'piped')
+        ticks = REPEATS * len(self.messages[0])
+        return tuple(1e6 * (whole - start) / ticks for start, whole in zip(*used, strict=True))
+
+
+class Clock:
+    """Processor time and wall time of a block, per tick [us]."""
+
+    def __init__(self, ticks):
+        self.ticks = ticks
+
+    def __enter__(self):
+        self.started = time.process_time(), time.perf_counter()
+        return self
+
+    def __exit__(self, *_):
+        ended = time.process_time(), time.perf_counter()
+        self.figures = tuple(1e6 * (end - start) / self.ticks for start, end in zip(self.started, ended, strict=True))
+
+
+def messages_of(ticks):
+    """Return the times [ns] and, for each tick, the messages."""
+    count = len(ticks.times)
+    payloads = [np.tile(np.frombuffer(template, np.uint8), (count, 1)) for template in ticks.templates]
+    ticks.fill(slice(0, count), payloads)
+    columns = [[row.tobytes() for row in rows] for rows in payloads]
+    return ticks.times.tolist(), list(zip(*columns, strict=True))
+
+
+def children_time():
+    """Return the processor time of the processes that this one has waited for [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def bag_figures(directory, repeats, ticks):
+    """Measure in turn, several times; return for each measure the best processor and wall time per tick [us]."""
+    recording = Recording(directory, ticks)
+    measures = {
+        'loop': recording.loop,
+        'simulate': recording.simulate,
+        'rosbags': recording.rosbags,
+        'writing process': recording.writing_process,
+    }
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in measures}
+    for _ in range(repeats):
+        for name, measure in measures.items():
+            found[name].append(measure())
+            processor, wall = found[name][-1]
+            print(f'  {name:16} {processor:.3f} us of processor time a tick, {wall:.3f} us of wall time', flush=True)
+    return {name: tuple(min(column) for column in zip(*figures, strict=True)) for name, figures in found.items()}
+
+
+def bag_rows(figures):
+    """Return the rows of the table: real-time factors by processor time, and what each is compared with."""
+    loop, simulate, rosbags, process = (figures[name][0] for name in ('loop', 'simulate', 'rosbags', 'writing process'))
+    return [
+        (
+            '`simulate` into an MCAP bag, all topics, one core',
+            f'{TICK_US / simulate:.0f}',
+            'at least 40, aim 80',
+            f'{rosbags / simulate:.1f} times the bare `rosbags` writer; without recording {TICK_US / loop:.0f}',
+        ),
+        ('the bare `rosbags` writer, the same messages', f'{TICK_US / rosbags:.2f}', '', 'the baseline'),
+        (
+            "the rig's writing process",
+            f'{TICK_US / process:.0f}',
+            '',
+            f'{process / rosbags:.0%} of the processor time of the bare `rosbags` writer',
+        ),
+    ]
+
+
+def main():
+    """Print the figures of every round, and the best."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.bench_bags', description=__doc__.splitlines()[1])
+    parser.add_argument('--quick', action='store_true', help='one short round, to see that it works')
+    options = parser.parse_args()
+    repeats, ticks = (1, 20_000) if options.quick else (5, 200_000)
+    with tempfile.TemporaryDirectory() as directory:
+        for row in bag_rows(bag_figures(directory, repeats, ticks)):
+            print(' | '.join(row))
+
+
+if __name__ == '__main__':
+    main()
