@@ -1,4 +1,4 @@
-"""What a controller's user should be told of the loop's stability margin, where the drive is known."""
+"""Warnings of a low stability margin before a run, where the drive is known."""
 
 import dataclasses
 import functools
@@ -16,20 +16,20 @@ from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 MAX_ADAPTED_SENSITIVITY = 2.2
 """
-Largest Ms with estimates that a run may come to: :data:`MAX_SENSITIVITY` and a tenth for what they adapt.
+Largest Ms with adapted estimates: :data:`MAX_SENSITIVITY` and a tenth for the effect of adaptation.
 
 The gains are tuned for :data:`MAX_SENSITIVITY` at initial estimates. At 2.2 the gain may still grow by 1/(1 - 1/2.2),
-1.8 times, or the phase be late by 26 degrees.
+1.8 times, or the phase lag by another 26 degrees.
 """
 
 
 ROUNDING = 0.01
-"""By how much Ms may exceed :data:`MAX_SENSITIVITY` without a word: tuned gains are rounded."""
+"""By how much Ms may exceed :data:`MAX_SENSITIVITY` without a warning: tuned gains are rounded."""
 
 
 @dataclasses.dataclass(frozen=True)
 class LoopSurroundings:
-    """What a controller's loop has besides the controller."""
+    """The loop without its controller: drive, sensor, delay."""
 
     plant: PlantParameters
     sample_time: float
@@ -75,11 +75,11 @@ def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int 
 
 def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
     """
-    Return what a user should be told of a controller before a run; a line for each thing.
+    Return the warnings of a controller before a run, one line each.
 
-    For an adaptive NN controller: whether the loop around this drive has enough stability margin with the initial
-    estimates, and with all that projection allows, instead of what ``safe_gain`` says. For a PID controller: whether it
-    has enough. Others say what they say themselves.
+    For an adaptive NN controller, the loop around this drive is checked with the initial estimates and with all that
+    projection allows, instead of the gain on r against ``safe_gain``. For a PID controller its loop is checked. Others
+    return their own warnings.
     """
     if isinstance(controller, Pid):
         return _pid_warnings(controller, loop)

@@ -14,14 +14,12 @@ from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaPa
 
 PER_ESTIMATE = 9
 """
-Values of each estimate, its bounds among them, at which the peak sensitivity of a set is looked up.
+Values per estimate, its bounds included, at which the peak sensitivity of a set is computed.
 
 It is not monotone: too little damping raises it at the loop's bandwidth, too much at Nyquist.
 """
-
-
 SAFE_STEPS = 8
-"""Steps to either side in which the ends of a safe range are looked for, before they are bisected."""
+"""Steps to either side in which the ends of a safe range are searched for, before they are bisected."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,10 +53,10 @@ def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
     def bounds(law: SigmaParameters | MassParameters) -> tuple[float, float]:
         if not acts_on_loop(controller, law):
             return 0.0, 0.0
-        if p.projection:
-            return law.minimum, law.maximum
-        # Without a gain it stays where it is.
-        return (law.initial, law.initial) if law.gain == 0.0 else (-math.inf, math.inf)
+        if law.gain == 0.0:
+            # It stays where it is.
+            return law.initial, law.initial
+        return (law.minimum, law.maximum) if p.projection else (-math.inf, math.inf)
 
     return AllowedEstimates(bounds(p.sigma), bounds(p.mass))
 
@@ -94,7 +92,7 @@ class FrozenLoop:
         """
         Return the largest Ms over a bounded set of estimates, and where.
 
-        It is looked up on a grid that holds the corners, or, where the estimates act on the gain on velocity alone,
+        It is computed on a grid that includes the corners, or, where the estimates act on the gain on velocity alone,
         on the line between its smallest and its largest value. Of several estimates that make the loop unstable, those
         nearest to zero are returned, on the scale of the set.
 

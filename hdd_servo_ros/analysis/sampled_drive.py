@@ -1,8 +1,8 @@
 """
 The drive linearised and sampled: a state space between two ticks, and its frequency response.
 
-It is read off the plant's own step, by small changes of each state and of u, so that nothing that the step computes can
-be missing.
+It is obtained from the plant's own step by a small change of each state and of u, so that everything that the step
+computes is included.
 """
 
 import dataclasses
@@ -23,9 +23,9 @@ NOT_VISCOUS_MODELS = ('none', 'stiction', 'tangential_stiffness', 'coulomb', 'dr
 """Friction models of which no damping is left in fast sliding, or, with drag, in slow sliding."""
 SMALL = 1e-7
 """
-Change of a state by which the step is read off, as part of the deflection at which friction breaks away.
+Change of a state with which the step is linearised, relative to the deflection at which friction breaks away.
 
-The contact's nonlinearity then adds about as much to a coefficient, and rounding a hundredth of it.
+The contact's nonlinearity changes a coefficient by about as much, and rounding by a hundredth of it.
 """
 
 
@@ -69,7 +69,7 @@ def has_presliding_spring(friction: FrictionParameters) -> bool:
     """
     Return whether the friction is a spring at rest.
 
-    Without one there is a loop in sliding only: at rest, static friction holds the body whatever small u does.
+    Without one there is a loop in sliding only: at rest, static friction holds the body against any small u.
     """
     return friction.model in SPRING_MODELS
 
@@ -106,7 +106,7 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
         ),
         sample_time,
     )
-    return _read_off(block, _steps(plant, sample_time))
+    return _linearised(block, _steps(plant, sample_time))
 
 
 def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
@@ -128,7 +128,7 @@ def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
 
 
 def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, float]:
-    """Return the changes of positions [um], velocities [um/s] and voltages [V] by which the step is read off."""
+    """Return the changes of positions [um], velocities [um/s] and voltages [V] with which the step is linearised."""
     friction = plant.friction
     breakaway = friction.coulomb_level / friction.stiffness
     if friction.model == 'rbf_network':
@@ -139,7 +139,7 @@ def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, fl
     return position, position / sample_time, voltage
 
 
-def _read_off(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
+def _linearised(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
     """Return the derivatives of the plant's step around rest, for changes as of :func:`_steps`."""
     position_step, velocity_step, voltage_step = steps
     rest = plant.state.copy()
@@ -161,7 +161,7 @@ def _read_off(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
         for name in names:
             record(kick, PLANT_STATE)[name] = step
         kicks.append((kick, np.zeros_like(plant.motion), 0.0, step))
-    # q of a mode is a position times a squared frequency, by which the step of a linear equation does not matter.
+    # The modes are linear, so the size of their step does not matter.
     for index in np.ndindex(plant.motion.shape):
         motion = np.zeros_like(plant.motion)
         motion[index] = 1.0

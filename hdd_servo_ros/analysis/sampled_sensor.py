@@ -1,4 +1,4 @@
-"""The vibrometer as the loop has it, linearised: delay, low pass and scales, read off its own step."""
+"""The vibrometer in the loop as a linear filter: delay, low pass and scales, obtained from its own step."""
 
 import dataclasses
 
@@ -78,7 +78,7 @@ class SampledSensor:
 
 
 def _taps(sensor: LdvParameters, sample_time: float) -> Array:
-    """Return what the delay makes of position and velocity of k ticks ago, shape (k, 2, 2), of the block's own step."""
+    """Return the response to position and velocity of k ticks ago, the low pass apart, shape (k, 2, 2)."""
     plain = dataclasses.replace(
         sensor,
         displacement_scale=1.0,

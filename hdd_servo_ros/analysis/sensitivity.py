@@ -15,9 +15,9 @@ from hdd_servo_ros.messages.controller_inputs import SensorScales
 MAX_SENSITIVITY = 2.0
 """Largest peak sensitivity Ms of a sound loop."""
 AROUND_POLES = np.array([-30.0, -10.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 10.0, 30.0])
-"""Where a resonance is looked at, in half widths from its peak."""
+"""Grid points around a resonance, in half widths from its peak."""
 REFINEMENTS = 2
-"""How often the surroundings of the highest peak are divided by sixteen."""
+"""How often the interval around the highest point is divided by sixteen."""
 
 
 def frequency_grid(sample_time: float, drives: Sequence[SampledDrive] = ()) -> NDArray[np.float64]:
@@ -85,7 +85,7 @@ class LinearController:
 
     @property
     def is_meaningful(self) -> bool:
-        """Whether its gains can be reckoned with: the estimates of a run that diverges are not always finite."""
+        """Whether its gains are finite and can be computed with; the estimates of a diverged run may not be."""
         return all(abs(gain) < 1e100 for gain in (self.proportional, self.derivative, self.integral))
 
     def closed_loop(self, drive: SampledDrive) -> NDArray[np.float64]:

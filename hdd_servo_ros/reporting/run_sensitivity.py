@@ -1,4 +1,4 @@
-"""The stability margin of a recorded run: its peak sensitivity, with the estimates that it came to."""
+"""The stability margin of a recorded run: its peak sensitivity with the recorded estimates."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ PLANT, SENSOR = 'vcm_plant', 'ldv_sensor'
 CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller'}
 """Controllers with a linear loop, and their nodes."""
 SAMPLES = 48
-"""Ticks, evenly over the run, at which the estimates are looked at besides their extremes."""
+"""Ticks, evenly over the run, at which Ms is computed in addition to the extremes of the estimates."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +100,7 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
 
 
 def low_margin_of(run: RecordedRun) -> str:
-    """Return what a reader should be told of the stability margin of a run, empty if it was enough or is not known."""
+    """Return a line on the low stability margin of a run, empty if it was sufficient or is not known."""
     found = run_sensitivity(run)
     if found is None or not found.largest > found.limit:
         return ''

@@ -138,8 +138,10 @@ def test_without_projection_the_set_is_said_to_be_unbounded_and_where_it_is_safe
         loop.worst(allowed_estimates(experiment.controller))
 
 
-def test_estimates_without_a_law_stay_where_they_are():
-    allowed = allowed_estimates(controller_of(**{'sigma.enabled': False, 'mass.gain': 0.0, 'mass.initial': 1e-9}))
+@pytest.mark.parametrize('projection', [True, False])
+def test_estimates_without_a_law_stay_where_they_are(projection):
+    values = {'sigma.enabled': False, 'mass.gain': 0.0, 'mass.initial': 1e-9, 'projection': projection}
+    allowed = allowed_estimates(controller_of(**values))
     assert allowed == AllowedEstimates((0.0, 0.0), (1e-9, 1e-9))
     assert not allowed.unbounded
 
