@@ -11,6 +11,8 @@ from hdd_servo_ros.parameters import ParameterError
 
 LEAST_LAMBDA = 5.0
 """Below this lambda the search for a gain starts no lower [1/s]."""
+DAMPING_RATIO = 0.5**0.5
+"""Least damping ratio of the rigid head in the loop: with less the loop rings for want of gain."""
 EDGE = 0.01
 """By what part a peak between two frequencies of the grid may lower the largest k_p."""
 
@@ -41,7 +43,11 @@ def largest(allowed: Callable[[float], bool], start: float, factor: float = 1.1)
 
 
 def largest_gain_on_r(
-    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
+    margins: LoopMargins,
+    error_filter_lambda: float,
+    integral_gain: float = 0.0,
+    delay: int = 0,
+    damping_ratio: float = DAMPING_RATIO,
 ) -> float:
     """
     Return the largest g [V s/um] of u = -g r that keeps Ms <= 2.
@@ -54,6 +60,8 @@ def largest_gain_on_r(
         lambda [1/s] and lambda_i [1/s^2] of r.
     delay
         Samples by which u comes late.
+    damping_ratio
+        Least damping ratio of the rigid head in the loop.
 
     Raises
     ------
@@ -64,16 +72,20 @@ def largest_gain_on_r(
     def allowed(g: float) -> bool:
         return _keeps_the_rule(margins, g, error_filter_lambda, integral_gain, delay)
 
-    g = largest(allowed, _least_gain_on_r(margins, error_filter_lambda))
+    g = largest(allowed, _least_gain_on_r(margins, error_filter_lambda, damping_ratio))
     if g == 0.0:
-        reach = largest_lambda(margins, error_filter_lambda, integral_gain, delay)
+        reach = largest_lambda(margins, error_filter_lambda, integral_gain, delay, damping_ratio)
         allowed_lambda = f'at most {reach:g}, the largest with which some gain gives Ms <= {MAX_SENSITIVITY:g} [1/s]'
         raise ParameterError('error_filter_lambda', error_filter_lambda, allowed_lambda)
     return g
 
 
 def largest_lambda(
-    margins: LoopMargins, error_filter_lambda: float, integral_gain: float = 0.0, delay: int = 0
+    margins: LoopMargins,
+    error_filter_lambda: float,
+    integral_gain: float = 0.0,
+    delay: int = 0,
+    damping_ratio: float = DAMPING_RATIO,
 ) -> float:
     """
     Return the largest lambda [1/s] up to a given one with which some gain on r keeps Ms <= 2.
@@ -83,7 +95,7 @@ def largest_lambda(
 
     Parameters
     ----------
-    margins, error_filter_lambda, integral_gain, delay
+    margins, error_filter_lambda, integral_gain, delay, damping_ratio
         See :func:`largest_gain_on_r`.
 
     Raises
@@ -94,7 +106,7 @@ def largest_lambda(
 
     def allowed(value: float) -> bool:
         integral = scaled_integral_gain(integral_gain, error_filter_lambda, value)
-        return _keeps_the_rule(margins, _least_gain_on_r(margins, value), value, integral, delay)
+        return _keeps_the_rule(margins, _least_gain_on_r(margins, value, damping_ratio), value, integral, delay)
 
     if allowed(error_filter_lambda):
         return error_filter_lambda
@@ -125,9 +137,9 @@ def _keeps_the_rule(
     return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
 
 
-def _least_gain_on_r(margins: LoopMargins, error_filter_lambda: float) -> float:
-    """Return 2 lambda m: with less, the damping ratio is below 0.7, and the loop poor for want of gain."""
-    return max(2.0 * error_filter_lambda, 2.0 * LEAST_LAMBDA) / margins.rigid_gain
+def _least_gain_on_r(margins: LoopMargins, error_filter_lambda: float, damping_ratio: float) -> float:
+    """Return 4 zeta^2 lambda m, with which the rigid head in the loop, s^2 + g s/m + g lambda/m, has damping zeta."""
+    return 4.0 * damping_ratio**2 * max(error_filter_lambda, LEAST_LAMBDA) / margins.rigid_gain
 
 
 def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> float:

@@ -36,9 +36,9 @@ class SigmaParameters(ParameterSet):
 
     enabled: bool = parameter(True, 'whether sigma_hat takes part')
     gain: float = parameter(
-        2.2e-5, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
+        2.24e-5, 'k_sigma of (4.18); negative, as section 5.5 prints it, it diverges', unit='V s^2/um^3'
     )
-    leakage: float = parameter(1.3e3, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
+    leakage: float = parameter(1.33e3, 'sigma_sigma of (4.18)', unit='um^3/(V s^3)', minimum=0.0)
     initial: float = parameter(6.9e-6, 'estimate at tick 0, sigma_hat(0)', unit='V s/um')
     minimum: float = parameter(-4.0e-5, 'smallest sigma_hat, with projection', unit='V s/um')
     maximum: float = parameter(4.0e-5, 'largest sigma_hat, with projection', unit='V s/um')
@@ -59,9 +59,9 @@ class MassParameters(ParameterSet):
 
     enabled: bool = parameter(True, 'whether m_hat takes part')
     gain: float = parameter(
-        2.0e-10, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
+        2.02e-10, 'k_m of (4.19); negative, as section 5.5 prints it, it diverges', unit='V s^4/um^3'
     )
-    leakage: float = parameter(1.5e8, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
+    leakage: float = parameter(1.48e8, 'sigma_m of (4.19)', unit='um^3/(V s^5)', minimum=0.0)
     initial: float = parameter(2.44e-8, 'estimate at tick 0, m_hat(0)', unit='V s^2/um')
     minimum: float = parameter(1.4e-8, 'smallest m_hat, with projection', unit='V s^2/um')
     maximum: float = parameter(3.5e-8, 'largest m_hat, with projection', unit='V s^2/um')
@@ -77,8 +77,8 @@ class PhiParameters(ParameterSet):
     """The bound estimate phi_hat of network error and disturbance, (4.20)."""
 
     enabled: bool = parameter(True, 'whether phi_hat takes part')
-    gain: float = parameter(5.0e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
-    leakage: float = parameter(1.0e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
+    gain: float = parameter(5.05e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
+    leakage: float = parameter(9.91e4, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
     minimum: float = parameter(0.0, 'smallest phi_hat, with projection', unit='V')
     maximum: float = parameter(0.2, 'largest phi_hat, with projection', unit='V')
@@ -95,12 +95,12 @@ class NetworkParameters(ParameterSet):
     enabled: bool = parameter(True, 'whether the network takes part')
     nodes: int = parameter(5, 'nodes an axis: n of the n x n lattice', minimum=1, maximum=32, read_only=True)
     gain: tuple[float, ...] = parameter(
-        (3.09e-5,),
+        (3.12e-5,),
         'Gamma of (4.21): one number, or the n x n diagonal (position index first)',
         unit='V/um',
         minimum=0.0,
     )
-    leakage: float = parameter(1.62e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
+    leakage: float = parameter(1.61e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
     initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
     position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
     position_maximum: float = parameter(6.0, 'last position centre', unit='um')
@@ -208,8 +208,8 @@ class DesiredParameters(ParameterSet):
 class SpringParameters(ParameterSet):
     """The stiffness estimate of the wider bristle, spring_hat."""
 
-    gain: float = parameter(2.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
-    leakage: float = parameter(1.5e-2, 'leakage', unit='um^3/(V s)', minimum=0.0)
+    gain: float = parameter(2.02, 'adaptation gain', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(1.48e-2, 'leakage', unit='um^3/(V s)', minimum=0.0)
     initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
     minimum: float = parameter(-0.05, 'smallest estimate, with projection', unit='V/um')
     maximum: float = parameter(0.05, 'largest estimate, with projection', unit='V/um')
@@ -224,8 +224,8 @@ class SpringParameters(ParameterSet):
 class HysteresisParameters(ParameterSet):
     """The stiffness estimate of the difference between both bristles, hysteresis_hat."""
 
-    gain: float = parameter(150.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
-    leakage: float = parameter(2.0e-4, 'leakage', unit='um^3/(V s)', minimum=0.0)
+    gain: float = parameter(151.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(1.98e-4, 'leakage', unit='um^3/(V s)', minimum=0.0)
     initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
     minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V/um')
     maximum: float = parameter(0.06, 'largest estimate, with projection', unit='V/um')
@@ -240,8 +240,8 @@ class HysteresisParameters(ParameterSet):
 class RelaxationParameters(ParameterSet):
     """The bristle damping estimate, relaxation_hat."""
 
-    gain: float = parameter(4.0e-6, 'adaptation gain', unit='V s^2/um^3', minimum=0.0)
-    leakage: float = parameter(7.5e3, 'leakage', unit='um^3/(V s^3)', minimum=0.0)
+    gain: float = parameter(4.04e-6, 'adaptation gain', unit='V s^2/um^3', minimum=0.0)
+    leakage: float = parameter(7.42e3, 'leakage', unit='um^3/(V s^3)', minimum=0.0)
     initial: float = parameter(2.3e-6, 'estimate at tick 0', unit='V s/um')
     minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V s/um')
     maximum: float = parameter(2.0e-5, 'largest estimate, with projection', unit='V s/um')
@@ -290,7 +290,7 @@ class AdaptiveNnParameters(ParameterSet):
     """Parameters of :class:`AdaptiveNn`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
 
     error_filter_lambda: float = parameter(2300.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
-    feedback_gain: float = parameter(8.0e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
+    feedback_gain: float = parameter(8.08e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
     boundary_layer: float = parameter(
         0.0, 'sgn(r) of (4.16) grows linearly over +- this; 0 is the true sgn with sgn 0 = 0', unit='um/s', minimum=0.0
     )
@@ -338,7 +338,7 @@ class AdaptiveNnParameters(ParameterSet):
         0, 'every other number than before resets what was learnt; what ~/reset raises by one', minimum=0
     )
     safe_gain: float = parameter(
-        1.0e-4,
+        1.01e-4,
         "largest linear gain on r, k + 1/sigma_phi + max(S'S)/sigma_w, that the loop is known to bear, 0 if not known; "
         'a warning says when it is exceeded in a run without vcm_plant (with it, the drive itself is judged)',
         unit='V s/um',

@@ -10,14 +10,18 @@ back-EMF, the filters and the computation delay ``dsp.computation_delay`` of the
 delay.
 
 Adaptive NN controller. Once its estimates follow |r|, the law acts as the linear gain g = k + 1/sigma_phi +
-max(S'S)/sigma_w on r: this sum, not k alone, is what the loop feels. With lambda and lambda_i given, g gets the largest
-value that the rule allows, and is divided 80 : 10 : 10. Where no g does with the given lambda, lambda is reduced to the
-largest with which one does. The network and phi_hat get the small shares because they
-multiply sgn r, which chatters in the noise. Both forget at 5 1/s. sigma_hat and m_hat learn at 6 1/s on the design
-reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and k_m <a^2>/g, with the means over a period), and forget 200 times
-slower: fast enough to settle within a second, slow enough not to outrun the loop at 500 Hz, where m_hat learns 625
-times as fast. A sample of delay turns the loop by another 18 degrees there, and m_hat, found to bear 3.6 1/s at most,
-learns at 2 1/s instead.
+max(S'S)/sigma_w on r: this sum, not k alone, is the gain of the loop. With lambda and lambda_i given, g gets the
+largest value that the rule allows, and is divided 80 : 10 : 10. Where no g does with the given lambda, lambda is
+reduced to the largest with which one does. The network and phi_hat get the small shares because they multiply sgn r,
+which chatters in the noise. Their leakage rate is 5 1/s.
+
+With desired compensation the estimates are not in the loop. Each law is normalised by the peak of its regressor, and on
+a sine far above its scale s the estimate converges at k_i s^2/(2 g): 100 1/s for sigma_hat, m_hat and spring_hat, 300
+for hysteresis_hat and 200 for relaxation_hat, whose own part of the error, the third harmonic, is the smallest.
+Without it, sigma_hat and m_hat converge at 6 1/s on the design reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and
+k_m <a^2>/g, with the means over a period), fast enough to settle within a second, slow enough not to outrun the loop at
+500 Hz, where m_hat converges 625 times as fast. A sample of delay turns the loop by another 18 degrees there; m_hat
+then tolerates at most 3.6 1/s, and gets 2 1/s. The leakage rate of all of them is 0.03 1/s.
 
 PID controller. Of all k_p, k_i, k_d and corner frequencies of the derivative's filter that keep Ms <= 2 and the limit
 of the overshoot, it gets those with the least squared error on 2 um sines at 100 and 200 Hz, with the vibrometer's
@@ -36,7 +40,6 @@ controller reaches on it.
 """
 
 import argparse
-import dataclasses
 import itertools
 import math
 import sys
@@ -44,17 +47,11 @@ from collections.abc import Mapping, Sequence
 
 from scipy.optimize import minimize
 
-from hdd_servo_ros.analysis.largest_gains import (
-    largest_gain_on_r,
-    largest_lambda,
-    round_down,
-    round_up,
-    scaled_integral_gain,
-)
+from hdd_servo_ros.analysis.largest_gains import round_down
 from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 from hdd_servo_ros.campaign.command import exit_code
-from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
 from hdd_servo_ros.messages.signals import SignalRows
@@ -63,75 +60,9 @@ from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.verdict import verdict
 from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.studies.adaptive_nn_rule import tune_adaptive_nn
 from hdd_servo_ros.studies.pid_search import OVERSHOOT, computation_delay, tune_pid
-from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, Steps, metrics_of, run_sine
-
-SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
-FORGETTING_RATE = 5.0
-"""Of phi_hat and W_hat [1/s]."""
-LEARNING_RATE = 6.0
-"""Of sigma_hat and m_hat on the design reference [1/s]."""
-LATE_MASS_RATE = 2.0
-"""Of m_hat on the design reference where the command comes late [1/s]."""
-LEAKAGE_RATE = 0.03
-"""Of sigma_hat and m_hat [1/s]."""
-DESIGN_FREQUENCY = 100.0
-"""Of the design reference [Hz]."""
-
-
-def tune_adaptive_nn(
-    plant: PlantParameters, sample_time: float, base: AdaptiveNnParameters, delay: int = 0
-) -> dict[str, object]:
-    """
-    Return the adaptive NN controller's gains by the rule above, under their ROS names.
-
-    A lambda that is too large for the drive is reduced to the largest that the rule allows, and lambda_i with its
-    square.
-
-    Parameters
-    ----------
-    plant
-        The drive.
-    sample_time
-        T [s].
-    base
-        lambda, lambda_i, the lattice, and everything else that the rule leaves alone.
-    delay
-        Computation delay [samples].
-    """
-    margins = LoopMargins(plant, sample_time)
-    reach = largest_lambda(margins, base.error_filter_lambda, base.integral_gain, delay)
-    integral = base.integral_gain
-    if reach < base.error_filter_lambda and integral > 0.0:
-        integral = round_down(scaled_integral_gain(integral, base.error_filter_lambda, reach))
-    g = round_down(largest_gain_on_r(margins, reach, integral, delay))
-    # max(S'S) of the lattice: what a leakage of 1 adds to the gain.
-    unit = dataclasses.replace(base.network, enabled=True, gain=(1.0,), leakage=1.0)
-    lattice = dataclasses.replace(
-        base, network=unit, feedback_gain=0.0, phi=dataclasses.replace(base.phi, enabled=False)
-    )
-    squares = AdaptiveNn(lattice, sample_time).gain_on_r
-    w = 2.0 * math.pi * DESIGN_FREQUENCY
-    velocity_square = 0.5 * (AMPLITUDE * w) ** 2
-    k_sigma = round_down(LEARNING_RATE * g / velocity_square)
-    mass_rate = LATE_MASS_RATE if delay > 0 else LEARNING_RATE
-    k_m = round_down(mass_rate * g / (velocity_square * w * w))
-    phi_leakage = 1.0 / (SHARES['phi'] * g)
-    network_leakage = squares / (SHARES['network'] * g)
-    return {
-        'error_filter_lambda': reach,
-        **({} if integral == base.integral_gain else {'integral_gain': integral}),
-        'feedback_gain': round_down(SHARES['feedback'] * g),
-        'sigma.gain': k_sigma,
-        'sigma.leakage': round_down(LEAKAGE_RATE / k_sigma),
-        'mass.gain': k_m,
-        'mass.leakage': round_down(LEAKAGE_RATE / k_m),
-        'phi.gain': round_down(FORGETTING_RATE / phi_leakage),
-        'phi.leakage': round_up(phi_leakage),
-        'network.gain': [round_down(FORGETTING_RATE / network_leakage)],
-        'network.leakage': round_up(network_leakage),
-        'safe_gain': g,
-    }
+from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, TRANSIENT, Sections, Steps, metrics_of, run_sine
 
 
 def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float = 20.0) -> dict[str, object]:

@@ -1,5 +1,7 @@
 """The estimated error on sines, against simulated runs."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ def test_the_noise_alone():
     """Without a command the noise is left: what it moves the head of a drive that is to stand still."""
     law = LinearController(0.626, 1.39e-4, 62.0, 3160.0)
     drive, still = {'friction.model': 'none'}, {'waveform': 'constant', 'amplitude': 0.0}
-    sections = {'vcm_plant': drive, 'pid_controller': pid_gains(law), 'reference_generator': still}
+    sections: dict[str, Any] = {'vcm_plant': drive, 'pid_controller': pid_gains(law), 'reference_generator': still}
     head = Experiment(T, 'pid', sections).run(0, 100001).head[5000:, 0]
     ldv = LdvParameters()
     plant = from_mapping(PlantParameters, drive)

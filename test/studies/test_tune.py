@@ -16,8 +16,9 @@ from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.studies.adaptive_nn_rule import tune_adaptive_nn
 from hdd_servo_ros.studies.pid_search import computation_delay, tune_pid
-from hdd_servo_ros.studies.tune import main, tune_adaptive_nn, tune_pid_same_peak
+from hdd_servo_ros.studies.tune import main, tune_pid_same_peak
 from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, Steps, track
 
 T = 1e-4
@@ -37,15 +38,21 @@ LOW_RESONANCE = """
 """A drive for which lambda = 595 1/s is too large."""
 
 
-def test_shipped_adaptive_nn_is_the_rules_result():
-    found = tune_adaptive_nn(PlantParameters(), T, AdaptiveNnParameters())
-    shipped = {name: SHIPPED['adaptive_nn_controller'][name] for name in found}
+def overlaid_files(*names):
+    return read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *names)])
+
+
+@pytest.mark.parametrize('overlays', [(), ('thesis_law',)])
+def test_shipped_adaptive_nn_is_the_rules_result(overlays):
+    section = overlaid_files(*overlays)['adaptive_nn_controller']
+    found = tune_adaptive_nn(PlantParameters(), T, from_mapping(AdaptiveNnParameters, section))
+    shipped = {name: section[name] for name in found}
     assert shipped.pop('network.gain') == pytest.approx(found.pop('network.gain'), rel=1e-9)
     assert shipped == pytest.approx(found, rel=1e-9)
 
 
 def test_step_references_are_the_rules_result():
-    overlaid = read_parameter_files([PARAMS / 'seagate_7200_10.yaml', PARAMS / 'step_references.yaml'])
+    overlaid = overlaid_files('thesis_law', 'step_references')
     base = from_mapping(AdaptiveNnParameters, overlaid['adaptive_nn_controller'])
     # The rule asks for more damping than a loop needs whose jumps are shaped: its gains for 1500 1/s keep Ms <= 2 too.
     slower = dataclasses.replace(base, error_filter_lambda=1500.0, integral_gain=3.1e5)
@@ -93,7 +100,7 @@ def test_the_shipped_pids_are_the_rules_result(overlays, limit):
     """
     sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *overlays)])
     plant = block_parameters('vcm_plant', sections['vcm_plant'])
-    lines = []
+    lines: list[str] = []
     found = tune_pid(plant, T, sections, limit, lines.append)
     shipped = {name: sections['pid_controller'][name] for name in found}
     assert shipped == pytest.approx(found, rel=0.1)
@@ -142,8 +149,8 @@ def test_without_a_limit_of_the_overshoot_the_integral_pays():
 
 def test_fewer_limits_of_the_overshoot_allow_less_error():
     """Two valleys of the error over k_i: with 20 % of overshoot the near one is the best, with 50 % the far one."""
-    near = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
-    far = tune_pid(PlantParameters(), T, SHIPPED, 50.0)
+    near: dict[str, Any] = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
+    far: dict[str, Any] = tune_pid(PlantParameters(), T, SHIPPED, 50.0)
     assert far['integral_gain'] > 15.0 * near['integral_gain']
     assert squared_error(far, SHIPPED) < 0.4 * squared_error(near, SHIPPED)
     assert Steps(SHIPPED, T).overshoot(far) <= 50.0

@@ -39,7 +39,7 @@ def test_beyond_the_limit_the_other_steps_are_left_out():
 
 
 def test_no_limit_allows_a_run_that_ends_in_no_number():
-    limitless = {
+    limitless: dict[str, dict[str, object]] = {
         'vcm_plant': {**SECTIONS['vcm_plant'], 'control_limit': 1e308},
         'ldv_sensor': {'adc_bits': 0, 'output_range': 0.0},
         'pid_controller': {'control_limit': 1e308},
