@@ -58,8 +58,8 @@ ESTIMATES = layout(*ESTIMATE_NAMES)
 class PidParameters(ParameterSet):
     """Parameters of :class:`Pid`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
 
-    proportional_gain: float = parameter(0.626, 'proportional gain k_p', unit='V/um', minimum=0.0)
-    integral_gain: float = parameter(63.0, 'integral gain k_i', unit='V/(um s)', minimum=0.0)
+    proportional_gain: float = parameter(0.627, 'proportional gain k_p', unit='V/um', minimum=0.0)
+    integral_gain: float = parameter(61.6, 'integral gain k_i', unit='V/(um s)', minimum=0.0)
     derivative_gain: float = parameter(1.39e-4, 'derivative gain k_d', unit='V s/um', minimum=0.0)
     derivative_bandwidth: float = parameter(
         3170.0, 'corner frequency of the first-order low pass on the derivative, 0 for none', unit='Hz', minimum=0.0
