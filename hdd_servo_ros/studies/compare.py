@@ -1,7 +1,7 @@
 """
 `compare`: several controllers on the same experiments; one table and one picture, from the bags alone.
 
-    ros2 run hdd_servo_ros compare [--controllers pid adaptive_nn my_module:MyController]
+    ros2 run hdd_servo_ros compare [--controllers adaptive_nn pid pid@FILE my_module:MyController]
         [--experiments sine_100_hz ... | --params-file FILE ...] [-p NODE:PARAMETER:=VALUE] [--without-ros]
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from hdd_servo_ros.analysis.metrics import is_stepwise
-from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.case import Case, parameter_file
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.runner import run_cases
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, names_with_parameters
@@ -33,6 +33,9 @@ from hdd_servo_ros.reporting.verdict import verdict_of
 from hdd_servo_ros.studies.output import new_figure, save, write_table
 
 DEFAULT_FILE = 'seagate_7200_10.yaml'
+DEFAULT_CONTROLLERS = ('adaptive_nn', 'pid')
+DEFAULT_OVERLAYS = ('pid@pid_for_sines.yaml',)
+"""Further controllers by default, on the default drive, for which they are tuned."""
 _TRACKING = ('rms_error', 'max_error')
 _STEPS = ('worst_overshoot', 'worst_settling_time', 'worst_steady_error')
 METRICS = (*_TRACKING, *_STEPS, 'peak_control')
@@ -65,6 +68,50 @@ EXPERIMENTS: dict[str, dict[str, object]] = {
 
 
 @dataclasses.dataclass(frozen=True)
+class Contestant:
+    """
+    A controller with the parameters of an overlay.
+
+    Attributes
+    ----------
+    controller
+        As the parameter ``controller`` of `rig` takes it.
+    node
+        Name of its node.
+    overlays
+        Parameter files of this controller's runs alone, over those of all.
+    """
+
+    controller: str
+    node: str
+    overlays: tuple[str | Path, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Its name in tables and pictures."""
+        if self.overlays:
+            return Path(self.overlays[-1]).stem
+        return self.controller if self.controller in CONTROLLERS else self.node
+
+    @classmethod
+    def named(cls, text: str) -> 'Contestant':
+        """
+        Return the controller of an argument ``CONTROLLER`` or ``CONTROLLER@FILE``.
+
+        A file is looked for at its path, then by its name among those of this package.
+        """
+        controller, at, file = text.partition('@')
+        if at and not file:
+            raise ArgumentError(f'--controllers {text}: expected the name of a parameter file after the @')
+        node = CONTROLLERS[controller] if controller in CONTROLLERS else load_controller(controller).node
+        if not at:
+            return cls(controller, node)
+        path = Path(file)
+        # `parameter_file` names what is there if neither is.
+        return cls(controller, node, (path if path.is_file() else str(parameter_file(file)),))
+
+
+@dataclasses.dataclass(frozen=True)
 class Comparison:
     """
     Controllers on experiments, as cases to run and to read.
@@ -72,7 +119,7 @@ class Comparison:
     Attributes
     ----------
     controllers
-        As the parameter ``controller`` of `rig` takes them, and the name of the node of each.
+        What to compare, each with a label of its own.
     experiments
         Overrides of each experiment, by its name.
     files
@@ -82,23 +129,26 @@ class Comparison:
         go to its runs only.
     """
 
-    controllers: Mapping[str, str]
+    controllers: Sequence[Contestant]
     experiments: Mapping[str, Mapping[str, object]]
     files: tuple[str | Path, ...]
     overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def cases(self) -> dict[tuple[str, str], Case]:
-        """Return a case for each pair of an experiment and a controller's short name, in the order of the table."""
-        cases = {}
-        for experiment, own in self.experiments.items():
-            for controller, node in self.controllers.items():
-                label = controller if controller in CONTROLLERS else node
-                overrides = {**own, **self._given(node)}
-                cases[experiment, label] = Case(f'{experiment}-{label}', controller, self.files, overrides)
-        return cases
+        """Return a case for each pair of an experiment and a controller's label, in the order of the table."""
+        return {
+            (experiment, one.label): Case(
+                f'{experiment}-{one.label}',
+                one.controller,
+                (*self.files, *one.overlays),
+                {**own, **self._given(one.node)},
+            )
+            for experiment, own in self.experiments.items()
+            for one in self.controllers
+        }
 
     def _given(self, node: str) -> dict[str, object]:
-        others = set(self.controllers.values()) - {node}
+        others = {one.node for one in self.controllers} - {node}
         foreign = _known(others) - _known(set(names_with_parameters()) - others)
         return {
             name: value
@@ -225,9 +275,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--controllers',
         nargs='+',
-        default=['adaptive_nn', 'pid'],
         metavar='CONTROLLER',
-        help=f"{', '.join(CONTROLLERS)}, an installed package's entry point, or module:Class; default adaptive_nn pid",
+        help=f"{', '.join(CONTROLLERS)}, an installed package's entry point, or module:Class, each with @FILE for a "
+        'parameter file of its own; default '
+        f'{" ".join(DEFAULT_CONTROLLERS)}, and {" ".join(DEFAULT_OVERLAYS)} on the default drive',
     )
     parser.add_argument(
         '--experiments', nargs='+', choices=EXPERIMENTS, metavar='EXPERIMENT', help=', '.join(EXPERIMENTS)
@@ -253,17 +304,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _comparison(options: argparse.Namespace) -> Comparison:
-    for option, names in (('--controllers', options.controllers), ('--experiments', options.experiments or ())):
+    controllers = options.controllers or [*DEFAULT_CONTROLLERS, *(() if options.params_file else DEFAULT_OVERLAYS)]
+    for option, names in (('--controllers', controllers), ('--experiments', options.experiments or ())):
         for name in names:
             if names.count(name) > 1:
                 raise ArgumentError(f'{option} names {name} more than once')
-    nodes: dict[str, str] = {}
-    for name in options.controllers:
-        nodes[name] = CONTROLLERS[name] if name in CONTROLLERS else load_controller(name).node
-    for name, node in nodes.items():
-        same = [other for other in nodes if nodes[other] == node and other != name]
-        if same:
-            raise ArgumentError(f'--controllers: {name} and {same[0]} are both {node}, so that their runs would be one')
+    contestants: dict[str, Contestant] = {}
+    names_by_label: dict[str, str] = {}
+    for name in controllers:
+        one = Contestant.named(name)
+        if one.label in contestants:
+            other = names_by_label[one.label]
+            raise ArgumentError(
+                f'--controllers: {other} and {name} are both {one.label}, so that their runs would be one'
+            )
+        contestants[one.label], names_by_label[one.label] = one, name
     experiments: Mapping[str, Mapping[str, object]] = EXPERIMENTS
     if options.experiments:
         experiments = {name: EXPERIMENTS[name] for name in options.experiments}
@@ -279,7 +334,7 @@ def _comparison(options: argparse.Namespace) -> Comparison:
         instead = _INSTEAD.get(name.rpartition(':')[2])
         if instead:
             raise ArgumentError(f'-p {name} is refused: compare sets it for each run; use {instead}')
-    return Comparison(nodes, experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
+    return Comparison(tuple(contestants.values()), experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -12,9 +12,9 @@ import yaml
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalogue import NODES
-from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.studies.compare import Comparison, main
+from hdd_servo_ros.studies.compare import Comparison, Contestant, main
 
 ROOT = Path(__file__).parents[2]
 PATH = 'my_controller:MyController'
@@ -38,9 +38,9 @@ def table():
 
 
 def test_cases():
-    nodes = {'pid': 'pid_controller', PATH: 'my_controller'}
+    controllers = (Contestant('pid', 'pid_controller'), Contestant(PATH, 'my_controller'))
     overrides = {'my_controller:spring': 0.01, 'duration': 1.0, 'vcm_plant:gain': 5e7}
-    cases = Comparison(nodes, {'slow': {'reference_generator:frequency': 5.0}}, ('a.yaml',), overrides).cases()
+    cases = Comparison(controllers, {'slow': {'reference_generator:frequency': 5.0}}, ('a.yaml',), overrides).cases()
     assert list(cases) == [('slow', 'pid'), ('slow', 'my_controller')]
     pid, mine = cases.values()
     assert (pid.name, pid.controller, pid.files) == ('slow-pid', 'pid', ('a.yaml',))
@@ -51,14 +51,49 @@ def test_cases():
 
 
 def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
-    nodes = {'pid': 'pid_controller', 'adaptive_nn': 'adaptive_nn_controller', PATH: load_controller(PATH).node}
+    controllers = tuple(Contestant.named(name) for name in ('pid', 'adaptive_nn', PATH))
     overrides = {'spring': 0.01, 'control_limit': 5.0, 'proportional_gain': 0.4, 'no_such': 1.0}
-    cases = Comparison(nodes, {'slow': {}}, ('a.yaml',), overrides).cases()
+    cases = Comparison(controllers, {'slow': {}}, ('a.yaml',), overrides).cases()
     # The drive has a control_limit, and of what nobody has each run says so.
     everywhere = {'control_limit', 'no_such'}
     found = {controller: set(case.overrides) - everywhere for (_, controller), case in cases.items()}
     assert found == {'pid': {'proportional_gain'}, 'adaptive_nn': set(), 'my_controller': {'spring'}}
     assert all(everywhere <= case.overrides.keys() for case in cases.values())
+
+
+def test_an_overlay_of_one_controller(capsys):
+    """By a path and by the name of a shipped file; labelled with the file's stem, and in its own runs only."""
+    Path('soft.yaml').write_text('/**/pid_controller:\n  ros__parameters:\n    proportional_gain: 0.2\n')
+    arguments = ['--controllers', 'pid', 'pid@soft.yaml', 'pid@pid_for_sines.yaml', '--experiments', 'sine_100_hz']
+    arguments += ['--without-ros', '--output', 'out', '-p', 'duration:=0.1', '-p', 'pid_controller:control_limit:=5.0']
+    assert main(arguments) == 0
+    assert [row['controller'] for row in table()] == ['pid', 'soft', 'pid_for_sines']
+    gains = {}
+    for label in ('pid', 'soft', 'pid_for_sines'):
+        content = yaml.safe_load(Path(f'out/sine_100_hz-{label}/run.yaml').read_text())
+        own = content['nodes']['/pid_controller']['parameters']
+        assert own['control_limit'] == 5.0
+        gains[label] = own['proportional_gain'], own['integral_gain']
+    shipped = read_parameter_files([ROOT / 'params' / name for name in ('seagate_7200_10.yaml', 'pid_for_sines.yaml')])
+    for_sines = shipped['pid_controller']
+    assert gains['pid_for_sines'] == (for_sines['proportional_gain'], for_sines['integral_gain'])
+    assert gains['soft'] == (0.2, gains['pid'][1])
+    errors = {row['controller']: float(row['rms error [nm]']) for row in table()}
+    assert errors['pid_for_sines'] < 0.5 * errors['pid'] < errors['soft']
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'labels'),
+    [
+        ([], ['adaptive_nn', 'pid', 'pid_for_sines']),
+        (['--params-file', str(ROOT / 'params' / 'seagate_7200_10.yaml')], ['adaptive_nn', 'pid']),
+    ],
+)
+def test_the_controllers_by_default(arguments, labels):
+    """That of the overlay is tuned for the default drive alone."""
+    short = ['--without-ros', '--output', 'out', '-p', 'duration:=0.06']
+    assert main([*arguments, '--experiments', 'sine_100_hz', *short]) == 0
+    assert [row['controller'] for row in table()] == labels
 
 
 def test_the_table_is_that_of_the_bags(capsys):
@@ -163,6 +198,8 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
         (['-p', 'controller:=pid'], '-p controller is refused: compare sets it for each run; use --controllers'),
         (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is refused'),
         (['-p', 'bogus:=1'], 'compare: parameter bogus = 1 is refused: no such parameter'),
+        (['--controllers', 'pid@'], '--controllers pid@: expected the name of a parameter file after the @'),
+        (['--controllers', 'pid@no_such.yaml'], "no parameter file 'no_such.yaml' among those of hdd_servo_ros"),
         (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),
         (
             ['--output', '/proc/no_such'],
