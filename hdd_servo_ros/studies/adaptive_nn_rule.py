@@ -17,6 +17,9 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.studies.tuning_runs import AMPLITUDE
 
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
+"""Of the gain on r."""
+DESIRED_SHARES = {'feedback': 0.9, 'phi': 0.05, 'network': 0.05}
+"""The same with desired compensation, which leaves less for the switching terms to bound; steps settle sooner."""
 FORGETTING_RATE = 5.0
 """Of phi_hat and W_hat [1/s]."""
 LEARNING_RATE = 6.0
@@ -66,12 +69,13 @@ def tune_adaptive_nn(
     if reach < base.error_filter_lambda and integral > 0.0:
         integral = round_down(scaled_integral_gain(integral, base.error_filter_lambda, reach))
     g = round_down(largest_gain_on_r(margins, reach, integral, delay, damping))
-    phi_leakage = 1.0 / (SHARES['phi'] * g)
-    network_leakage = _lattice_squares(base, sample_time) / (SHARES['network'] * g)
+    shares = DESIRED_SHARES if base.desired.enabled else SHARES
+    phi_leakage = 1.0 / (shares['phi'] * g)
+    network_leakage = _lattice_squares(base, sample_time) / (shares['network'] * g)
     return {
         'error_filter_lambda': reach,
         **({} if integral == base.integral_gain else {'integral_gain': integral}),
-        'feedback_gain': round_down(SHARES['feedback'] * g),
+        'feedback_gain': round_down(shares['feedback'] * g),
         **(_desired_laws(base, g) if base.desired.enabled else _measured_laws(g, delay)),
         'phi.gain': round_down(FORGETTING_RATE / phi_leakage),
         'phi.leakage': round_up(phi_leakage),

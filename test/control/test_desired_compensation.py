@@ -93,7 +93,7 @@ def test_the_feedback_is_the_same_whatever_was_learnt():
         )
         slopes.append(high[0][1] - low[0][1])
     assert slopes[0] == pytest.approx(slopes[1], rel=1e-9)
-    assert slopes[0] == pytest.approx(-0.01 * 8.08e-5 * (2300.0 + 4.6e5 * T), rel=1e-6)
+    assert slopes[0] == pytest.approx(-0.01 * 9.09e-5 * (2300.0 + 4.2e5 * T), rel=1e-6)
 
 
 def test_learning_saturates_with_the_excitation():
