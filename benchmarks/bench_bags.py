@@ -61,7 +61,7 @@ class Recording:
         return self._run(self._simulation('-p', 'deterministic_timer:record:=false'))
 
     def simulate(self, *arguments):
-        """Run `simulate` into a bag, opening and closing included."""
+        """Run `simulate` into a bag, from its first tick to the closed bag."""
         run = self.directory / 'run'
         figures = self._run(self._simulation('-p', f'run_dir:={run}', *arguments))
         self.sizes[arguments] = sum(file.stat().st_size for file in (run / 'bag').glob('*.mcap'))
@@ -69,12 +69,12 @@ class Recording:
         return figures
 
     def _run(self, simulation):
-        simulation.experiment.compile()
-        with Clock(self.ticks) as clock:
-            run = SimulatedRun(simulation)
-            with interrupts() as requests:
-                outcome = run.run(requests, None)
-            run.finish(outcome)
+        run = SimulatedRun(simulation)
+        with interrupts() as requests, Clock(self.ticks) as clock:
+            outcome = run.run(requests, None)
+            if run.recorder is not None:
+                run.recorder.close_bag()
+        run.finish(outcome)
         assert outcome == FINISHED_OUTCOME
         return clock.figures
 
@@ -82,8 +82,8 @@ class Recording:
         """Write the same messages by the bare writer of `rosbags`, one by one."""
         times, payloads = self.messages
         kinds = range(len(self.topics))
+        writer = BareWriter(self.directory / 'bare', self.topics)
         with Clock(len(times)) as clock:
-            writer = BareWriter(self.directory / 'bare', self.topics)
             for stamp, messages in zip(times, payloads, strict=True):
                 writer.write(kinds, (stamp,) * len(kinds), messages)
             writer.close()

@@ -136,9 +136,11 @@ class McapWriter:
                 data = start + MESSAGE_HEAD.itemsize
                 payloads.append(rows[:, data : data + len(message)])
             messages.fill(part, payloads)
-            offsets = self._chunk.size - count * width + width * np.arange(count)
-            for topic, start in zip(topics, starts, strict=True):
-                self._enter(topic, stamps, offsets + start)
+            entries = np.empty((len(topics), count), dtype=INDEX_ENTRY)
+            entries['time'] = stamps
+            begin = self._chunk.size - count * width
+            entries['offset'] = np.add.outer(starts, np.arange(begin, begin + count * width, width))
+            self._enter(topics, entries, stamps)
             first += count
 
     def write_messages(
@@ -175,11 +177,12 @@ class McapWriter:
             self._make_room(int(ends[first]) - begin)
             last = int(np.searchsorted(ends, begin + self._chunk.room, side='right'))
             part = slice(first, last)
-            offsets = self._chunk.size + starts[part] - begin
+            entries = np.empty(last - first, dtype=INDEX_ENTRY)
+            entries['time'] = times[part]
+            entries['offset'] = self._chunk.size + starts[part] - begin
             self._chunk.append(data[begin : int(ends[last - 1])])
-            for topic in np.unique(topics[part]).tolist():
-                chosen = topics[part] == topic
-                self._enter(topic, times[part][chosen], offsets[chosen])
+            there = list(dict.fromkeys(topics[part].tolist()))
+            self._enter(there, [entries[topics[part] == topic] for topic in there], times[part])
             first = last
 
     def _make_room(self, size: int) -> None:
@@ -189,9 +192,13 @@ class McapWriter:
         # A record that is larger than a chunk gets a larger chunk.
         self._chunk.reserve(size)
 
-    def _enter(self, topic: int, times: NDArray[np.integer], offsets: NDArray[np.int64]) -> None:
-        self._counts[topic] += len(times)
-        self._chunk.enter(topic, times, offsets)
+    def _enter(self, topics: Sequence[int], entries: Iterable[NDArray[np.void]], times: NDArray[np.integer]) -> None:
+        """Note where messages are: for each of the topics its entries of the index, and the times of all."""
+        for topic, of_topic in zip(topics, entries, strict=True):
+            self._counts[topic] += len(of_topic)
+            self._chunk.enter(topic, of_topic)
+        first, last = self._chunk.times
+        self._chunk.times = min(first, int(times.min())), max(last, int(times.max()))
 
     def _put(self, data: bytes | memoryview, crc: int | None = None) -> None:
         """Write data, whose checksum may be known."""
@@ -213,12 +220,14 @@ class McapWriter:
         self._put(struct.pack('<BQ', CHUNK, len(head) + len(records)) + head)
         self._put(records, None if self._compression else crc)
         end = self._size
-        indexes = [(topic + 1, _index_record(topic + 1, entries)) for topic, entries in chunk.entries()]
         offsets, place = [], end
-        for channel, index in indexes:
-            offsets.append(struct.pack('<HQ', channel, place))
-            place += len(index)
-        self._put(b''.join(index for _, index in indexes))
+        index: list[bytes | memoryview] = []
+        for topic, entries in chunk.entries():
+            offsets.append(struct.pack('<HQ', topic + 1, place))
+            size = INDEX_ENTRY.itemsize * sum(len(part) for part in entries)
+            index += [struct.pack('<BQHI', MESSAGE_INDEX, 6 + size, topic + 1, size), *map(_buffer, entries)]
+            place += 15 + size
+        self._put(b''.join(index))
         # What is complete is the system's from here on, whatever happens to this process.
         self._file.flush()
         self._chunk_indexes.append(
@@ -306,17 +315,14 @@ class _Chunk:
     def append(self, records: NDArray[np.uint8]) -> None:
         self.take(len(records))[:] = records
 
-    def enter(self, topic: int, times: NDArray[np.integer], offsets: NDArray[np.int64]) -> None:
+    def enter(self, topic: int, entries: NDArray[np.void]) -> None:
         """Note where messages of a topic are."""
-        entries = np.empty(len(times), dtype=INDEX_ENTRY)
-        entries['time'], entries['offset'] = times, offsets
         self._entries[topic].append(entries)
         self._order[topic] = None
-        self.times = min(self.times[0], int(times.min())), max(self.times[1], int(times.max()))
 
-    def entries(self) -> Iterable[tuple[int, NDArray[np.void]]]:
+    def entries(self) -> Iterable[tuple[int, list[NDArray[np.void]]]]:
         """Iterate over the topics, by their first messages, with where their messages are."""
-        return ((topic, np.concatenate(self._entries[topic])) for topic in self._order)
+        return ((topic, self._entries[topic]) for topic in self._order)
 
     def clear(self) -> None:
         self._buffer = self._buffer[:CHUNK_SIZE]
@@ -353,9 +359,8 @@ def _schemas_and_channels(channels: Sequence[Channel]) -> tuple[list[bytes], lis
     return schemas, records
 
 
-def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
-    data = entries.tobytes()
-    return struct.pack('<BQHI', MESSAGE_INDEX, 6 + len(data), channel, len(data)) + data
+def _buffer(entries: NDArray[np.void]) -> memoryview:
+    return entries.view(np.uint8).data
 
 
 def _record(opcode: int, content: bytes) -> bytes:

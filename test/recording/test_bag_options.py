@@ -127,7 +127,10 @@ def test_a_crash_of_a_run_of_some_topics(runs, tmp_path):
             "bag_recorder:compression = 'zstd' is refused: 'none' with storage = 'sqlite3'",
         ),
         (('max_bag_size:=1', 'storage:=sqlite3'), 'bag_recorder:max_bag_size = 1 is refused: 0 with storage'),
-        (('max_bag_duration:=-1.0',), 'bag_recorder:max_bag_duration = -1.0 is refused: a finite number at least 0'),
+        (
+            ('max_bag_duration:=-1.0',),
+            'bag_recorder:max_bag_duration = -1.0 is refused: a finite number at least 0 [s]',
+        ),
         (('topics:=[heads]',), "bag_recorder:topics = ('heads',) is refused: a list, each element one of clock, ref"),
         (('topics:=[disturbance]',), "bag_recorder:topics = ('disturbance',) is refused: this run has clock, ref"),
     ],
