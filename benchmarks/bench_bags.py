@@ -28,6 +28,7 @@ ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 TICK_US = 100.0
 REPEATS = 10
+ZSTD = ('-p', 'compression:=zstd')
 
 
 class Recording:
@@ -140,11 +141,20 @@ def children_time():
 
 
 def bag_figures(directory, repeats, ticks):
-    """Measure in turn, several times; return for each measure the best processor and wall time per tick [us]."""
+    """
+    Measure in turn, several times.
+
+    Returns
+    -------
+    dict
+        For each measure the best processor and wall time per tick [us]; as ``bytes`` the bag's size per tick [bytes]
+        without and with compression.
+    """
     recording = Recording(directory, ticks)
     measures = {
         'loop': recording.loop,
         'simulate': recording.simulate,
+        'simulate, zstd': lambda: recording.simulate(*ZSTD),
         'rosbags': recording.rosbags,
         'writing process': recording.writing_process,
     }
@@ -154,18 +164,27 @@ def bag_figures(directory, repeats, ticks):
             found[name].append(measure())
             processor, wall = found[name][-1]
             print(f'  {name:16} {processor:.3f} us of processor time a tick, {wall:.3f} us of wall time', flush=True)
-    return {name: tuple(min(column) for column in zip(*figures, strict=True)) for name, figures in found.items()}
+    best = {name: tuple(min(column) for column in zip(*figures, strict=True)) for name, figures in found.items()}
+    best['bytes'] = tuple(size / ticks for size in (recording.sizes[()], recording.sizes[ZSTD]))
+    return best
 
 
 def bag_rows(figures):
     """Return the rows of the table: real-time factors by processor time, and what each is compared with."""
     loop, simulate, rosbags, process = (figures[name][0] for name in ('loop', 'simulate', 'rosbags', 'writing process'))
+    plain, packed = figures['bytes']
     return [
         (
             '`simulate` into an MCAP bag, all topics, one core',
             f'{TICK_US / simulate:.0f}',
             'at least 40, aim 80',
             f'{rosbags / simulate:.1f} times the bare `rosbags` writer; without recording {TICK_US / loop:.0f}',
+        ),
+        (
+            '`simulate` into an MCAP bag with `compression: zstd`',
+            f'{TICK_US / figures["simulate, zstd"][0]:.0f}',
+            '',
+            f'{plain / packed:.2f} times smaller: {packed:.0f} bytes per tick, not {plain:.0f}',
         ),
         ('the bare `rosbags` writer, the same messages', f'{TICK_US / rosbags:.2f}', '', 'the baseline'),
         (
