@@ -36,7 +36,8 @@ MESSAGE_HEAD = np.dtype(
 )
 """A Message record before its data."""
 _OPCODE_AND_LENGTH = 9
-_LOG_TIME, _PUBLISH_TIME = (MESSAGE_HEAD.fields[name][1] for name in ('log_time', 'publish_time'))  # type: ignore[index]
+_LOG_TIME, _PUBLISH_TIME = 15, 23
+"""Where the times are in it."""
 INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
 """An entry of a Message Index: log time, and offset of the message in the uncompressed chunk."""
 

@@ -149,7 +149,7 @@ class RunRecorder:
 def _chosen(topics: Sequence[tuple[LoopTopic, str]], recorded: Sequence[str]) -> list[int]:
     """Return the indices of the topics to record."""
     chosen = [index for index, (topic, _) in enumerate(topics) if not recorded or topic.name in recorded]
-    if not chosen:
+    if recorded and not chosen:
         there = ', '.join(topic.name for topic, _ in topics)
         raise ParameterError('bag_recorder:topics', tuple(recorded), f'this run has {there}')
     return chosen

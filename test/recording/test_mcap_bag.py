@@ -24,12 +24,11 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.salvage import salvage
 
 # It has no rosdep key, so that a workspace of ROS may be without; `make test` installs it.
-pytest.importorskip('mcap')
-
-from mcap.data_stream import ReadDataStream
-from mcap.reader import NonSeekingReader, SeekingReader
-from mcap.records import ChunkIndex, DataEnd, Footer, MessageIndex, Statistics
-from mcap.stream_reader import StreamReader
+data_stream, reader, records, stream_reader = (
+    pytest.importorskip(f'mcap.{name}') for name in ('data_stream', 'reader', 'records', 'stream_reader')
+)
+NonSeekingReader, SeekingReader = reader.NonSeekingReader, reader.SeekingReader
+StreamReader = stream_reader.StreamReader
 
 TOPICS = [
     ('/clock', 'rosgraph_msgs/msg/Clock', 1024),
@@ -216,7 +215,7 @@ def test_the_library_of_mcap_reads_it_strictly(tmp_path, small_chunks, parts):
     check_records(content, messages)
 
 
-def without_chunks(statistics: Statistics | None) -> Statistics:
+def without_chunks(statistics):
     """Return statistics without what differs by right: the number of chunks, and times where there are none."""
     assert statistics is not None
     statistics.chunk_count = 0
@@ -229,11 +228,11 @@ def check_records(content: bytes, messages: list[Message]) -> None:
     """Check every index of a file against the bytes that it points to, and its checksums."""
     chunks = []
     for record in StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True).records:
-        if isinstance(record, DataEnd):
+        if isinstance(record, records.DataEnd):
             assert record.data_section_crc != 0
-        elif isinstance(record, ChunkIndex):
+        elif isinstance(record, records.ChunkIndex):
             chunks.append(record)
-        elif isinstance(record, Footer):
+        elif isinstance(record, records.Footer):
             footer = record
     assert zlib.crc32(content[footer.summary_start : -12]) == footer.summary_crc
     count = 0
@@ -242,14 +241,16 @@ def check_records(content: bytes, messages: list[Message]) -> None:
         head = struct.unpack_from('<BQQQQI', content, chunk.chunk_start_offset)
         assert head[0] == 6
         assert head[1] + 9 == chunk.chunk_length
-        records = content[chunk.chunk_start_offset + 49 : chunk.chunk_start_offset + chunk.chunk_length]
-        assert zlib.crc32(records) == head[5] != 0
+        data = content[chunk.chunk_start_offset + 49 : chunk.chunk_start_offset + chunk.chunk_length]
+        assert zlib.crc32(data) == head[5] != 0
         for number, offset in chunk.message_index_offsets.items():
             (size,) = struct.unpack_from('<Q', content, offset + 1)
-            index = MessageIndex.read(ReadDataStream(io.BytesIO(content[offset + 9 : offset + 9 + size])))
+            index = records.MessageIndex.read(
+                data_stream.ReadDataStream(io.BytesIO(content[offset + 9 : offset + 9 + size]))
+            )
             assert (content[offset], index.channel_id) == (7, number)
             for time, place in index.records:
-                opcode, _, channel, sequence, log_time = struct.unpack_from('<BQHIQ', records, place)
+                opcode, _, channel, sequence, log_time = struct.unpack_from('<BQHIQ', data, place)
                 assert (opcode, channel, sequence, log_time) == (5, number, 0, time)
                 times.append(time)
         count += len(times)
