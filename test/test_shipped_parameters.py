@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from hdd_servo_ros.analysis.metrics import tracking_metrics
+from hdd_servo_ros.analysis.metrics import step_response, tracking_metrics
 from hdd_servo_ros.graph.catalogue import parameter_sets
 from hdd_servo_ros.parameters import from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
@@ -70,11 +71,68 @@ def overlaid(*names):
     return read_parameter_files([PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', *names)])
 
 
-def tracked(sections, frequency, seconds):
-    sine = {'waveform': 'sine', 'amplitude': 2.0, 'frequency': frequency}
-    experiment = Experiment(1e-4, 'adaptive_nn', {**sections, 'reference_generator': sine})
-    rows = experiment.run(0, round(seconds * 1e4) + 1)
-    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], seconds - 1.0)
+def run(sections, reference, seconds, controller='adaptive_nn'):
+    experiment = Experiment(1e-4, controller, {**sections, 'reference_generator': reference})
+    return experiment.run(0, round(seconds * 1e4) + 1)
+
+
+def tracked(sections, frequency, seconds, amplitude=2.0, controller='adaptive_nn', transient=None):
+    rows = run(sections, {'amplitude': amplitude, 'frequency': frequency}, seconds, controller)
+    start = seconds - 1.0 if transient is None else transient
+    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], start)
+
+
+# Errors of a 2 um sine [nm], and of the best PID controller without a limit of the overshoot.
+SINES = {10.0: 1.6, 20.0: 1.6, 30.0: 1.6, 50.0: 1.6, 60.0: 1.6, 100.0: 1.6, 200.0: 1.5, 500.0: 11.0}
+
+
+@pytest.mark.parametrize('frequency', SINES)
+def test_one_set_of_gains_from_10_to_500_hz(frequency):
+    assert tracked(overlaid(), frequency, 4.0, transient=2.0).rms_error < SINES[frequency]
+
+
+@pytest.mark.parametrize('amplitude', [0.2, 2.0, 10.0])
+@pytest.mark.parametrize('frequency', [10.0, 30.0, 100.0, 200.0])
+def test_the_default_beats_the_best_pid_on_sines(frequency, amplitude):
+    errors = [
+        tracked(overlaid('pid_for_sines'), frequency, 4.0, amplitude, controller, 2.0).rms_error
+        for controller in ('adaptive_nn', 'pid')
+    ]
+    assert errors[0] < 0.55 * errors[1]
+
+
+@pytest.mark.parametrize('height', [0.5, 5.0])
+@pytest.mark.parametrize('waveform', ['step', 'square'])
+def test_the_default_settles_sooner_than_pid_and_overshoots_less(waveform, height):
+    reference = {'waveform': waveform, 'amplitude': height, 'start_time': 0.05}
+    if waveform == 'square':
+        reference |= {'amplitude': 0.5 * height, 'frequency': 10.0, 'start_time': 0.0}
+    overshoot, settling = [], []
+    for controller in ('adaptive_nn', 'pid'):
+        rows = run(overlaid(), reference, 1.04 if waveform == 'square' else 0.25, controller)
+        edges = step_response(rows.time, rows.reference[:, 0], rows.head[:, 0])
+        # The first edge of the square wave is half as high.
+        overshoot.append(float(edges.overshoot[-15:].max()))
+        settling.append(float(edges.settling_time[-15:].max()))
+    assert overshoot[0] < 2.0 < 15.0 < overshoot[1]
+    assert settling[0] <= settling[1]
+
+
+@pytest.mark.parametrize('amplitude', [0.2, 2.0, 10.0])
+def test_a_chirp_through_the_whole_range(amplitude):
+    reference = {
+        'waveform': 'chirp',
+        'amplitude': amplitude,
+        'frequency': 10.0,
+        'end_frequency': 500.0,
+        'sweep_time': 4.0,
+        'sweep': 'logarithmic',
+    }
+    rows = run(overlaid(), reference, 4.0)
+    error = 1e3 * np.abs(rows.head[:, 0] - rows.reference[:, 0])
+    # Up to 200 Hz, after the start at which the reference already moves; then the whole.
+    assert error[1000:30000].max() < 6.0 + 2.0 * amplitude
+    assert error.max() < 10.0 + 11.0 * amplitude
 
 
 @pytest.mark.parametrize(('frequency', 'at_most'), [(20.0, 12.0), (50.0, 9.0), (100.0, 2.5), (200.0, 1.8)])
