@@ -1,7 +1,7 @@
 """
-`study`: the thesis's experiments, run and recorded; its figures and tables, from the bags alone.
+`study`: the thesis's experiments and those with the best PID controllers, run and recorded; figures and tables of them.
 
-    ros2 run hdd_servo_ros study chapter4 [--without-ros] [--only FIGURE ...] [--output DIRECTORY]
+    ros2 run hdd_servo_ros study chapter4|chapter5|baseline [--without-ros] [--only FIGURE ...] [--output DIRECTORY]
 """
 
 import argparse
@@ -25,7 +25,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Run the thesis's experiments, keep their bags, and make figures and tables from these.",
         epilog='A run that is there already, finished and with equal parameters, is not made again.',
     )
-    parser.add_argument('chapter', choices=CHAPTERS, help='which part of the thesis')
+    parser.add_argument('chapter', choices=CHAPTERS, help='which part of the thesis; baseline: the best PIDs')
     parser.add_argument(
         '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'
     )

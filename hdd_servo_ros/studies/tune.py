@@ -37,19 +37,14 @@ need no integral, steps and slow references do. All gains are rounded to three d
 
 With ``--same-peak`` the PID controller alone is tuned, for a study whose adaptive NN controller is given (section 4.4):
 least squared error over the last half of 20 s of the file's reference, with no more peak control than the adaptive NN
-controller reaches on it.
+controller reaches on it. That search is global too: differential evolution on short runs, then Nelder-Mead.
 """
 
 import argparse
-import itertools
 import math
 import sys
 from collections.abc import Mapping, Sequence
 
-from scipy.optimize import minimize
-
-from hdd_servo_ros.analysis.largest_gains import round_down
-from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
@@ -60,60 +55,10 @@ from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.verdict import verdict
-from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.adaptive_nn_rule import tune_adaptive_nn
+from hdd_servo_ros.studies.pid_same_peak import tune_pid_same_peak
 from hdd_servo_ros.studies.pid_search import OVERSHOOT, computation_delay, tune_pid
 from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, TRANSIENT, Sections, Steps, metrics_of, run_sine
-
-
-def tune_pid_same_peak(sections: Sections, sample_time: float, duration: float = 20.0) -> dict[str, object]:
-    """
-    Return PID gains with the least error under the peak control of the adaptive NN controller in ``sections``.
-
-    Parameters
-    ----------
-    sections
-        Parameters of all blocks; the adaptive NN controller's k sets the scale of the search.
-    sample_time
-        T [s].
-    duration
-        Length of the runs, of which the last half counts [s].
-    """
-    ticks = round(duration / sample_time) + 1
-
-    def metrics(controller: str, parameters: Sections) -> TrackingMetrics:
-        rows = Experiment(sample_time, controller, parameters).run(0, ticks)
-        return tracking_metrics(
-            rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 0.5 * duration, unit=1.0
-        )
-
-    peak = metrics('adaptive_nn', sections).peak_control
-    base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
-
-    def gains(exponents: Sequence[float]) -> dict[str, object]:
-        proportional, integral, derivative = (round_down(math.exp(exponent)) for exponent in exponents)
-        # Below a hundredth of k_p an integral does nothing in 20 s.
-        return {
-            'proportional_gain': proportional,
-            'integral_gain': integral if integral > 0.01 * proportional else 0.0,
-            'derivative_gain': derivative,
-        }
-
-    def cost(exponents: Sequence[float]) -> float:
-        pid = {**sections.get('pid_controller', {}), **gains(exponents)}
-        found = metrics('pid', {**sections, 'pid_controller': pid})
-        if not math.isfinite(found.rms_error):
-            return math.inf
-        return found.rms_error * (1.0 + 1e3 * max(0.0, found.peak_control / peak - 1.0))
-
-    k = base.feedback_gain
-    starts = [
-        [math.log(value) for value in (proportional * k, integral * k, derivative * k)]
-        for proportional, integral, derivative in itertools.product((5.0, 10.0, 20.0), (1e-3, 10.0), (0.5, 0.7, 1.0))
-    ]
-    start = min(starts, key=cost)
-    result = minimize(cost, start, method='Nelder-Mead', options={'maxfev': 120, 'xatol': 1e-3, 'fatol': 1e-6})
-    return gains(result.x)
 
 
 def _mark(rows: SignalRows, controller: str, sections: Sections) -> str:
@@ -188,7 +133,7 @@ def _tune(options: argparse.Namespace) -> int:
     overshoot = _overshoot(options.overshoot)
     sections = read_parameter_files(options.params_file)
     if options.same_peak:
-        _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time))
+        _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time, _progress))
         return 0
     plant: PlantParameters = block_parameters('vcm_plant', sections.get('vcm_plant', {}))
     base: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))

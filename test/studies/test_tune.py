@@ -17,8 +17,9 @@ from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.adaptive_nn_rule import tune_adaptive_nn
+from hdd_servo_ros.studies.pid_same_peak import tune_pid_same_peak
 from hdd_servo_ros.studies.pid_search import computation_delay, tune_pid
-from hdd_servo_ros.studies.tune import main, tune_pid_same_peak
+from hdd_servo_ros.studies.tune import main
 from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, Steps, track
 
 T = 1e-4
@@ -214,6 +215,23 @@ def test_section_4_4_says_what_gain_it_bears():
     assert round_down(bears) == nn['safe_gain']
 
 
+def test_the_integral_pays_under_the_same_peak():
+    """The gains that a local search without an integral found leave more than three times the error at lambda = 10."""
+    names = ('simulation_study', 'simulation_study_lambda_10')
+    sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in names])
+    without = {'proportional_gain': 1100.0, 'integral_gain': 0.0, 'derivative_gain': 18.2}
+    found = []
+    for gains in ({}, without):
+        own = {**sections['pid_controller'], **gains}
+        rows = Experiment(1e-3, 'pid', {**sections, 'pid_controller': own}).run(0, 20001)
+        signals = (rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0])
+        found.append(tracking_metrics(*signals, transient=10.0, unit=1.0))
+    shipped, former = found
+    assert former.rms_error > 3.0 * shipped.rms_error
+    nn = Experiment(1e-3, 'adaptive_nn', sections).run(0, 20001)
+    assert shipped.peak_control <= 1.001 * abs(nn.control[:, 0]).max()
+
+
 @pytest.mark.parametrize('overlays', [(), ('lambda_10',), ('lambda_15', 'feedforward_15')], ids='-'.join)
 def test_same_peak_finds_the_shipped(overlays):
     """At T = 1 ms, for speed; the shipped gains are the result at 0.1 ms."""
@@ -227,11 +245,13 @@ def test_same_peak_finds_the_shipped(overlays):
             rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient=10.0, unit=1.0
         )
 
-    found = metrics('pid', tune_pid_same_peak(sections, 1e-3))
+    lines = []
+    found = metrics('pid', tune_pid_same_peak(sections, 1e-3, lines.append))
     shipped = metrics('pid', {})
     assert found.peak_control <= 1.001 * metrics('adaptive_nn', {}).peak_control
     # At the coarser T the peak is up to 4 % higher, which leaves room for more gain.
     assert found.rms_error == pytest.approx(shipped.rms_error, rel=0.12)
+    assert lines
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,9 @@ import dataclasses
 from hdd_servo_ros.campaign.case import Case
 
 FILE = 'seagate_7200_10.yaml'
+LAW = 'thesis_law.yaml'
 STEPS = 'step_references.yaml'
+FOR_SINES = 'pid_for_sines.yaml'
 COMPENSATOR = 'hysteresis_compensator.yaml'
 DELAY = 'one_sample_delay.yaml'
 TRANSIENT = 2.0
@@ -31,6 +33,13 @@ _SAME_GAINS = {
     'derivative_bandwidth': 0.0,
 }
 """PID as the law's own -k r: k_p = k lambda, k_d = k."""
+_FOR_SINES_DELAY = {
+    'proportional_gain': 0.13,
+    'integral_gain': 295.0,
+    'derivative_gain': 9.8e-5,
+    'derivative_bandwidth': 0.0,
+}
+"""PID with one sample of delay by `tune --overshoot none`."""
 
 
 def sine(name: str, controller: str, frequency: float, *overlays: str, **overrides: object) -> Case:
@@ -91,38 +100,42 @@ def _case(
     return Case(name, controller, (FILE, *overlays), values)
 
 
-NN = {f: sine('nn', 'adaptive_nn', f) for f in FREQUENCIES}
-"""The law of the thesis with the shipped gains, by frequency."""
+NN = {f: sine('nn', 'adaptive_nn', f, LAW) for f in FREQUENCIES}
+"""The law of the thesis, by frequency."""
+SHIPPED = {f: sine('shipped', 'adaptive_nn', f) for f in FREQUENCIES}
+"""Beyond the thesis: the adaptive NN controller as shipped."""
+SHIPPED_MINUTE = {f: lasting(case, 60.0) for f, case in SHIPPED.items()}
 PID = {f: sine('pid', 'pid', f) for f in FREQUENCIES}
-"""PID tuned by the same rule."""
+"""The best PID with at most 20 % overshoot of steps, tuned by the same rule."""
+PID_FOR_SINES = {f: sine('pid_for_sines', 'pid', f, FOR_SINES) for f in FREQUENCIES}
+"""The best PID without a limit of the overshoot."""
 PID_SAME_GAINS = {f: sine('pid_same_gains', 'pid', f, **_SAME_GAINS) for f in FREQUENCIES}
-NN_COMPENSATOR = {f: sine('nn_compensator', 'adaptive_nn', f, COMPENSATOR) for f in FREQUENCIES}
-"""Beyond the thesis: the signed network over the reference."""
-NN_COMPENSATOR_MINUTE = {f: lasting(case, 60.0) for f, case in NN_COMPENSATOR.items()}
-NN_DELAY = {f: sine('nn_delay', 'adaptive_nn', f, DELAY) for f in FREQUENCIES}
+SHIPPED_DELAY = {f: sine('shipped_delay', 'adaptive_nn', f, DELAY) for f in FREQUENCIES}
 PID_DELAY = {f: sine('pid_delay', 'pid', f, DELAY) for f in FREQUENCIES}
+PID_FOR_SINES_DELAY = {f: sine('pid_for_sines_delay', 'pid', f, DELAY, **_FOR_SINES_DELAY) for f in FREQUENCIES}
 
-LAW_STEPS = {h: steps('law_steps', 'adaptive_nn', h) for h in HEIGHTS}
+LAW_STEPS = {h: steps('law_steps', 'adaptive_nn', h, LAW) for h in HEIGHTS}
 """The law of the thesis, which has no integral, by height."""
-NN_STEPS = {h: steps('nn_steps', 'adaptive_nn', h, STEPS) for h in HEIGHTS}
-"""With integral action."""
+SHIPPED_STEPS = {h: steps('shipped_steps', 'adaptive_nn', h) for h in HEIGHTS}
 PID_STEPS = {h: steps('pid_steps', 'pid', h) for h in HEIGHTS}
-LAW_FROM_REST = {h: step_from_rest('law', 'adaptive_nn', h) for h in HEIGHTS}
+PID_FOR_SINES_STEPS = {h: steps('pid_for_sines_steps', 'pid', h, FOR_SINES) for h in HEIGHTS}
+LAW_FROM_REST = {h: step_from_rest('law', 'adaptive_nn', h, LAW) for h in HEIGHTS}
 """One step, of a head that has not moved before."""
-NN_FROM_REST = {h: step_from_rest('nn', 'adaptive_nn', h, STEPS) for h in HEIGHTS}
+SHIPPED_FROM_REST = {h: step_from_rest('shipped', 'adaptive_nn', h) for h in HEIGHTS}
 PID_FROM_REST = {h: step_from_rest('pid', 'pid', h) for h in HEIGHTS}
+PID_FOR_SINES_FROM_REST = {h: step_from_rest('pid_for_sines', 'pid', h, FOR_SINES) for h in HEIGHTS}
 
 LAMBDA_SINES = {
     value: NN[100.0]
     if value == 595.0
-    else sine(f'nn_lambda_{value:g}', 'adaptive_nn', 100.0, error_filter_lambda=value)
+    else sine(f'nn_lambda_{value:g}', 'adaptive_nn', 100.0, LAW, error_filter_lambda=value)
     for value in LAMBDAS
 }
-"""All but lambda as shipped."""
+"""All but lambda as in the law of the thesis."""
 LAMBDA_STEPS = {
     value: LAW_STEPS[5.0]
     if value == 595.0
-    else steps(f'law_steps_lambda_{value:g}', 'adaptive_nn', 5.0, error_filter_lambda=value)
+    else steps(f'law_steps_lambda_{value:g}', 'adaptive_nn', 5.0, LAW, error_filter_lambda=value)
     for value in LAMBDAS
 }
 LAMBDA_INTEGRAL_STEPS = {
@@ -130,6 +143,7 @@ LAMBDA_INTEGRAL_STEPS = {
         f'nn_steps_lambda_{value:g}',
         'adaptive_nn',
         5.0,
+        LAW,
         STEPS,
         error_filter_lambda=value,
         integral_gain=0.138 * value**2,
@@ -144,7 +158,7 @@ _OFF = {f'{term}__enabled': False for term in _TERMS}
 
 
 def _hysteresis(name: str, *overlays: str, **overrides: object) -> Case:
-    return sine(f'hysteresis_{name}', 'adaptive_nn', HYSTERESIS_FREQUENCY, *overlays, **overrides)
+    return sine(f'hysteresis_{name}', 'adaptive_nn', HYSTERESIS_FREQUENCY, LAW, *overlays, **overrides)
 
 
 HYSTERESIS_OFF = _hysteresis('off', **_OFF)
@@ -162,5 +176,11 @@ HYSTERESIS = {
     'only network': _hysteresis('only_network', **{**_OFF, 'network__enabled': True}),
     'whole law and compensator': _hysteresis('compensator', COMPENSATOR),
     'only compensator': _hysteresis('only_compensator', COMPENSATOR, **_OFF),
+    'as shipped': sine('hysteresis_shipped', 'adaptive_nn', HYSTERESIS_FREQUENCY),
 }
 """Who shrinks the loop of fig. 5.21."""
+HYSTERESIS_PID = {
+    'PID, at most 20 % overshoot': sine('hysteresis_pid', 'pid', HYSTERESIS_FREQUENCY),
+    'PID for sines': sine('hysteresis_pid_for_sines', 'pid', HYSTERESIS_FREQUENCY, FOR_SINES),
+}
+"""All of their command is feedback."""

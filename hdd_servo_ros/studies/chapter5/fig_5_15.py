@@ -10,5 +10,5 @@ CASES = tuple(compared(_HEIGHT).values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw it for PID, the law of the thesis, and the adaptive NN controller with integral action."""
+    """Draw it for both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
     return draw_response(runs, path, '5.15', _HEIGHT)

@@ -10,5 +10,5 @@ CASES = tuple(compared(_FREQUENCY).values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw it for PID, the adaptive NN controller, and this with its compensator."""
+    """Draw it for both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
     return draw_error(runs, path, '5.9', _FREQUENCY)

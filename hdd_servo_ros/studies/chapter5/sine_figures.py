@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import NN, NN_COMPENSATOR, PID
+from hdd_servo_ros.studies.chapter5.cases import NN, PID, PID_FOR_SINES, SHIPPED
 from hdd_servo_ros.studies.chapter5.drawing import draw_start_and_end
 from hdd_servo_ros.studies.chapter5.measures import error
 
@@ -13,8 +13,9 @@ def compared(frequency: float) -> dict[str, Case]:
     """Return the runs of one frequency [Hz] by their name in the legend."""
     return {
         'PID': PID[frequency],
-        'adaptive NN': NN[frequency],
-        'adaptive NN with compensator': NN_COMPENSATOR[frequency],
+        'law of the thesis': NN[frequency],
+        'adaptive NN as shipped': SHIPPED[frequency],
+        'PID for sines': PID_FOR_SINES[frequency],
     }
 
 

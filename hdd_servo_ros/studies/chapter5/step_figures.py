@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import LAW_STEPS, NN_STEPS, PID_STEPS
+from hdd_servo_ros.studies.chapter5.cases import LAW_STEPS, PID_FOR_SINES_STEPS, PID_STEPS, SHIPPED_STEPS
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
 
 _EDGE = 5.0
@@ -22,7 +22,8 @@ def compared(height: float) -> dict[str, Case]:
     return {
         'PID': PID_STEPS[height],
         'law of the thesis': LAW_STEPS[height],
-        'adaptive NN with integral': NN_STEPS[height],
+        'adaptive NN as shipped': SHIPPED_STEPS[height],
+        'PID for sines': PID_FOR_SINES_STEPS[height],
     }
 
 
@@ -39,6 +40,7 @@ def draw_response(runs: RecordedRuns, path: Path, number: str, height: float) ->
         draw(position, milliseconds, x, color=f'C{place}', label=name)
         draw(error, milliseconds, 100.0 * (x - x_d) / height, color=f'C{place}')
     error.axhspan(-2.0, 2.0, color='0.85', zorder=0)
+    # The PID for sines goes beyond it; the positions show how far.
     error.set_ylim(-20.0, 35.0)
     position.set_ylabel('position [µm]')
     error.set_ylabel('error [% of the step]')
@@ -58,7 +60,7 @@ def draw_control(runs: RecordedRuns, path: Path, number: str, height: float) -> 
         u = run.command[shown]
         for axes in (whole, close):
             draw(axes, milliseconds, u, color=f'C{place}', label=name)
-        if name != 'PID':
+        if not name.startswith('PID'):
             largest = max(largest, float(np.abs(u).max()))
     close.set_ylim(-largest, largest)
     for axes in (whole, close):

@@ -4,10 +4,23 @@ from pathlib import Path
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_DELAY, PID, PID_DELAY, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import (
+    FREQUENCIES,
+    PID,
+    PID_DELAY,
+    PID_FOR_SINES,
+    PID_FOR_SINES_DELAY,
+    SHIPPED,
+    SHIPPED_DELAY,
+    TRANSIENT,
+)
 from hdd_servo_ros.studies.output import write_table
 
-_RUNS = {'adaptive NN': (NN, NN_DELAY), 'PID': (PID, PID_DELAY)}
+_RUNS = {
+    'adaptive NN as shipped': (SHIPPED, SHIPPED_DELAY),
+    'PID, at most 20 % overshoot': (PID, PID_DELAY),
+    'PID for sines': (PID_FOR_SINES, PID_FOR_SINES_DELAY),
+}
 CASES = tuple(case for pair in _RUNS.values() for cases in pair for case in cases.values())
 
 
@@ -35,4 +48,4 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'max error with one sample [nm]',
         'rms error grows by',
     )
-    return write_table(path, 'Sine of 2 um, 2 to 10 s; one sample: one_sample_delay.yaml, tuned for it.', header, rows)
+    return write_table(path, 'Sine of 2 um, 2 to 10 s; one sample: tuned for it.', header, rows)

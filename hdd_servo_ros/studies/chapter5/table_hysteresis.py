@@ -1,21 +1,22 @@
-"""Table: area of the hysteresis loops at 80 Hz, with parts of the law switched off."""
+"""Table: area of the hysteresis loops at 80 Hz, with parts of the law switched off, and with PID."""
 
 from pathlib import Path
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS, HYSTERESIS_OFF, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS, HYSTERESIS_OFF, HYSTERESIS_PID, TRANSIENT
 from hdd_servo_ros.studies.chapter5.measures import loop_areas
 from hdd_servo_ros.studies.output import write_table
 
-CASES = tuple(HYSTERESIS.values())
+_RUNS = {**HYSTERESIS, **HYSTERESIS_PID}
+CASES = tuple(_RUNS.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Write one row a variant."""
     without = loop_areas(runs[HYSTERESIS_OFF]).feedback
     rows = []
-    for name, case in HYSTERESIS.items():
+    for name, case in _RUNS.items():
         areas = loop_areas(runs[case])
         reduction = f'{100.0 * (1.0 - areas.feedback / without):.1f} %'
         error = runs.metrics(case, TRANSIENT, NANOMETRES).rms_error

@@ -6,12 +6,17 @@ import numpy as np
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, PID, PID_FOR_SINES, SHIPPED, TRANSIENT
 from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, trials
 from hdd_servo_ros.studies.output import write_table
 
 DRIVES = 200
-_RUNS = {'adaptive NN': NN, 'PID': PID, 'adaptive NN with compensator': NN_COMPENSATOR}
+_RUNS = {
+    'law of the thesis': NN,
+    'PID, at most 20 % overshoot': PID,
+    'PID for sines': PID_FOR_SINES,
+    'adaptive NN as shipped': SHIPPED,
+}
 CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
 
 

@@ -4,14 +4,23 @@ from pathlib import Path
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, NN_COMPENSATOR, PID, PID_SAME_GAINS, TRANSIENT
+from hdd_servo_ros.studies.chapter5.cases import (
+    FREQUENCIES,
+    NN,
+    PID,
+    PID_FOR_SINES,
+    PID_SAME_GAINS,
+    SHIPPED,
+    TRANSIENT,
+)
 from hdd_servo_ros.studies.output import write_table
 
 _RUNS = {
-    'adaptive NN': NN,
-    'PID tuned by the same rule': PID,
+    'law of the thesis': NN,
+    'PID, at most 20 % overshoot': PID,
+    'PID for sines, no limit of overshoot': PID_FOR_SINES,
     'PID with the same gains': PID_SAME_GAINS,
-    'adaptive NN with compensator': NN_COMPENSATOR,
+    'adaptive NN as shipped': SHIPPED,
 }
 CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
 
@@ -22,7 +31,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for frequency in FREQUENCIES:
         for name, cases in _RUNS.items():
             found = runs.metrics(cases[frequency], TRANSIENT, NANOMETRES)
-            own = runs.metrics(NN[frequency], TRANSIENT, NANOMETRES).rms_error
+            own = runs.metrics(SHIPPED[frequency], TRANSIENT, NANOMETRES).rms_error
             rows.append(
                 (
                     f'{frequency:g}',
@@ -41,6 +50,6 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'max error [nm]',
         'TMR [nm]',
         'peak control [V]',
-        "adaptive NN's rms error over this one",
+        "shipped controller's rms error over this one",
     )
     return write_table(path, 'Sine of 2 um, 2 to 10 s; peak control from 0 s.', header, rows)

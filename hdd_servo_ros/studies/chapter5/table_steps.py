@@ -9,19 +9,23 @@ from hdd_servo_ros.studies.chapter5.cases import (
     HEIGHTS,
     LAW_FROM_REST,
     LAW_STEPS,
-    NN_FROM_REST,
-    NN_STEPS,
+    PID_FOR_SINES_FROM_REST,
+    PID_FOR_SINES_STEPS,
     PID_FROM_REST,
     PID_STEPS,
+    SHIPPED_FROM_REST,
+    SHIPPED_STEPS,
     STEP_TIME,
 )
 from hdd_servo_ros.studies.chapter5.measures import edges
 from hdd_servo_ros.studies.output import write_table
 
-_NAMES = ('law of the thesis', 'adaptive NN with integral action', 'PID')
+_NAMES = ('law of the thesis', 'adaptive NN as shipped', 'PID, at most 20 % overshoot', 'PID for sines')
 _RUNS = {
-    'lone, from rest': dict(zip(_NAMES, (LAW_FROM_REST, NN_FROM_REST, PID_FROM_REST), strict=True)),
-    'square wave': dict(zip(_NAMES, (LAW_STEPS, NN_STEPS, PID_STEPS), strict=True)),
+    'lone, from rest': dict(
+        zip(_NAMES, (LAW_FROM_REST, SHIPPED_FROM_REST, PID_FROM_REST, PID_FOR_SINES_FROM_REST), strict=True)
+    ),
+    'square wave': dict(zip(_NAMES, (LAW_STEPS, SHIPPED_STEPS, PID_STEPS, PID_FOR_SINES_STEPS), strict=True)),
 }
 CASES = tuple(case for kind in _RUNS.values() for cases in kind.values() for case in cases.values())
 

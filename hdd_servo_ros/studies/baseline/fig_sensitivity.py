@@ -1,0 +1,36 @@
+"""Peak sensitivity with the estimates that sines of 2 um lead to, over frequency."""
+
+import math
+from pathlib import Path
+
+from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.reporting.run_sensitivity import RunSensitivity, run_sensitivity
+from hdd_servo_ros.studies.baseline.cases import AMPLITUDE, OVER_FREQUENCY
+from hdd_servo_ros.studies.output import legend_above, new_figure, save
+
+CASES = tuple(case for cases in OVER_FREQUENCY.values() for case in cases.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Draw Ms with the estimates at the end as a line, and the largest along each run as a bar above it."""
+    figure = new_figure(f'Peak sensitivity with the learnt estimates frozen, sine of {AMPLITUDE:g} µm', height=5.0)
+    axes = figure.subplots()
+    for colour, (name, cases) in enumerate(OVER_FREQUENCY.items()):
+        found = [_sensitivity(runs, case) for case in cases.values()]
+        axes.semilogx(list(cases), [each.at_end for each in found], 'o-', markersize=4, color=f'C{colour}', label=name)
+        axes.vlines(list(cases), [each.at_end for each in found], [each.largest for each in found], color=f'C{colour}')
+    axes.axhline(MAX_ADAPTED_SENSITIVITY, color='black', linestyle=':', label='limit for learnt estimates')
+    axes.set_xlabel('frequency [Hz]')
+    axes.set_ylabel('Ms')
+    axes.set_ylim(bottom=1.0)
+    legend_above(axes)
+    return save(figure, path)
+
+
+def _sensitivity(runs: RecordedRuns, case: Case) -> RunSensitivity:
+    found = run_sensitivity(runs[case])
+    if found is None or not math.isfinite(found.largest):
+        raise ValueError(f'{case.name} has no finite peak sensitivity')
+    return found

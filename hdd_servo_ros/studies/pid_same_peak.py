@@ -1,0 +1,107 @@
+"""The PID controller with the least error under the peak control of the adaptive NN controller, for section 4.4."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.optimize import differential_evolution, minimize
+
+from hdd_servo_ros.analysis.largest_gains import round_down, round_up
+from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
+from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
+from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.studies.tuning_runs import Sections
+
+DURATION = 20.0
+"""Of the runs, of which the last half counts [s]."""
+SHORT = 0.2
+"""Length of the runs of the global search over ``DURATION``: the peak is at the start, and a PID settles soon."""
+COARSE = 1e-3
+"""Sample time of the global search [s]."""
+RANGES = ((1.0, 1e3), (1e-3, 1e5), (0.1, 10.0))
+"""Searched ranges of k_p [1/s], k_i [1/s^2] and k_d, over the adaptive NN controller's k."""
+LEAST_INTEGRAL = 0.01
+"""An integral below this part of k_p does nothing in 20 s, and is left out [1/s]."""
+Gains = tuple[float, ...]
+
+_EXCESS_COST = 1e3
+"""Relative cost of a relative excess of the peak."""
+
+
+def tune_pid_same_peak(
+    sections: Sections, sample_time: float, report: Callable[[str], None] = lambda line: None
+) -> dict[str, object]:
+    """
+    Return PID gains with the least error under the peak control of the adaptive NN controller in ``sections``.
+
+    Differential evolution on short runs at a coarse sample time finds the start of Nelder-Mead searches, on short
+    runs and then on whole ones.
+
+    Parameters
+    ----------
+    sections
+        Parameters of all blocks; the adaptive NN controller's k sets the scale of the search.
+    sample_time
+        T [s].
+    report
+        Receives lines of text on the progress.
+    """
+    peak = _metrics('adaptive_nn', sections, sample_time, DURATION).peak_control
+    own: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
+
+    def found(law: Gains, duration: float, time_step: float = sample_time) -> TrackingMetrics:
+        pid = {**sections.get('pid_controller', {}), **_named(law)}
+        return _metrics('pid', {**sections, 'pid_controller': pid}, time_step, duration)
+
+    def cost(law: Gains, duration: float, time_step: float = sample_time) -> float:
+        metrics = found(law, duration, time_step)
+        # Finite, for the sake of what differential evolution computes of the costs.
+        if not math.isfinite(metrics.rms_error):
+            return 1e9
+        return metrics.rms_error * (1.0 + _EXCESS_COST * max(0.0, metrics.peak_control / peak - 1.0))
+
+    def cost_at(exponents: Sequence[float], duration: float, time_step: float) -> float:
+        return cost(_gains(exponents), duration, time_step)
+
+    best = differential_evolution(
+        cost_at,
+        [(math.log(low * own.feedback_gain), math.log(high * own.feedback_gain)) for low, high in RANGES],
+        args=(SHORT * DURATION, max(sample_time, COARSE)),
+        popsize=12,
+        maxiter=30,
+        mutation=(0.4, 0.9),
+        recombination=0.9,
+        seed=1,
+        polish=False,
+    ).x
+    report(f'global search: {_named(_gains(best))}')
+    # Begun anew where it has ended: at the edge of what the peak allows, a simplex may close up too early.
+    for duration in (SHORT * DURATION, SHORT * DURATION, DURATION, DURATION):
+        simplex = np.vstack([best, best + 0.1 * np.eye(3)])
+        options = {'initial_simplex': simplex, 'maxfev': 80, 'xatol': 1e-4, 'fatol': 1e-9}
+        best = minimize(cost_at, best, args=(duration, sample_time), method='Nelder-Mead', options=options).x
+    near = itertools.product(*({round_down(gain), round_up(gain)} if gain else {0.0} for gain in _gains(best)))
+    rounded = min(near, key=lambda law: cost(law, DURATION))
+    last = found(rounded, DURATION)
+    report(f'local search: rms error {last.rms_error:.3g}, peak control {last.peak_control:.4g} of {peak:.4g}')
+    return _named(rounded)
+
+
+def _gains(exponents: Sequence[float]) -> Gains:
+    """Return the gains of a point of the search."""
+    proportional, integral, derivative = (math.exp(exponent) for exponent in exponents)
+    return proportional, integral if integral > LEAST_INTEGRAL * proportional else 0.0, derivative
+
+
+def _named(law: Gains) -> dict[str, object]:
+    """Return gains under their ROS names."""
+    return dict(zip(('proportional_gain', 'integral_gain', 'derivative_gain'), law, strict=True))
+
+
+def _metrics(controller: str, parameters: Sections, sample_time: float, duration: float) -> TrackingMetrics:
+    rows = Experiment(sample_time, controller, parameters).run(0, round(duration / sample_time) + 1)
+    return tracking_metrics(
+        rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 0.5 * duration, unit=1.0
+    )
