@@ -12,6 +12,8 @@ from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.mcap_bag import McapBag
 
 STORAGES = ('mcap', 'sqlite3')
+_BATCH_MESSAGES = 512
+"""Messages that are written at once; a crash may lose so many in addition to a chunk."""
 
 
 class BagWriter:
@@ -52,11 +54,35 @@ class BagWriter:
         if path.exists():
             raise FileExistsError(f'{path} exists already')
         self._bag = _BAGS[storage](path, topics, metadata, options)
+        self._topics: list[int] = []
+        self._stamps: list[int] = []
+        self._messages: list[bytes | memoryview] = []
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
-        """Write messages in order: index of the topic, receive time [ns] and payload of each."""
-        sizes = [len(message) for message in messages]
-        self.write_batch(np.array(topics), np.array(stamps), np.array(sizes), memoryview(b''.join(messages)))
+        """
+        Write messages in order: index of the topic, receive time [ns] and payload of each.
+
+        They are kept until there are enough for a batch: a batch costs little more than the messages of one tick alone.
+
+        Raises
+        ------
+        ValueError
+            If there are not as many of each.
+        """
+        if not len(topics) == len(stamps) == len(messages):
+            raise ValueError(f'{len(topics)} topics and {len(stamps)} stamps of {len(messages)} messages')
+        self._topics += topics
+        self._stamps += stamps
+        self._messages += messages
+        if len(self._messages) >= _BATCH_MESSAGES:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._messages:
+            topics, stamps, messages = self._topics, self._stamps, self._messages
+            self._topics, self._stamps, self._messages = [], [], []
+            sizes = np.array([len(message) for message in messages])
+            self.write_batch(np.array(topics), np.array(stamps), sizes, memoryview(b''.join(messages)))
 
     def write_batch(
         self,
@@ -74,14 +100,8 @@ class BagWriter:
             Index of the topic, receive time [ns] and size [bytes] of each message, shape (n,).
         payloads
             The messages, one after the other.
-
-        Raises
-        ------
-        ValueError
-            If the arrays differ in length.
         """
-        if not len(topics) == len(stamps) == len(sizes):
-            raise ValueError(f'{len(topics)} topics, {len(stamps)} stamps and {len(sizes)} sizes of messages')
+        self._flush()
         numbers = [array.astype(np.int64) for array in (topics, stamps, sizes)]
         kinds = _messages_per_tick(*numbers)
         if kinds:
@@ -92,10 +112,12 @@ class BagWriter:
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
         """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
+        self._flush()
         self._bag.write_ticks(topics, messages)
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``: from here on the bag is complete."""
+        self._flush()
         self._bag.close()
 
 

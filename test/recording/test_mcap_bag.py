@@ -425,7 +425,7 @@ def test_what_is_written_is_in_the_file_chunk_by_chunk(tmp_path):
     assert len(written) > 3 * (20_000 - 2**20 // size - 1)
 
 
-def test_arrays_of_different_length(tmp_path):
+def test_numbers_of_messages_that_differ(tmp_path):
     writer = BagWriter(tmp_path / 'bag', 'mcap', TOPICS, {})
-    with pytest.raises(ValueError, match='1 topics, 2 stamps and 1 sizes'):
+    with pytest.raises(ValueError, match='1 topics and 2 stamps of 1 messages'):
         writer.write([0], [1, 2], [b'abc'])
