@@ -1,4 +1,4 @@
-"""The messages of many ticks at once, as what makes them hands them to what writes them."""
+"""Interface between what packs the messages of many ticks and what writes them."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -14,7 +14,7 @@ class TickMessages(Protocol):
     """
     One message per topic and tick, for n ticks; the messages of a topic all have one size.
 
-    They are written straight into the memory from which they go to disk, so nothing holds a copy of them.
+    The messages are made in the memory from which they are written to disk, so no copy is made of them.
     """
 
     @property

@@ -1,4 +1,4 @@
-"""How a bag is stored."""
+"""Options of a bag in addition to its storage."""
 
 import dataclasses
 from typing import Any
@@ -7,7 +7,7 @@ from typing import Any
 @dataclasses.dataclass(frozen=True)
 class BagOptions:
     """
-    What a bag's writer can be asked for, beside the storage; all of it for MCAP only.
+    Compression and splitting of a bag; both for MCAP only.
 
     Attributes
     ----------

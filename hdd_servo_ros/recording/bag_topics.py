@@ -1,4 +1,4 @@
-"""What a rosbag2 bag tells of its topics: type, definition and hash of the messages, and the quality of service."""
+"""Message type, definition, hash and quality of service of the topics of a rosbag2 bag."""
 
 import dataclasses
 import functools

@@ -1,8 +1,8 @@
 """
 The CRC-32 of two pieces of data from those of the pieces.
 
-MCAP wants a checksum of each chunk and one of everything: without this, every byte would be read twice, which takes as
-long as writing it. As ``crc32_combine`` of zlib, which Python's module does not pass on; a CRC is a polynomial over
+MCAP has a checksum of each chunk and one of the data section. Without this, every byte would be read twice, which takes
+as long as writing it. As ``crc32_combine`` of zlib, which Python's module does not offer; a CRC is a polynomial over
 GF(2), bit-reversed (the highest bit is the coefficient of x^0), and data that follow multiply it by x^(8 size).
 """
 

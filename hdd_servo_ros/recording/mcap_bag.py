@@ -121,7 +121,7 @@ class McapBag:
                 }
                 for topic, count in zip(self._topics, counts.tolist(), strict=True)
             ],
-            # Chunks are compressed within MCAP, of which rosbag2's metadata say nothing.
+            # rosbag2's own compression, of messages or files; that of MCAP's chunks is not listed here.
             'compression_format': '',
             'compression_mode': '',
             'files': [{'path': file.name, **file.times_and_count()} for file in files],
@@ -132,7 +132,7 @@ class McapBag:
 
 @dataclasses.dataclass(frozen=True)
 class _File:
-    """What `metadata.yaml` tells of a file: name, number of messages per topic, first and last time [ns]."""
+    """Name of a file, number of messages per topic, first and last time [ns]."""
 
     name: str
     counts: NDArray[np.int64]

@@ -2,7 +2,8 @@
 An MCAP file written in bulk: many messages become one array, a chunk's index another.
 
 The records are those of https://mcap.dev/spec, sections "Records" (each with its opcode, fields and byte order),
-"Chunk", "Message Index" and "Summary Section"; comments below name the record. All numbers are little-endian.
+"Chunk", "Message Index" and "Summary Section"; comments below name the record. All numbers are little-endian. The
+libraries that write MCAP (`rosbags`, `mcap`, `foxglove-sdk`) take one message at a time.
 """
 
 import dataclasses
@@ -187,7 +188,7 @@ class McapWriter:
             first = last
 
     def _make_room(self, size: int) -> None:
-        """See to it that the chunk has room for a record of ``size`` bytes."""
+        """Ensure that the chunk has room for a record of ``size`` bytes."""
         if self._chunk.room < size and self._chunk.has_messages:
             self._close_chunk()
         # A record that is larger than a chunk gets a larger chunk.
@@ -229,7 +230,7 @@ class McapWriter:
             index += [struct.pack('<BQHI', MESSAGE_INDEX, 6 + size, topic + 1, size), *map(_buffer, entries)]
             place += 15 + size
         self._put(b''.join(index))
-        # What is complete is the system's from here on, whatever happens to this process.
+        # From here on the chunk survives the end of this process.
         self._file.flush()
         self._chunk_indexes.append(
             _record(

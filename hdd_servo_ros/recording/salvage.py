@@ -157,7 +157,7 @@ class _McapSalvage:
 
     @staticmethod
     def _decompressed(records: memoryview, start: int, *, is_whole: bool) -> memoryview:
-        """Return the records of a compressed chunk that begins at a byte of the file, or what can be had of them."""
+        """Return the records of the compressed chunk at a byte of the file, as far as they can be recovered."""
         try:
             if is_whole:
                 return memoryview(decompress(records))

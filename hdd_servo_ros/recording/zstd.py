@@ -1,4 +1,4 @@
-"""Zstandard, by the library that `rosbags` brings for it; imported only where a bag is compressed."""
+"""Zstandard, by the library that `rosbags` depends on for it; imported only where a bag is compressed."""
 
 from types import ModuleType
 from typing import Any
@@ -10,7 +10,7 @@ _PIECE = 4096
 
 
 def require_zstd() -> None:
-    """Raise ValueError, with what is to be done, if the library is not installed."""
+    """Raise ValueError if the library is not installed."""
     _library()
 
 
@@ -18,7 +18,7 @@ def _library() -> ModuleType:
     try:
         from backports import zstd
     except ModuleNotFoundError:
-        raise ValueError('zstd needs the Python package backports.zstd, which rosbags 0.11 brings') from None
+        raise ValueError('zstd needs the Python package backports.zstd, which rosbags 0.11 installs') from None
     return zstd
 
 
@@ -46,12 +46,12 @@ def decompress(frame: Any) -> bytes:
 
 
 def decompress_beginning(frame: Any) -> bytes:
-    """Return what can be had of a frame that may be cut off or damaged: the content of its first whole blocks."""
+    """Return the content of the first complete blocks of a frame that may be cut off or damaged."""
     library = _library()
     decompressor = library.ZstdDecompressor()
     content = b''
     try:
-        # In small pieces, so that damage takes no more than the block that it is in.
+        # In small pieces, so that the blocks before a damaged one are kept.
         for start in range(0, len(frame), _PIECE):
             content += decompressor.decompress(frame[start : start + _PIECE])
             if decompressor.eof:
