@@ -19,9 +19,10 @@ from hdd_servo_ros.simulation.experiment import Experiment
 
 T = 1e-4
 OVERLAY = read_parameter_files([Path(__file__).parents[2] / 'params' / 'one_sample_delay.yaml'])
+OVERLAY_NN = OVERLAY['adaptive_nn_controller']
 LATE = {'dsp.computation_delay': 1}
 # rms and largest error that the loop without delay must keep [nm], by frequency [Hz].
-LIMITS = {100.0: (12.0, 35.0), 200.0: (9.0, 25.0)}
+LIMITS = {100.0: (1.6, 7.0), 200.0: (1.7, 7.5)}
 
 
 def error(controller, frequency, seconds, ldv=None, gains=None):
@@ -45,10 +46,12 @@ def test_one_sample_of_delay(frequency, gains):
     assert found.rms_error < 1.5 * error('adaptive_nn', frequency, 12.0).rms_error
 
 
-def test_the_overlay_holds_where_the_effective_mass_learns_fastest():
-    """At 500 Hz, where the gains for no delay let m_hat burst in the late loop."""
-    assert error('adaptive_nn', 500.0, 20.0, gains=OVERLAY['adaptive_nn_controller']).rms_error < 15.0
-    assert error('adaptive_nn', 500.0, 20.0, gains=LATE).rms_error > 50.0
+def test_the_overlay_has_margin_where_the_default_gains_have_none():
+    """At 500 Hz, too; Ms of the default gains is 2.7 with the delay."""
+    assert error('adaptive_nn', 500.0, 20.0, gains=OVERLAY['adaptive_nn_controller']).rms_error < 13.0
+    default, tuned = (Experiment(T, 'adaptive_nn', {'adaptive_nn_controller': g}) for g in (LATE, OVERLAY_NN))
+    assert 'peak sensitivity of 2.69' in default.warnings()[0]
+    assert tuned.warnings() == ()
 
 
 def test_with_the_delay_the_pid_controller_needs_the_overlay():
@@ -72,20 +75,20 @@ def test_velocity_from_differences_needs_the_reference_behind_the_same_filter():
 
     both, neither = of(True, True), of(False, True)
     noise, lag = both - neither, of(False, False) - neither
-    assert both < 12.0
-    assert 0.0 < noise < 2.0
-    assert lag > 20.0 * noise
+    assert both < 3.5
+    assert 0.0 < noise < 3.0
+    assert lag > 5.0 * noise
 
 
 @pytest.mark.parametrize(
     ('ldv', 'least', 'most'),
     [
-        ({'noise': False, 'adc_bits': 0}, 6.0, 7.5),
-        ({'noise_measure': 'density'}, 6.5, 7.5),
-        ({'adc_bits': 12}, 6.5, 8.0),
+        ({'noise': False, 'adc_bits': 0}, 0.1, 0.4),
+        ({'noise_measure': 'density'}, 1.0, 1.8),
+        ({'adc_bits': 12}, 4.0, 6.5),
         # Of a delay tau the loop knows nothing: the head leads by tau, 2 um w tau/sqrt(2) rms beside the floor.
         ({'demodulator_delay': 2e-5}, 17.0, 21.0),
-        ({'demodulator_bandwidth': 20000.0}, 8.0, 12.0),
+        ({'demodulator_bandwidth': 20000.0}, 6.0, 8.5),
     ],
 )
 def test_each_effect_at_100_hz(ldv, least, most):

@@ -10,14 +10,16 @@ from hdd_servo_ros.reporting.run_sensitivity import RunSensitivity, run_sensitiv
 from hdd_servo_ros.studies.baseline.cases import AMPLITUDE, OVER_FREQUENCY
 from hdd_servo_ros.studies.output import legend_above, new_figure, save
 
-CASES = tuple(case for cases in OVER_FREQUENCY.values() for case in cases.values())
+_SHOWN = ('adaptive NN as shipped', 'law of the thesis')
+CASES = tuple(case for name in _SHOWN for case in OVER_FREQUENCY[name].values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw Ms with the estimates at the end as a line, and the largest along each run as a bar above it."""
     figure = new_figure(f'Peak sensitivity with the learnt estimates frozen, sine of {AMPLITUDE:g} µm', height=5.0)
     axes = figure.subplots()
-    for colour, (name, cases) in enumerate(OVER_FREQUENCY.items()):
+    for colour, name in enumerate(_SHOWN):
+        cases = OVER_FREQUENCY[name]
         found = [_sensitivity(runs, case) for case in cases.values()]
         axes.semilogx(list(cases), [each.at_end for each in found], 'o-', markersize=4, color=f'C{colour}', label=name)
         axes.vlines(list(cases), [each.at_end for each in found], [each.largest for each in found], color=f'C{colour}')
