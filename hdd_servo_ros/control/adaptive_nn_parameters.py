@@ -31,7 +31,18 @@ BARE_LAW: Mapping[str, object] = {
 
 
 @dataclasses.dataclass(frozen=True)
-class SigmaParameters(ParameterSet):
+class BoundedEstimate(ParameterSet):
+    """What the parameters of an estimate with bounds share."""
+
+    def check_together(self) -> None:
+        """Check that ``minimum`` and ``maximum`` are in order; raises :class:`ParameterError`."""
+        minimum, maximum = (getattr(self, name) for name in ('minimum', 'maximum'))
+        if minimum > maximum:
+            raise ParameterError('minimum', minimum, f'at most maximum = {maximum:g}')
+
+
+@dataclasses.dataclass(frozen=True)
+class SigmaParameters(BoundedEstimate):
     """The viscous estimate sigma_hat, (4.18)."""
 
     enabled: bool = parameter(True, 'whether sigma_hat takes part')
@@ -44,13 +55,9 @@ class SigmaParameters(ParameterSet):
     maximum: float = parameter(4.0e-5, 'largest sigma_hat, with projection', unit='V s/um')
     scale: float = parameter(30.0, SCALE_TEXT, unit='um/s', minimum=0.0)
 
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
-
 
 @dataclasses.dataclass(frozen=True)
-class MassParameters(ParameterSet):
+class MassParameters(BoundedEstimate):
     """
     The inertia estimate m_hat, (4.19).
 
@@ -67,13 +74,9 @@ class MassParameters(ParameterSet):
     maximum: float = parameter(3.5e-8, 'largest m_hat, with projection', unit='V s^2/um')
     scale: float = parameter(1.0e4, SCALE_TEXT, unit='um/s^2', minimum=0.0)
 
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
-
 
 @dataclasses.dataclass(frozen=True)
-class PhiParameters(ParameterSet):
+class PhiParameters(BoundedEstimate):
     """The bound estimate phi_hat of network error and disturbance, (4.20)."""
 
     enabled: bool = parameter(True, 'whether phi_hat takes part')
@@ -82,10 +85,6 @@ class PhiParameters(ParameterSet):
     initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
     minimum: float = parameter(0.0, 'smallest phi_hat, with projection', unit='V')
     maximum: float = parameter(0.2, 'largest phi_hat, with projection', unit='V')
-
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,51 +204,39 @@ class DesiredParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
-class SpringParameters(ParameterSet):
+class SpringParameters(BoundedEstimate):
     """The stiffness estimate of the wider bristle, spring_hat."""
 
-    gain: float = parameter(2.02, 'adaptation gain', unit='V/um^3', minimum=0.0)
-    leakage: float = parameter(1.48e-2, 'leakage', unit='um^3/(V s)', minimum=0.0)
-    initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
-    minimum: float = parameter(-0.05, 'smallest estimate, with projection', unit='V/um')
-    maximum: float = parameter(0.05, 'largest estimate, with projection', unit='V/um')
+    gain: float = parameter(2.02, 'adaptation gain of spring_hat', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(1.48e-2, 'leakage of spring_hat', unit='um^3/(V s)', minimum=0.0)
+    initial: float = parameter(0.0217, 'estimate at tick 0, spring_hat(0)', unit='V/um')
+    minimum: float = parameter(-0.05, 'smallest spring_hat, with projection', unit='V/um')
+    maximum: float = parameter(0.05, 'largest spring_hat, with projection', unit='V/um')
     scale: float = parameter(0.1, SCALE_TEXT, unit='um', minimum=0.0)
 
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
-
 
 @dataclasses.dataclass(frozen=True)
-class HysteresisParameters(ParameterSet):
+class HysteresisParameters(BoundedEstimate):
     """The stiffness estimate of the difference between both bristles, hysteresis_hat."""
 
-    gain: float = parameter(151.0, 'adaptation gain', unit='V/um^3', minimum=0.0)
-    leakage: float = parameter(1.98e-4, 'leakage', unit='um^3/(V s)', minimum=0.0)
-    initial: float = parameter(0.0217, 'estimate at tick 0', unit='V/um')
-    minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V/um')
-    maximum: float = parameter(0.06, 'largest estimate, with projection', unit='V/um')
+    gain: float = parameter(151.0, 'adaptation gain of hysteresis_hat', unit='V/um^3', minimum=0.0)
+    leakage: float = parameter(1.98e-4, 'leakage of hysteresis_hat', unit='um^3/(V s)', minimum=0.0)
+    initial: float = parameter(0.0217, 'estimate at tick 0, hysteresis_hat(0)', unit='V/um')
+    minimum: float = parameter(0.0, 'smallest hysteresis_hat, with projection', unit='V/um')
+    maximum: float = parameter(0.06, 'largest hysteresis_hat, with projection', unit='V/um')
     scale: float = parameter(0.02, SCALE_TEXT, unit='um', minimum=0.0)
-
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
 
 
 @dataclasses.dataclass(frozen=True)
-class RelaxationParameters(ParameterSet):
+class RelaxationParameters(BoundedEstimate):
     """The bristle damping estimate, relaxation_hat."""
 
-    gain: float = parameter(4.04e-6, 'adaptation gain', unit='V s^2/um^3', minimum=0.0)
-    leakage: float = parameter(7.42e3, 'leakage', unit='um^3/(V s^3)', minimum=0.0)
-    initial: float = parameter(2.3e-6, 'estimate at tick 0', unit='V s/um')
-    minimum: float = parameter(0.0, 'smallest estimate, with projection', unit='V s/um')
-    maximum: float = parameter(2.0e-5, 'largest estimate, with projection', unit='V s/um')
+    gain: float = parameter(4.04e-6, 'adaptation gain of relaxation_hat', unit='V s^2/um^3', minimum=0.0)
+    leakage: float = parameter(7.42e3, 'leakage of relaxation_hat', unit='um^3/(V s^3)', minimum=0.0)
+    initial: float = parameter(2.3e-6, 'estimate at tick 0, relaxation_hat(0)', unit='V s/um')
+    minimum: float = parameter(0.0, 'smallest relaxation_hat, with projection', unit='V s/um')
+    maximum: float = parameter(2.0e-5, 'largest relaxation_hat, with projection', unit='V s/um')
     scale: float = parameter(100.0, SCALE_TEXT, unit='um/s', minimum=0.0)
-
-    def check_together(self) -> None:
-        """Check that the bounds are in order; raises :class:`ParameterError`."""
-        _check_bounds(self.minimum, self.maximum)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -385,11 +372,6 @@ class AdaptiveNnParameters(ParameterSet):
         if max(abs(weight) for weight in self.network.initial) > self.network.maximum:
             allowed = f'with projection within +- maximum = {self.network.maximum:g}'
             raise ParameterError('network.initial', self.network.initial, allowed)
-
-
-def _check_bounds(minimum: float, maximum: float) -> None:
-    if minimum > maximum:
-        raise ParameterError('minimum', minimum, f'at most maximum = {maximum:g}')
 
 
 def _check_range(name: str, minimum: float, maximum: float) -> None:
