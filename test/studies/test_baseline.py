@@ -86,9 +86,9 @@ def test_every_figure_and_table_is_made(tmp_path):
         errors = [runs.metrics(by_frequency[f], 2.0, NANOMETRES).rms_error for f in LIMIT_FREQUENCIES]
         assert cells[5:8] == [f'{error:.3g}' for error in errors]
         assert float(cells[8]) <= limit
-    for name, cases in (('table_frequency', OVER_FREQUENCY), ('table_amplitude', OVER_AMPLITUDE)):
+    for name, compared in (('table_frequency', OVER_FREQUENCY), ('table_amplitude', OVER_AMPLITUDE)):
         text = (tmp_path / 'figures' / f'{name}.md').read_text()
-        for value, case in cases['PID for sines'].items():
+        for value, case in compared['PID for sines'].items():
             found = runs.metrics(case, 2.0, NANOMETRES)
             row = next(line for line in text.splitlines() if line.startswith(f'| {value:g} |'))
             assert f' {found.rms_error:.3g} / {found.max_error:.3g} ' in row
