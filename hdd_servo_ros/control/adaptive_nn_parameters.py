@@ -80,8 +80,8 @@ class PhiParameters(BoundedEstimate):
     """The bound estimate phi_hat of network error and disturbance, (4.20)."""
 
     enabled: bool = parameter(True, 'whether phi_hat takes part')
-    gain: float = parameter(2.52e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
-    leakage: float = parameter(1.99e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
+    gain: float = parameter(1.26e-5, 'k_phi of (4.20)', unit='V/um', minimum=0.0)
+    leakage: float = parameter(3.97e5, 'sigma_phi of (4.20)', unit='um/(V s)', minimum=0.0)
     initial: float = parameter(0.0, 'estimate at tick 0, phi_hat(0)', unit='V', minimum=0.0)
     minimum: float = parameter(0.0, 'smallest phi_hat, with projection', unit='V')
     maximum: float = parameter(0.2, 'largest phi_hat, with projection', unit='V')
@@ -94,12 +94,12 @@ class NetworkParameters(ParameterSet):
     enabled: bool = parameter(True, 'whether the network takes part')
     nodes: int = parameter(5, 'nodes an axis: n of the n x n lattice', minimum=1, maximum=32, read_only=True)
     gain: tuple[float, ...] = parameter(
-        (1.56e-5,),
+        (7.81e-6,),
         'Gamma of (4.21): one number, or the n x n diagonal (position index first)',
         unit='V/um',
         minimum=0.0,
     )
-    leakage: float = parameter(3.21e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
+    leakage: float = parameter(6.41e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
     initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
     position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
     position_maximum: float = parameter(6.0, 'last position centre', unit='um')
@@ -263,9 +263,9 @@ class ShapingParameters(ParameterSet):
     """Option beyond the thesis: a jump of the reference is taken in two parts (docs/controllers.md)."""
 
     share: float = parameter(
-        0.07, 'part of a jump of the reference that is taken later, 0 to take it whole', minimum=0.0, maximum=1.0
+        0.075, 'part of a jump of the reference that is taken later, 0 to take it whole', minimum=0.0, maximum=1.0
     )
-    delay: float = parameter(1.2e-3, 'by how much later, to the nearest sample', unit='s', minimum=0.0)
+    delay: float = parameter(1.1e-3, 'by how much later, to the nearest sample', unit='s', minimum=0.0)
 
     def ticks(self, sample_time: float) -> float:
         """Return the delay in samples of T = ``sample_time`` [s]."""
@@ -276,8 +276,8 @@ class ShapingParameters(ParameterSet):
 class AdaptiveNnParameters(ParameterSet):
     """Parameters of :class:`AdaptiveNn`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
 
-    error_filter_lambda: float = parameter(2300.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
-    feedback_gain: float = parameter(9.09e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
+    error_filter_lambda: float = parameter(2450.0, 'lambda of (4.10)', unit='1/s', minimum=0.0)
+    feedback_gain: float = parameter(9.59e-5, 'k of (4.16)', unit='V s/um', minimum=0.0)
     boundary_layer: float = parameter(
         0.0, 'sgn(r) of (4.16) grows linearly over +- this; 0 is the true sgn with sgn 0 = 0', unit='um/s', minimum=0.0
     )
@@ -305,7 +305,7 @@ class AdaptiveNnParameters(ParameterSet):
         2000.0, 'corner frequency of the first-order low pass on the difference, 0 for none', unit='Hz', minimum=0.0
     )
     integral_gain: float = parameter(
-        4.2e5, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
+        4.6e5, "option beyond the thesis: lambda_i of r = e' + lambda e + lambda_i int e dt", unit='1/s^2', minimum=0.0
     )
     desired: DesiredParameters = group(DesiredParameters)
     bristle: BristleParameters = group(BristleParameters)
@@ -362,7 +362,7 @@ class AdaptiveNnParameters(ParameterSet):
     def check_together(self) -> None:
         """Check what needs another option, and that projection starts inside its bounds; raises ParameterError."""
         if self.bristle.enabled and not self.desired.enabled:
-            raise ParameterError('bristle.enabled', True, 'with desired.enabled only')
+            raise ParameterError('bristle.enabled', True, 'false, as desired.enabled is false')
         if not self.projection:
             return
         for name, law in self.laws.items():

@@ -18,7 +18,7 @@ from hdd_servo_ros.studies.tuning_runs import AMPLITUDE
 
 SHARES = {'feedback': 0.8, 'phi': 0.1, 'network': 0.1}
 """Of the gain on r."""
-DESIRED_SHARES = {'feedback': 0.9, 'phi': 0.05, 'network': 0.05}
+DESIRED_SHARES = {'feedback': 0.95, 'phi': 0.025, 'network': 0.025}
 """The same with desired compensation, which leaves less for the switching terms to bound; steps settle sooner."""
 FORGETTING_RATE = 5.0
 """Of phi_hat and W_hat [1/s]."""
@@ -38,7 +38,7 @@ LEAKAGE_RATE = 0.03
 """Of all these estimates [1/s]."""
 DESIGN_FREQUENCY = 100.0
 """Of the design reference [Hz]."""
-SHAPED_DAMPING_RATIO = 0.65
+SHAPED_DAMPING_RATIO = 0.64
 """Least damping ratio of the rigid head in the loop where steps are shaped: the shaper cancels what rings."""
 
 

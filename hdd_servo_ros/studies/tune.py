@@ -15,7 +15,7 @@ largest value that the rule allows, and is divided 80 : 10 : 10. Where no g does
 reduced to the largest with which one does. The network and phi_hat get the small shares because they multiply sgn r,
 which chatters in the noise. Their leakage rate is 5 1/s.
 
-With desired compensation g is divided 90 : 5 : 5, and the estimates are not in the loop. Each law is normalised by the
+With desired compensation g is divided 95 : 2.5 : 2.5, and the estimates are not in the loop. Each law is normalised by the
 peak of its regressor, and on a sine far above its scale s the estimate converges at k_i s^2/(2 g): 100 1/s for
 sigma_hat, m_hat and spring_hat, 300 for hysteresis_hat and 200 for relaxation_hat, whose own part of the error, the
 third harmonic, is the smallest.

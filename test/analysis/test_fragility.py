@@ -42,7 +42,7 @@ def loop_of(plant=None, sample_time=1e-4, delay=0, sensor=None):
 
 def test_the_default_has_its_margin_over_all_estimates():
     controller = AdaptiveNn(AdaptiveNnParameters(), 1e-4)
-    assert fragility.peak_sensitivity(controller, PlantParameters()) == pytest.approx(1.99, abs=0.01)
+    assert fragility.peak_sensitivity(controller, PlantParameters()) == pytest.approx(1.98, abs=0.01)
     assert fragility.warnings(controller, loop_of()) == ()
     allowed = allowed_estimates(controller)
     assert not allowed.unbounded

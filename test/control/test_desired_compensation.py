@@ -93,7 +93,7 @@ def test_the_feedback_is_the_same_whatever_was_learnt():
         )
         slopes.append(high[0][1] - low[0][1])
     assert slopes[0] == pytest.approx(slopes[1], rel=1e-9)
-    assert slopes[0] == pytest.approx(-0.01 * 9.09e-5 * (2300.0 + 4.2e5 * T), rel=1e-6)
+    assert slopes[0] == pytest.approx(-0.01 * 9.59e-5 * (2450.0 + 4.6e5 * T), rel=1e-6)
 
 
 def test_learning_saturates_with_the_excitation():
@@ -110,7 +110,7 @@ def test_learning_saturates_with_the_excitation():
 @pytest.mark.parametrize(
     ('values', 'message'),
     [
-        ({'desired.enabled': False}, r'bristle\.enabled.*desired\.enabled only'),
+        ({'desired.enabled': False}, r'bristle\.enabled.*false, as desired\.enabled is false'),
         ({'bristle.distance': 40.0}, r'spring_distance.*above distance = 40'),
         ({'bristle.spring.minimum': 0.06}, r'bristle\.spring.*minimum.*at most maximum'),
         ({'bristle.spring.initial': 0.06}, r'bristle\.spring\.initial.*with projection'),
