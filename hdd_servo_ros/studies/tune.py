@@ -15,10 +15,10 @@ largest value that the rule allows, and is divided 80 : 10 : 10. Where no g does
 reduced to the largest with which one does. The network and phi_hat get the small shares because they multiply sgn r,
 which chatters in the noise. Their leakage rate is 5 1/s.
 
-With desired compensation g is divided 95 : 2.5 : 2.5, and the estimates are not in the loop. Each law is normalised by the
-peak of its regressor, and on a sine far above its scale s the estimate converges at k_i s^2/(2 g): 100 1/s for
-sigma_hat, m_hat and spring_hat, 300 for hysteresis_hat and 200 for relaxation_hat, whose own part of the error, the
-third harmonic, is the smallest.
+With desired compensation g is divided 95 : 2.5 : 2.5, and the estimates are not in the frozen loop. Each law is
+normalised by the peak of its regressor, and on a sine far above its scale s the estimate converges at k_i s^2/(2 g):
+100 1/s for sigma_hat, m_hat and spring_hat, 300 for hysteresis_hat and 200 for relaxation_hat, since the third
+harmonic, which only they can remove, is the smallest part of the error.
 Without it, sigma_hat and m_hat converge at 6 1/s on the design reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and
 k_m <a^2>/g, with the means over a period), fast enough to settle within a second, slow enough not to outrun the loop at
 500 Hz, where m_hat converges 625 times as fast. A sample of delay turns the loop by another 18 degrees there; m_hat
