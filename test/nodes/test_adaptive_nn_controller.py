@@ -29,8 +29,8 @@ THESIS = read_parameter_files([Path(__file__).parents[2] / 'params' / 'thesis_la
     ('values', 'level', 'said'),
     [
         ({}, OK, 'finite'),
-        ({'phi.maximum': 1e-6}, WARN, 'at its bound: phi_hat'),
-        ({'phi.maximum': 1e-6, 'projection': False}, OK, 'finite'),
+        ({'phi.maximum': 1e-9}, WARN, 'at its bound: phi_hat'),
+        ({'phi.maximum': 1e-9, 'projection': False}, OK, 'finite'),
         ({'phi.enabled': False}, OK, 'finite'),
         ({'bristle.spring.minimum': 0.0217}, WARN, 'at its bound: spring_hat'),
         ({'bristle.spring.minimum': 0.0217, 'bristle.enabled': False}, OK, 'finite'),
@@ -119,7 +119,7 @@ def test_no_margin_without_a_drive():
 def test_the_certificate_names_what_it_does_not_cover(
     controller, plant, dsp, sensor, reference, limited, is_disturbed, named, r, level, where, margin
 ):
-    parameters = from_mapping(AdaptiveNnParameters, controller)
+    parameters = from_mapping(AdaptiveNnParameters, {**THESIS, **controller})
     node = SimpleNamespace(
         tick=1,
         changes=(),
@@ -142,7 +142,7 @@ def test_the_certificate_names_what_it_does_not_cover(
 def test_projection_that_excludes_the_ideal_values_is_found():
     allowed = {}
     for values in ({}, {'projection': True}, {'projection': True, 'phi.maximum': 1e-3}):
-        found = CertificateMargin(from_mapping(AdaptiveNnParameters, values), PlantParameters(), 1000.0)
+        found = CertificateMargin(from_mapping(AdaptiveNnParameters, {**THESIS, **values}), PlantParameters(), 1000.0)
         wait_for(found)
         allowed[tuple(values)] = found.ideal_values_are_allowed
     assert list(allowed.values()) == [True, True, False]

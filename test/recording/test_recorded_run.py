@@ -71,7 +71,7 @@ def test_what_the_run_says_of_itself(directory):
     assert (run.frame_id, run.sample_time) == ('seagate_7200_10', 1e-4)
     assert (run.length_unit, run.control_unit, run.error_unit, run.error_factor) == ('um', 'V', 'nm', 1e3)
     assert run.parameter('reference_generator', 'frequency') == 100.0
-    assert run.parameter('adaptive_nn_controller', 'error_filter_lambda', tick=3) == 595.0
+    assert run.parameter('adaptive_nn_controller', 'error_filter_lambda', tick=3) == 2450.0
     assert run.parameter_changes == []
     assert run.messages(run.description['topics']['clock'])[3][1].clock.nanosec == 300_000
     assert repr(str(directory)) in repr(run)

@@ -112,7 +112,7 @@ PID_NAMES = ('proportional_gain', 'integral_gain', 'derivative_gain', 'derivativ
         ((0.58, 30.0, 1.48e-4, 2560.0), 0.92),
         ((0.632, 0.0, 1.41e-4, 3100.0), 1.055),
         # Much more integral, with the same overshoot.
-        ((0.529, 400.0, 1.75e-4, 2200.0), 0.88),
+        ((0.528, 400.0, 1.75e-4, 2200.0), 0.88),
     ],
 )
 def test_no_pid_that_keeps_the_rule_is_much_better_than_the_shipped(other, limit):
