@@ -118,8 +118,10 @@ def test_stop_ends_the_wait_for_peers(bench, remote):
 def test_reset_and_diagnostics(bench, outside, remote):
     reports: list[DiagnosticArray] = []
     outside.create_subscription(DiagnosticArray, '/diagnostics', reports.append, 10)
+    # The law that theorem 4.1 is about: the shipped controller has no certificate.
+    law = ('--params-file', str(HERE.parents[1] / 'params' / 'thesis_law.yaml'))
     process = bench.start(
-        'rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run', '-p', 'autostart:=false'
+        'rig', *law, '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run', '-p', 'autostart:=false'
     )
 
     def latest(name):
