@@ -232,17 +232,13 @@ class AdaptiveNn:
             law = getattr(c, name.removeprefix('bristle.'))
             law.decay, law.step = decay_and_step(own.gain, own.leakage, self.sample_time)
             law.minimum, law.maximum = (own.minimum, own.maximum) if parameters.projection else (-math.inf, math.inf)
+            # The law of phi_hat has no regressor to be normalised by.
+            if name != 'phi' and own.scale > 0.0:
+                law.normalization = 1.0 / (own.scale * own.scale)
+            else:
+                law.normalization = 0.0
         for law, own in ((c.sigma, parameters.sigma), (c.mass, parameters.mass), (c.phi, parameters.phi)):
             law.enabled = own.enabled
-        bristle = parameters.bristle
-        for law, scale in (
-            (c.sigma, parameters.sigma.scale),
-            (c.mass, parameters.mass.scale),
-            (c.spring, bristle.spring.scale),
-            (c.hysteresis, bristle.hysteresis.scale),
-            (c.relaxation, bristle.relaxation.scale),
-        ):
-            law.normalization = 1.0 / (scale * scale) if scale > 0.0 else 0.0
         width = parameters.width
         reach = log(width.factor)
         c.width.enabled = width.enabled
