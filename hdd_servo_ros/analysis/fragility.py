@@ -123,7 +123,7 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
             f'peak sensitivity of {ms:.3g} with {named_estimates(initial, loop.plant)}, and of at most '
             f'{MAX_ADAPTED_SENSITIVITY:g} only with {", or with ".join(ranges)}; nothing keeps the estimates there'
         )
-    if not allowed.unbounded and allowed.sigma_hat + allowed.m_hat != (0.0, 0.0, 0.0, 0.0):
+    if allowed.act_on_loop and not allowed.unbounded:
         worst, where = frozen.worst(allowed)
         if worst > MAX_ADAPTED_SENSITIVITY:
             lines.append(

@@ -35,6 +35,11 @@ class AllowedEstimates:
         ranges = (('sigma_hat', self.sigma_hat), ('m_hat', self.m_hat))
         return tuple(name for name, bounds in ranges if not all(map(math.isfinite, bounds)))
 
+    @property
+    def act_on_loop(self) -> bool:
+        """Whether any of them may be other than zero, which is what one outside of the loop counts as."""
+        return any((*self.sigma_hat, *self.m_hat))
+
 
 def initial_estimates(controller: AdaptiveNn) -> FrozenEstimates:
     """Return the estimates at tick 0; zero for a part that does not act on the loop."""
