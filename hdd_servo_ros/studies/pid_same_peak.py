@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from hdd_servo_ros.analysis.largest_gains import round_down, round_up
-from hdd_servo_ros.analysis.metrics import TrackingMetrics, tracking_metrics
+from hdd_servo_ros.analysis.metrics import TrackingMetrics
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.simulation.experiment import Experiment
-from hdd_servo_ros.studies.tuning_runs import Sections
+from hdd_servo_ros.studies.tuning_runs import Sections, metrics_of
 
 DURATION = 20.0
 """Of the runs, of which the last half counts [s]."""
@@ -103,6 +103,4 @@ def _named(law: Gains) -> dict[str, object]:
 
 def _metrics(controller: str, parameters: Sections, sample_time: float, duration: float) -> TrackingMetrics:
     rows = Experiment(sample_time, controller, parameters).run(0, round(duration / sample_time) + 1)
-    return tracking_metrics(
-        rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], 0.5 * duration, unit=1.0
-    )
+    return metrics_of(rows, 0.5 * duration, unit=1.0)

@@ -45,6 +45,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 
+from hdd_servo_ros.analysis.linear_laws import pid_law
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController, LoopMargins
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
@@ -160,13 +161,7 @@ def _tune(options: argparse.Namespace) -> int:
     integral = float(str(nn.get('integral_gain', base.integral_gain)))
     law = LinearController.on_r(g, error_filter_lambda, integral, delays['adaptive_nn_controller'])
     print(f'\nMs of -g r:  {margins.peak_sensitivity(law):.3f}')
-    fair = LinearController(
-        proportional=float(str(pid['proportional_gain'])),
-        derivative=float(str(pid['derivative_gain'])),
-        integral=float(str(pid['integral_gain'])),
-        bandwidth=float(str(pid['derivative_bandwidth'])),
-        delay=delays['pid_controller'],
-    )
+    fair = pid_law(block_parameters('pid_controller', pid), delays['pid_controller'])
     print(f'Ms of PID:   {margins.peak_sensitivity(fair):.3f}')
     print(f'Overshoot of PID on steps: {Steps(sections, options.sample_time).overshoot(pid):.1f} %')
     print(f'\n2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s:   rms / max error [nm], peak u [V]')

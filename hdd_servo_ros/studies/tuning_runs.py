@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hdd_servo_ros.analysis.metrics import TrackingMetrics, step_response, tracking_metrics
+from hdd_servo_ros.analysis.metrics import NANOMETRES, TrackingMetrics, step_response, tracking_metrics
 from hdd_servo_ros.control.pid import PidParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.messages.signals import SignalRows
@@ -76,9 +76,9 @@ def track(
     return metrics_of(run_sine(controller, gains, sections, sample_time, frequency, duration), transient)
 
 
-def metrics_of(rows: SignalRows, transient: float) -> TrackingMetrics:
-    """Return the metrics of a run from ``transient`` [s] on."""
-    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient)
+def metrics_of(rows: SignalRows, transient: float, unit: float = NANOMETRES) -> TrackingMetrics:
+    """Return the metrics of a run from ``transient`` [s] on, errors as of :func:`tracking_metrics` in ``unit``."""
+    return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient, unit)
 
 
 class Steps:
