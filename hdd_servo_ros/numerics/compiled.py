@@ -79,6 +79,6 @@ def compiled(function: Function) -> Function:
     outer = config.CACHE_DIR
     config.CACHE_DIR = str(kernel_cache_directory())
     try:
-        return cast(Function, jit(cache=True, error_model='numpy', _nrt=False)(function))
+        return cast(Function, jit(cache=True, error_model='numpy', _nrt=False, forceinline=True)(function))
     finally:
         config.CACHE_DIR = outer
