@@ -163,6 +163,14 @@ def _activate_network(
 
 
 @compiled
+def _width(log_width: float, inverse_square: float) -> float:
+    """Return the width eta whose initial value is given by 1/eta^2; the logarithm is that of the ratio to it."""
+    initial = math.sqrt(inverse_square)
+    # Widths that do not adapt need no exponential.
+    return 1.0 / initial if log_width == 0.0 else exp(log_width) / initial
+
+
+@compiled
 def _norm(weights: NDArray[np.float64]) -> float:
     """Return the Euclidean norm of W_hat."""
     n = len(weights)
@@ -366,8 +374,8 @@ def adaptive_nn_step(
     found.e = e
     found.network = network
     found.integral = integral
-    found.position_width = exp(s.log_position_width) / math.sqrt(c.network.position_inverse_square)
-    found.velocity_width = exp(s.log_velocity_width) / math.sqrt(c.network.velocity_inverse_square)
+    found.position_width = _width(s.log_position_width, c.network.position_inverse_square)
+    found.velocity_width = _width(s.log_velocity_width, c.network.velocity_inverse_square)
     found.compensator = compensator
     found.spring_hat = s.spring_hat
     found.hysteresis_hat = s.hysteresis_hat

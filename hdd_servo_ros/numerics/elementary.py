@@ -16,6 +16,9 @@ LN2_HIGH = 6.93147180369123816490e-01
 LN2_LOW = 1.90821492927058770002e-10
 INVERSE_LN2 = 1.44269504088896338700e00
 SQRT_HALF = 0.70710678118654752440
+MANTISSA_BITS = 0x000FFFFFFFFFFFFF
+HALF_BITS = 0x3FE0000000000000
+"""Sign and exponent of the numbers in [0.5, 1)."""
 TWO_PI = 6.283185307179586476925286766559
 
 
@@ -42,10 +45,10 @@ def exp(x: float) -> float:
         )
     )
     y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
-    # 2**k in two factors, so that k = 1024 does not overflow before the multiplication.
-    half = np.int64(k) // 2
-    rest = np.int64(k) - half
-    return y * _power_of_two(half) * _power_of_two(rest)
+    if k > 1023.0:
+        # 2**1024 is beyond the largest number, y times it is not.
+        return 2.0 * y * _power_of_two(1023)
+    return y * _power_of_two(np.int64(k))
 
 
 @compiled
@@ -56,8 +59,13 @@ def _power_of_two(n: int) -> float:
 
 @compiled
 def log(x: float) -> float:
-    """Return the natural logarithm of a normal x > 0 (fdlibm ``e_log.c``)."""
-    mantissa, exponent = math.frexp(x)
+    """Return the natural logarithm of a normal x > 0, not a number of what is not finite (fdlibm ``e_log.c``)."""
+    if not x < math.inf:
+        return x - x
+    # x = mantissa * 2**exponent with a mantissa in [0.5, 1), as of ``math.frexp``, which would be a call of the C library.
+    bits = np.float64(x).view(np.int64)
+    exponent = (bits >> 52) - 1022
+    mantissa = np.int64((bits & MANTISSA_BITS) | HALF_BITS).view(np.float64)
     if mantissa < SQRT_HALF:
         mantissa *= 2.0
         exponent -= 1
