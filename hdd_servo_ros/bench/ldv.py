@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
-from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
+from hdd_servo_ros.numerics.noise import fill_normal_pairs, normal_pair, uniform_pair
 from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
@@ -65,7 +65,8 @@ LDV_STATE = layout(
     'velocity_filtered',
 )
 
-DROPOUT_STREAM = 1
+NOISE_STREAM, DROPOUT_STREAM = range(2)
+"""Which numbers of a tick are for the noise, and which for drop-outs."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,6 +234,26 @@ def _filtered(c: np.record, s: np.record, position: float, velocity: float) -> t
 
 
 @compiled
+def fill_ldv_deviates(constants: NDArray[np.float64], first_tick: int, deviates: NDArray[np.float64]) -> None:
+    """
+    Write the standard normal deviates of the noise of consecutive ticks, for :func:`ldv_output`.
+
+    Parameters
+    ----------
+    constants
+        Laid out as ``LDV``.
+    first_tick
+        The tick of the first row.
+    deviates
+        Takes the deviate of the displacement and of the velocity output of each tick, shape (n, 2); left as it is if
+        the outputs carry no noise.
+    """
+    c = record(constants, LDV)
+    if c.has_noise != 0.0:
+        fill_normal_pairs(np.int64(c.seed), NOISE_STREAM, first_tick, deviates)
+
+
+@compiled
 def ldv_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
@@ -242,6 +263,25 @@ def ldv_step(
     head_velocity: float,
 ) -> tuple[float, float]:
     """Return displacement and velocity output [V] at ``tick``; see :class:`Ldv`."""
+    c = record(constants, LDV)
+    deviate_0, deviate_1 = 0.0, 0.0
+    if c.has_noise != 0.0:
+        deviate_0, deviate_1 = normal_pair(np.int64(c.seed), NOISE_STREAM, tick)
+    return ldv_output(constants, state, history, tick, head_position, head_velocity, deviate_0, deviate_1)
+
+
+@compiled
+def ldv_output(
+    constants: NDArray[np.float64],
+    state: NDArray[np.float64],
+    history: NDArray[np.float64],
+    tick: int,
+    head_position: float,
+    head_velocity: float,
+    deviate_0: float,
+    deviate_1: float,
+) -> tuple[float, float]:
+    """Return what :func:`ldv_step` does, for given deviates of the noise of ``tick``; see :func:`fill_ldv_deviates`."""
     c = record(constants, LDV)
     s = record(state, LDV_STATE)
     first = s.has_started == 0.0
@@ -254,7 +294,6 @@ def ldv_step(
     displacement_volts = position * c.displacement_gain
     velocity_volts = velocity * c.velocity_gain
     if c.has_noise != 0.0:
-        deviate_0, deviate_1 = normal_pair(np.int64(c.seed), 0, tick)
         if c.noise_decay > 0.0 and not first:
             deviate_0 = c.noise_decay * s.displacement_deviate + c.noise_step * deviate_0
             deviate_1 = c.noise_decay * s.velocity_deviate + c.noise_step * deviate_1

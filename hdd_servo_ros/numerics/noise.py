@@ -9,6 +9,7 @@ resumed or computed out of order and keeps its noise.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import log
@@ -23,6 +24,24 @@ TWO_TO_MINUS_52 = 2.0**-52
 
 
 @compiled
+def _round(
+    number: int,
+    counter: tuple[np.uint64, np.uint64, np.uint64, np.uint64],
+    key_0: np.uint64,
+    key_1: np.uint64,
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Return the counter after the Philox round of this number, 0 to 9."""
+    product_0 = MULTIPLIER_0 * counter[0]
+    product_1 = MULTIPLIER_1 * counter[2]
+    return (
+        (product_1 >> SHIFT) ^ counter[1] ^ ((key_0 + np.uint64(number) * WEYL_0) & MASK),
+        product_1 & MASK,
+        (product_0 >> SHIFT) ^ counter[3] ^ ((key_1 + np.uint64(number) * WEYL_1) & MASK),
+        product_0 & MASK,
+    )
+
+
+@compiled
 def philox4x32(
     counter_0: np.uint64,
     counter_1: np.uint64,
@@ -32,18 +51,17 @@ def philox4x32(
     key_1: np.uint64,
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Return four 32-bit words (as uint64) from a 128-bit counter and a 64-bit key given as 32-bit words (uint64)."""
-    for _ in range(10):
-        product_0 = MULTIPLIER_0 * counter_0
-        product_1 = MULTIPLIER_1 * counter_2
-        counter_0, counter_1, counter_2, counter_3 = (
-            (product_1 >> SHIFT) ^ counter_1 ^ key_0,
-            product_1 & MASK,
-            (product_0 >> SHIFT) ^ counter_3 ^ key_1,
-            product_0 & MASK,
-        )
-        key_0 = (key_0 + WEYL_0) & MASK
-        key_1 = (key_1 + WEYL_1) & MASK
-    return counter_0, counter_1, counter_2, counter_3
+    # Without a loop, so that the compiler can interleave the rounds of the ticks in a loop over them.
+    counter = _round(0, (counter_0, counter_1, counter_2, counter_3), key_0, key_1)
+    counter = _round(1, counter, key_0, key_1)
+    counter = _round(2, counter, key_0, key_1)
+    counter = _round(3, counter, key_0, key_1)
+    counter = _round(4, counter, key_0, key_1)
+    counter = _round(5, counter, key_0, key_1)
+    counter = _round(6, counter, key_0, key_1)
+    counter = _round(7, counter, key_0, key_1)
+    counter = _round(8, counter, key_0, key_1)
+    return _round(9, counter, key_0, key_1)
 
 
 @compiled
@@ -192,3 +210,17 @@ def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
     """
     uniform_0, uniform_1 = uniform_pair(seed, stream, tick)
     return normal_quantile(uniform_0), normal_quantile(uniform_1)
+
+
+@compiled
+def fill_normal_pairs(seed: int, stream: int, first_tick: int, pairs: NDArray[np.float64]) -> None:
+    """
+    Write what :func:`normal_pair` returns for consecutive ticks into the rows of ``pairs``, shape (n, 2).
+
+    Each of the two loops is simple enough for the compiler to work on several ticks at once.
+    """
+    for row in range(len(pairs)):
+        pairs[row, 0], pairs[row, 1] = uniform_pair(seed, stream, first_tick + row)
+    deviates = pairs.reshape(-1)
+    for i in range(len(deviates)):
+        deviates[i] = normal_quantile(deviates[i])

@@ -203,6 +203,7 @@ class Experiment:
                 self._controllers(),
                 self.dsp.arrays,
                 self._held,
+                np.empty((len(rows), 2)),
                 rows.kernel_arrays,
             )
         return rows
