@@ -31,7 +31,7 @@ def exp(x: float) -> float:
         return math.inf
     if x < -708.0:
         return 0.0
-    k = math.floor(INVERSE_LN2 * x + 0.5)
+    k = np.floor(INVERSE_LN2 * x + 0.5)
     high = x - k * LN2_HIGH
     low = k * LN2_LOW
     r = high - low
@@ -122,7 +122,7 @@ def sine_cosine_of_turns(turns: float) -> tuple[float, float]:
 
     The argument is a number of turns, so that its reduction to an eighth of a turn is exact however long a run lasts.
     """
-    quarter = math.floor(4.0 * turns + 0.5)
+    quarter = np.floor(4.0 * turns + 0.5)
     x = (turns - 0.25 * quarter) * TWO_PI
     s = _sine_kernel(x)
     c = _cosine_kernel(x)
