@@ -56,6 +56,14 @@ def test_exp_at_its_ends(x, value):
     assert exp(x) == value
 
 
+@given(st.floats(709.43, 709.78))
+def test_exp_is_within_one_ulp_where_the_power_of_two_overflows(x):
+    """There 2**k itself, k = 1024, is no number any more."""
+    with decimal.localcontext() as context:
+        context.prec = 40
+        assert ulps(exp(x), decimal.Decimal(x).exp()) <= 1.0
+
+
 def test_exp_of_what_is_not_a_number():
     assert math.isnan(exp(math.nan))
 
@@ -65,6 +73,18 @@ def test_log_is_within_one_ulp(x):
     with decimal.localcontext() as context:
         context.prec = 40
         assert ulps(log(x), decimal.Decimal(x).ln()) <= 1.0
+
+
+@pytest.mark.parametrize('x', [math.nan, math.inf])
+def test_log_of_what_is_not_finite_is_not_a_number(x):
+    assert math.isnan(log(x))
+
+
+@given(st.integers(-1022, 1023))
+def test_log_of_a_power_of_two(n):
+    with decimal.localcontext() as context:
+        context.prec = 40
+        assert ulps(log(2.0**n), decimal.Decimal(2.0**n).ln()) <= 1.0
 
 
 @given(st.floats(0.9, 1.1))

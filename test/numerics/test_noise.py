@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hdd_servo_ros.numerics.noise import normal_pair, normal_quantile, philox4x32
+from hdd_servo_ros.numerics.noise import fill_normal_pairs, normal_pair, normal_quantile, philox4x32
 
 ONES = 0xFFFFFFFF
 
@@ -72,3 +72,18 @@ def test_a_tick_far_away_needs_no_history():
 def test_agrees_with_the_interpreted_code():
     for p in (1e-12, 0.01, 0.3, 0.5, 0.97):
         assert normal_quantile(p) == cast(Any, normal_quantile).py_func(p)
+
+
+@pytest.mark.parametrize('first_tick', [0, 5, 2**40])
+def test_a_chunk_of_ticks_has_the_pairs_of_its_ticks(first_tick):
+    """To the bit, in the tails too, which a chunk of 5000 pairs reaches on both sides."""
+    found = np.empty((5000, 2))
+    fill_normal_pairs(7, 3, first_tick, found)
+    expected = np.array([normal_pair(7, 3, first_tick + row) for row in range(len(found))])
+    assert found.tobytes() == expected.tobytes()
+    assert found.min() < -3.0
+    assert found.max() > 3.0
+
+
+def test_a_chunk_without_a_tick_has_no_pair():
+    fill_normal_pairs(7, 3, 0, np.empty((0, 2)))
