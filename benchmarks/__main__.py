@@ -252,7 +252,7 @@ def main():
         (
             '`simulate`, nothing written, one core',
             f'{TICK_US / bags["loop"][0]:.0f}',
-            'at least 100',
+            'at least 100, aim 300',
             '',
         ),
         *bag_rows(bags),

@@ -21,7 +21,7 @@ from hdd_servo_ros.control.desired_compensation import (
 from hdd_servo_ros.control.input_shaping import SHAPING_STATE, shaped
 from hdd_servo_ros.control.rbf import activate, lattice_sum
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import layout, record
 
@@ -178,7 +178,7 @@ def _norm(weights: NDArray[np.float64]) -> float:
     return math.sqrt(total)
 
 
-@compiled
+@compiled_apart
 def _adapt_widths(
     c: Any,
     s: Any,

@@ -75,10 +75,27 @@ def compiled(function: Function) -> Function:
 
     A kernel allocates nothing, so references to its arrays are not counted (``_nrt``): with six arrays that would cost
     60 ns per step. One that makes an array does not compile ('Only accept returning of array passed').
+
+    A kernel is inlined into the kernels that call it (``forceinline``): a call costs some ns, for its arrays and what
+    the registers held go through memory, and one tick of the closed loop has dozens of calls.
     """
+    return _compiled(function, forceinline=True)
+
+
+def compiled_apart(function: Function) -> Function:
+    """
+    Compile a kernel as :func:`compiled` does, but keep it a function of its own in the kernels that call it.
+
+    For kernels that are long, called from several places, and rarely at that: copies of them would only make the
+    compiled code larger, which every start has to load.
+    """
+    return _compiled(function, forceinline=False)
+
+
+def _compiled(function: Function, *, forceinline: bool) -> Function:
     outer = config.CACHE_DIR
     config.CACHE_DIR = str(kernel_cache_directory())
     try:
-        return cast(Function, jit(cache=True, error_model='numpy', _nrt=False, forceinline=True)(function))
+        return cast(Function, jit(cache=True, error_model='numpy', _nrt=False, forceinline=forceinline)(function))
     finally:
         config.CACHE_DIR = outer

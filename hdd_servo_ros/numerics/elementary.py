@@ -31,7 +31,8 @@ def exp(x: float) -> float:
         return math.inf
     if x < -708.0:
         return 0.0
-    k = np.floor(INVERSE_LN2 * x + 0.5)
+    # Not ``math.floor``, whose integer would have to become a float again.
+    k: float = np.floor(INVERSE_LN2 * x + 0.5)
     high = x - k * LN2_HIGH
     low = k * LN2_LOW
     r = high - low
@@ -62,10 +63,10 @@ def log(x: float) -> float:
     """Return the natural logarithm of a normal x > 0, not a number of what is not finite (fdlibm ``e_log.c``)."""
     if not x < math.inf:
         return x - x
-    # x = mantissa * 2**exponent with a mantissa in [0.5, 1), as of ``math.frexp``, which would be a call of the C library.
+    # x = mantissa * 2**exponent, mantissa in [0.5, 1), without ``math.frexp``: that is a call of the C library.
     bits = np.float64(x).view(np.int64)
     exponent = (bits >> 52) - 1022
-    mantissa = np.int64((bits & MANTISSA_BITS) | HALF_BITS).view(np.float64)
+    mantissa: float = np.int64((bits & MANTISSA_BITS) | HALF_BITS).view(np.float64)
     if mantissa < SQRT_HALF:
         mantissa *= 2.0
         exponent -= 1

@@ -16,7 +16,7 @@ import numpy as np
 
 from hdd_servo_ros.drive.friction.lugre import decay_functions
 from hdd_servo_ros.drive.friction.static import power
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp, log
 
 PASSES = 20
@@ -25,7 +25,7 @@ TOLERANCE = 1.0e-9
 """Relative change of the mean velocity in the last pass; the passes converge quadratically."""
 
 
-@compiled
+@compiled_apart
 def dahl_relaxation(y: float, length: float, exponent: float) -> float:
     """Return y after a path ``length`` = sigma |dx| / f_c >= 0, from 0 <= y <= 2."""
     if y <= 0.0:
@@ -62,7 +62,7 @@ def dahl_force(friction: np.record, force: float, displacement: float) -> float:
     return direction * coulomb_level * (1.0 - y)
 
 
-@compiled
+@compiled_apart
 def dahl_mean_force(friction: np.record, force: float, displacement: float, end: float) -> float:
     """
     Return the mean of the friction over a displacement of one direction [V], from its values at both ends [V].

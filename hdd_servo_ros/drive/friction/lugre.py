@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from hdd_servo_ros.drive.friction.parameters import FrictionModel
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp, sine_cosine_of_turns
 
 STRONG_DAMPING = 0.5
@@ -126,7 +126,7 @@ def lugre_substep(
     return mean, min(max(bristle + substep * (mean * decay_1 - relaxation), -limit), limit), force
 
 
-@compiled
+@compiled_apart
 def _strongly_damped_substep(
     friction: np.record,
     substep: float,
@@ -175,7 +175,7 @@ def _strongly_damped_substep(
     return mean, min(max(end, -limit), limit), applied - drag * mean - 2.0 * (mean - velocity) / impulse
 
 
-@compiled
+@compiled_apart
 def _lacking_velocity(
     friction: np.record,
     substep: float,

@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 from hdd_servo_ros.drive.friction.parameters import FrictionModel
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp, log
 
 
-@compiled
+@compiled_apart
 def power(base: float, exponent: float) -> float:
     """Return ``base`` ** ``exponent`` for base >= 0 and exponent > 0."""
     if base < 1.0e-300:
@@ -36,7 +36,7 @@ def lorentzian(ratio: float) -> float:
     return 1.0 / (1.0 + ratio * ratio)
 
 
-@compiled
+@compiled_apart
 def falling_level(friction: np.record, speed: float) -> float:
     """
     Return the level of the models that fall from f_s to f_c, (2.6)-(2.10) and (2.12), at a speed |v| [um/s].
