@@ -15,7 +15,7 @@ import yaml
 from hypothesis import settings
 
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
-from hdd_servo_ros.numerics.compiled import kernel_cache_directory
+from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.testing.domain import take_domain

@@ -12,7 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from hdd_servo_ros.graph.catalogue import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
-from hdd_servo_ros.numerics.compiled import first_compilation
+from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters

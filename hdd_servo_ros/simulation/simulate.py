@@ -17,7 +17,7 @@ from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.messages.signals import SignalRows
-from hdd_servo_ros.numerics.compiled import first_compilation
+from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
