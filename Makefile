@@ -16,6 +16,10 @@ export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport PYTHONPATH
 
+# What importing ROS's wheels would set by starting the interpreter once more.
+IN_ROS = LD_LIBRARY_PATH="$(CURDIR)/$(VENV)/lib$$(printf ':%s' "$(CURDIR)/$(VENV)"/lib/python3.*/site-packages/ros_*.libs)$${LD_LIBRARY_PATH:+:$$LD_LIBRARY_PATH}" \
+	_ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+
 ARGS ?=
 # Test files that run at a time; half of what a system test waits for is another process.
 JOBS ?= 2
@@ -35,10 +39,10 @@ help:
 	@echo 'make clean     remove the environment and everything built'
 
 run: $(VENV)/.run
-	@$(BIN)/rig --ros-args --params-file $(PARAMS) $(ARGS)
+	@$(IN_ROS) $(BIN)/rig --ros-args --params-file $(PARAMS) $(ARGS)
 
 simulate: $(VENV)/.run
-	@$(BIN)/simulate --ros-args --params-file $(PARAMS) $(ARGS)
+	@$(IN_ROS) $(BIN)/simulate --ros-args --params-file $(PARAMS) $(ARGS)
 
 figures: $(VENV)/.run
 	$(foreach chapter,$(CHAPTERS),$(BIN)/study $(chapter) $(ARGS) &&) true

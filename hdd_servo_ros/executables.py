@@ -6,9 +6,11 @@ says nothing then.
 """
 
 import functools
+import gc
 import importlib
 import signal
 from collections.abc import Callable
+from types import ModuleType
 
 
 def __getattr__(name: str) -> Callable[[], int]:
@@ -20,12 +22,27 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 def _run(name: str) -> int:
     try:
-        # Imported only here, where an interrupt is taken.
-        from hdd_servo_ros.graph.catalogue import executable_module
-
-        code: int = importlib.import_module(f'hdd_servo_ros.{executable_module(name)}').main()
+        code: int = _module(name).main()
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
     # It has done what it had to do; while Python ends, another one would take its exit code away.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return code
+
+
+def _module(name: str) -> ModuleType:
+    """
+    Import the module of an executable.
+
+    Garbage is collected only afterwards: what is imported stays, so that each search through it while it grows would
+    find nothing.
+    """
+    gc.disable()
+    try:
+        # Imported only here, where an interrupt is taken.
+        from hdd_servo_ros.graph.catalogue import executable_module
+
+        return importlib.import_module(f'hdd_servo_ros.{executable_module(name)}')
+    finally:
+        gc.freeze()
+        gc.enable()

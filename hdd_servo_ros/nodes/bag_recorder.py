@@ -2,6 +2,7 @@
 
 import collections
 import contextlib
+import subprocess
 import sys
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,13 +39,14 @@ class BagRecorder(CatalogueNode):
 
     Parameters
     ----------
-    separate_process
-        Whether another process writes the bag; see :class:`RunRecorder`.
+    process
+        Another process that writes the bag, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; this
+        process writes it if None.
     """
 
-    def __init__(self, *, separate_process: bool = False) -> None:
+    def __init__(self, *, process: 'subprocess.Popen[bytes] | None' = None) -> None:
         super().__init__(RECORDER)
-        self._separate_process = separate_process
+        self._process = process
         self._recorder: RunRecorder | None = None
         self._run: RunPlan | None = None
         self._scope = self.create_publisher(Float64MultiArray, SCOPE, _SCOPE_QOS)
@@ -69,7 +71,8 @@ class BagRecorder(CatalogueNode):
                 parameters.storage,
                 [(port.topic, port.name) for port in self.inputs],
                 run.description(),
-                separate_process=self._separate_process,
+                separate_process=self._process is not None,
+                process=self._process,
                 recorded=parameters.topics,
                 options=BagOptions.of(parameters),
             )
@@ -136,6 +139,8 @@ class BagRecorder(CatalogueNode):
         self._recorder.close_bag()
 
     def finish(self, outcome: Outcome) -> None:
+        if self._recorder is None and self._process is not None:
+            self._process.communicate()  # closes its pipe, upon which it ends
         if self._recorder is not None:
             # What has arrived already is worth keeping; if it is what ended the run, the reason is known.
             with contextlib.suppress(Exception):

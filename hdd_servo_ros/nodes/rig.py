@@ -18,6 +18,7 @@ from hdd_servo_ros.nodes.main import run_nodes
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.parameters.files import RosArguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
+from hdd_servo_ros.recording.writer_process import launch_writer
 from hdd_servo_ros.reporting.show import show_run
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import last_ticks_needed
@@ -45,17 +46,20 @@ class Rig:
             custom = load_controller(controller)
         refuse_unknown(given.unknown, given.as_mapping())
         names = nodes_of_run(roles_of_run(CONTROLLERS[controller] if custom is None else custom.node, arguments))
-        self.nodes: list[LoopNode] = [
+        self.nodes: list[LoopNode] = [make_node(names[0])]
+        timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
+        # Before the other nodes: it gets ready while they are made.
+        writer = launch_writer() if timer.record else None
+        self.nodes += [
             OutsideControllerNode(custom) if custom is not None and name == custom.node else make_node(name)
-            for name in names
+            for name in names[1:]
             if name != RECORDER
         ]
-        timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
         # At once: the peers would find it out as well, but only when all are there.
         last_tick_of_run(timer, last_ticks_needed(self.nodes, timer.sample_time))
         self.recorder: BagRecorder | None = None
-        if timer.record:
-            self.recorder = BagRecorder(separate_process=True)
+        if writer is not None:
+            self.recorder = BagRecorder(process=writer)
             self.nodes.append(self.recorder)
 
     def show(self) -> None:

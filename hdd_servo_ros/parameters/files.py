@@ -20,7 +20,11 @@ class ArgumentError(ValueError):
     """A command line or a parameter file that cannot be read; says what and where."""
 
 
-class _RosLoader(yaml.SafeLoader):
+_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+"""That of libyaml, by which ROS reads as well, where PyYAML was built with it: ten times faster."""
+
+
+class _RosLoader(_Loader):  # type: ignore[misc]
     """YAML as ROS reads it: ``1e-4`` is a number, though YAML 1.1 wants a dot in it, and a bare ``N`` is false."""
 
     bool_values = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}  # noqa: RUF012 - as the base has it

@@ -29,6 +29,10 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
 
 
+_DUMPER: Any = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+"""That of libyaml, where PyYAML was built with it: it writes the same, five times as fast."""
+
+
 class DescriptionError(OSError):
     """A run.yaml that does not describe a run; says which and why."""
 
@@ -106,7 +110,7 @@ def rewrite_run_yaml(directory: Path, content: Mapping[str, Any]) -> None:
     """Write a folder's ``run.yaml``, by rename."""
     path = directory / 'run.yaml'
     temporary = path.with_suffix('.yaml.tmp')
-    temporary.write_text(yaml.safe_dump(_plain(content), sort_keys=False, width=120), 'utf8')
+    temporary.write_text(yaml.dump(_plain(content), Dumper=_DUMPER, sort_keys=False, width=120), 'utf8')
     temporary.replace(path)
 
 

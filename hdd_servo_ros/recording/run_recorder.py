@@ -1,6 +1,7 @@
 """One run going to disk: its folder, its bag, and how it ended."""
 
 import contextlib
+import subprocess
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -40,6 +41,8 @@ class RunRecorder:
         What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.RunPlan`.
     separate_process
         Whether a second process writes the bag: worth it where the loop keeps one core busy by itself.
+    process
+        That process, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; started here if not given.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class RunRecorder:
         separate_process: bool,
         recorded: Sequence[str] = (),
         options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
+        process: 'subprocess.Popen[bytes] | None' = None,
     ) -> None:
         self._chosen = _chosen(topics, recorded)
         published, topics = topics, [topics[index] for index in self._chosen]
@@ -74,10 +78,12 @@ class RunRecorder:
         listed = [(full_name, topic.type_name, queue_depth(full_name)) for topic, full_name in topics]
         listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, queue_depth(PARAMETER_EVENTS)))
         metadata = bag_metadata(description)
-        writer = WriterProcess if separate_process else BagWriter
         self._writer: WriterProcess | BagWriter | None = None
         try:
-            self._writer = writer(self._folder.bag, storage, listed, metadata, options)
+            if separate_process:
+                self._writer = WriterProcess(self._folder.bag, storage, listed, metadata, options, process)
+            else:
+                self._writer = BagWriter(self._folder.bag, storage, listed, metadata, options)
         except Exception as error:
             self._folder.close(FAILED, f'the bag cannot be opened: {error}', -1)
             raise

@@ -33,9 +33,25 @@ CLOSE_TIMEOUT = 60.0
 """How long the writer may take to write what it has and close the bag [s]."""
 
 
+def launch_writer() -> 'subprocess.Popen[bytes]':
+    """
+    Start a process that can write a bag, for :class:`WriterProcess`: its imports then run beside those of the caller.
+
+    It ends silently when its pipe is closed before a bag was opened.
+    """
+    return subprocess.Popen(
+        [sys.executable, '-m', 'hdd_servo_ros.recording.writer_process'],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # What a terminal sends to its foreground group, Ctrl-C or its closing, is for the loop's process alone.
+        start_new_session=True,
+    )
+
+
 class WriterProcess:
     """
-    The same interface as :class:`BagWriter`, in another process.
+    The same interface as :class:`BagWriter`, in another process: ``process`` of :func:`launch_writer`, or a new one.
 
     Raises
     ------
@@ -50,15 +66,9 @@ class WriterProcess:
         topics: Sequence[tuple[str, str, int]],
         metadata: dict[str, str],
         options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
+        process: 'subprocess.Popen[bytes] | None' = None,
     ) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'hdd_servo_ros.recording.writer_process'],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            # What a terminal sends to its foreground group, Ctrl-C or its closing, is for the loop's process alone.
-            start_new_session=True,
-        )
+        self._process = launch_writer() if process is None else process
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
@@ -165,7 +175,10 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     pipe = sys.stdin.buffer
-    opening = json.loads(pipe.readline())
+    line = pipe.readline()
+    if not line:  # the run never began
+        return 2
+    opening = json.loads(line)
     try:
         options = BagOptions(**opening['options'])
         writer = BagWriter(Path(opening['path']), opening['storage'], opening['topics'], opening['metadata'], options)
