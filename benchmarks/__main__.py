@@ -22,6 +22,7 @@ import yaml
 
 from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
+from benchmarks.bench_start import start_figures, start_rows
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
@@ -171,27 +172,6 @@ def memory_figures(bench, seconds):
     return at_six, during[-1][1]
 
 
-def start_figure(bench):
-    """Wall time from `make run` to the run's folder, which is made right before tick 0 [s]."""
-    run = bench.folder()
-    started = time.perf_counter()
-    process = subprocess.Popen(
-        ['make', '-s', 'run', f'ARGS=-p bag_recorder:run_dir:={run} -p plot:=false -p duration:=0.01'],
-        cwd=ROOT,
-        env=bench.environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    while not (run / 'run.yaml').exists():
-        if process.poll() is not None and not (run / 'run.yaml').exists():
-            raise RuntimeError('make run failed')
-        time.sleep(0.002)
-    elapsed = time.perf_counter() - started
-    process.wait()
-    print(f'  {elapsed:.2f} s', flush=True)
-    return elapsed
-
-
 def machine():
     """Return what this ran on."""
     text = Path('/proc/cpuinfo').read_text()
@@ -232,7 +212,7 @@ def main():
         print('memory', flush=True)
         at_six, at_end = memory_figures(bench, 12 if options.quick else 60)
         print('start', flush=True)
-        starts = [start_figure(bench) for _ in range(repeats)]
+        starts = start_figures(bench.directory, repeats)
     median = statistics.median
     rig, stock, floor = (median(one[name]) for name in ('rig', 'stock', 'floor'))
     processes, stock_processes = median(many['processes']), median(many['stock_processes'])
@@ -270,7 +250,7 @@ def main():
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
         f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
         f'{at_end / at_six:.2f} times | at most 1.2 times |',
-        f'| warm `make run` to the first tick | {median(starts):.2f} s | at most 5 s |',
+        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in start_rows(starts)),
     ]
     table = '\n'.join(lines)
     print(table)

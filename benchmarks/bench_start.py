@@ -1,0 +1,134 @@
+"""
+What a start costs: `simulate` of 0.1 s without recording, and `make run` to its first tick.
+
+``python -m benchmarks.bench_start [--quick]`` prints every round. All starts are warm: kernels and bytecode
+are those of an earlier start. Each round also imports Numba alone, which a run cannot do without.
+"""
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
+SIMULATE = 'import sys; from hdd_servo_ros.executables import simulate; sys.exit(simulate())'
+"""What the script that pip makes of the entry point does."""
+
+
+class Start:
+    """
+    The measures.
+
+    Parameters
+    ----------
+    directory
+        Where runs and bytecode are kept.
+    """
+
+    def __init__(self, directory):
+        self.directory = Path(directory)
+        self.count = 0
+        # Bytecode is kept, as it is unless somebody has told Python otherwise.
+        self.environment = {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
+        self.environment |= {
+            'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
+            'PYTHONPYCACHEPREFIX': str(self.directory / 'bytecode'),
+        }
+
+    def numba(self):
+        """Return the processor time of a process that imports Numba [s]."""
+        return self._processor_time('import numba')
+
+    def simulate(self):
+        """Return the processor time of `simulate` of 0.1 s without recording [s]."""
+        given = ('--ros-args', '--params-file', PARAMS, '-p', 'duration:=0.1', '-p', 'record:=false')
+        return self._processor_time(SIMULATE, *given)
+
+    def _processor_time(self, code, *arguments):
+        before = children_time()
+        command = [sys.executable, '-c', code, *map(str, arguments)]
+        subprocess.run(command, cwd=self.directory, env=self.environment, check=True, capture_output=True)
+        return children_time() - before
+
+    def make_run(self):
+        """Return the wall time from `make run` to the open bag, the last thing that is made before tick 0 [s]."""
+        self.count += 1
+        run = self.directory / f'start{self.count}'
+        started = time.perf_counter()
+        process = subprocess.Popen(
+            ['make', '-s', 'run', f'ARGS=-p bag_recorder:run_dir:={run} -p plot:=false -p duration:=0.01'],
+            cwd=ROOT,
+            env=self.environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        bag = run / 'bag' / 'bag.mcap'
+        while not bag.exists():
+            if process.poll() is not None and not bag.exists():
+                raise RuntimeError('make run failed')
+            time.sleep(0.002)
+        elapsed = time.perf_counter() - started
+        process.wait()
+        return elapsed
+
+
+def children_time():
+    """Return the processor time of the processes that this one has waited for [s]."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def start_figures(directory, repeats):
+    """
+    Measure in turn, several times, after a round that only warms up.
+
+    Returns
+    -------
+    dict
+        For each measure the median [s].
+    """
+    start = Start(directory)
+    measures = {'numba': start.numba, 'simulate': start.simulate, 'make run': start.make_run}
+    found: dict[str, list[float]] = {name: [] for name in measures}
+    for measure in measures.values():
+        measure()
+    for _ in range(repeats):
+        for name, measure in measures.items():
+            found[name].append(measure())
+            print(f'  {name:16} {found[name][-1]:.2f} s', flush=True)
+    return {name: statistics.median(figures) for name, figures in found.items()}
+
+
+def start_rows(figures):
+    """Return the rows of the table: what, figure, what is asked for."""
+    numba, simulate = figures['numba'], figures['simulate']
+    return [
+        (
+            '`simulate` of 0.1 s without recording, processor time',
+            f'{simulate:.2f} s, {simulate / numba:.1f} times that of importing Numba ({numba:.2f} s)',
+            'at most 0.8 s, aim 0.5 s',
+        ),
+        ('warm `make run` to its first tick', f'{figures["make run"]:.2f} s', 'at most 0.9 s'),
+    ]
+
+
+def main():
+    """Print the figures of every round, and the medians."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.bench_start', description=__doc__.splitlines()[1])
+    parser.add_argument('--quick', action='store_true', help='one round, to see that it works')
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as directory:
+        for row in start_rows(start_figures(directory, 1 if options.quick else 9)):
+            print(' | '.join(row))
+
+
+if __name__ == '__main__':
+    main()
