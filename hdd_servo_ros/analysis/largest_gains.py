@@ -15,6 +15,10 @@ DAMPING_RATIO = 0.5**0.5
 """Least damping ratio of the rigid head in the loop: with less the loop rings for want of gain."""
 EDGE = 0.01
 """By what part a peak between two frequencies of the grid may lower the largest k_p."""
+ACCURACY = 1e-6
+"""Of the largest k_p, relative."""
+_SECANTS = 5
+"""At most so many are drawn to find it."""
 
 
 def round_down(value: float, digits: int = 3) -> float:
@@ -134,7 +138,7 @@ def _keeps_the_rule(
     margins: LoopMargins, g: float, error_filter_lambda: float, integral_gain: float, delay: int
 ) -> bool:
     law = LinearController.on_r(g, error_filter_lambda, integral_gain, delay)
-    return margins.peak_sensitivity(law) <= MAX_SENSITIVITY
+    return margins.peak_sensitivity(law, MAX_SENSITIVITY) <= MAX_SENSITIVITY
 
 
 def _least_gain_on_r(margins: LoopMargins, error_filter_lambda: float, damping_ratio: float) -> float:
@@ -156,8 +160,8 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
     law
         k_d, its filter, k_i and the delay.
     """
-    unit = LinearController(1.0, 0.0, delay=law.delay).response(margins.frequencies, margins.sample_time)
-    rest = dataclasses.replace(law, proportional=0.0).response(margins.frequencies, margins.sample_time)
+    unit = LinearController(1.0, 0.0, delay=law.delay).response_at(margins.on_circle, margins.sample_time)
+    rest = dataclasses.replace(law, proportional=0.0).response_at(margins.on_circle, margins.sample_time)
     lows, highs = [], []
     for response in margins.responses:
         slope, start = (unit * response).sum(axis=1), 1.0 + (rest * response).sum(axis=1)
@@ -173,7 +177,7 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
     # Of each interval that is left, from the highest on, the end.
     for end in ends[ends > 0.0][::-1]:
         proportional = _last_below(
-            lambda value: margins.peak_sensitivity(dataclasses.replace(law, proportional=value)) <= MAX_SENSITIVITY,
+            lambda value, limit: margins.peak_sensitivity(dataclasses.replace(law, proportional=value), limit),
             float(end),
         )
         if proportional > 0.0:
@@ -181,16 +185,71 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
     return 0.0
 
 
-def _last_below(allowed: Callable[[float], bool], end: float) -> float:
-    """Return the largest value close below ``end`` for which ``allowed`` holds, 0 if there is none."""
+def _last_below(peak: Callable[[float, float], float], end: float) -> float:
+    """
+    Return the largest k_p close below ``end`` with Ms <= 2, 0 if there is none.
+
+    ``peak`` returns Ms of a k_p, or some value above a limit where Ms is above it.
+    """
     # The end is that of the grid of frequencies; a peak between two of them allows a little less.
     for gap in (1e-9, EDGE):
-        if allowed(end * (1.0 - gap)):
+        below = peak(end * (1.0 - gap), MAX_SENSITIVITY)
+        if below <= MAX_SENSITIVITY:
             break
     else:
         return 0.0
     low, high = end * (1.0 - gap), end
-    while high - low > 1e-6 * end:
+    if high - low <= ACCURACY * end:
+        return low
+    allowed = _Crossing(peak, low, below, high)
+    while high - low > ACCURACY * end:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if allowed(middle) else (low, middle)
     return low
+
+
+class _Crossing:
+    """
+    Says whether a k_p has Ms <= 2, in a range at whose lower end it has, at whose upper end not.
+
+    Ms rises in the range, so that what is known of one k_p holds for all lower or all higher ones. First the crossing
+    is found by secants, which takes fewer values of Ms than a bisection; the last two of them are next to it.
+
+    Parameters
+    ----------
+    peak
+        See :func:`_last_below`.
+    low, below, high
+        The lower end, Ms there, and the upper end.
+    """
+
+    def __init__(self, peak: Callable[[float, float], float], low: float, below: float, high: float) -> None:
+        self._peak = peak
+        self._low, self._high = low, high
+        # The least distance of L to -1, which is 1/Ms, is about linear in k_p.
+        before, after = (low, 1.0 / below), (high, 1.0 / peak(high, math.inf))
+        next_to_it = 0.5 * ACCURACY * high
+        for _ in range(_SECANTS):
+            if before[1] == after[1]:
+                return
+            guess = after[0] + (1.0 / MAX_SENSITIVITY - after[1]) * (after[0] - before[0]) / (after[1] - before[1])
+            if not self._low < guess < self._high:
+                return
+            if abs(guess - after[0]) < next_to_it:
+                break
+            before, after = after, (guess, 1.0 / peak(guess, math.inf))
+            self._note(guess, after[1] >= 1.0 / MAX_SENSITIVITY)
+        for value in (after[0] - next_to_it, after[0] + next_to_it):
+            self(value)
+
+    def __call__(self, value: float) -> bool:
+        """Return whether a k_p has Ms <= 2."""
+        if self._low < value < self._high:
+            self._note(value, self._peak(value, MAX_SENSITIVITY) <= MAX_SENSITIVITY)
+        return value <= self._low
+
+    def _note(self, value: float, keeps: bool) -> None:
+        if keeps:
+            self._low = max(self._low, value)
+        else:
+            self._high = min(self._high, value)

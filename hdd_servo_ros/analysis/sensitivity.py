@@ -1,6 +1,7 @@
 """The linear loop around the sampled drive: the controller's response, peak sensitivity and closed-loop poles."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,6 +41,22 @@ def _around_poles(poles: NDArray[np.complex128], sample_time: float) -> NDArray[
     return np.asarray(around[(around > 0.0) & (around <= 0.5 / sample_time)])
 
 
+def _on_circle(frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
+    """Return z = exp(2 pi i f T) of frequencies [Hz]."""
+    return np.asarray(np.exp(2j * np.pi * np.asarray(frequencies) * sample_time))
+
+
+def _neighbours(best: float, grid: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the next lower and the next higher of the frequencies, ``best`` itself where there is none."""
+    # ``grid`` is sorted, ``others`` are not.
+    at = int(np.searchsorted(grid, best))
+    past = int(np.searchsorted(grid, best, side='right'))
+    low = grid[at - 1] if at > 0 else best
+    high = grid[past] if past < len(grid) else best
+    below, above = others[others < best], others[others > best]
+    return float(max(low, below.max(initial=low))), float(min(high, above.min(initial=high)))
+
+
 def _eigenvalues(matrices: NDArray[np.float64]) -> NDArray[np.complex128]:
     # numpy returns real ones as real numbers.
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
@@ -74,14 +91,21 @@ class LinearController:
 
     def response(self, frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
         """Return -u over position [V/um] and over velocity [V s/um], shape (len(frequencies), 2)."""
-        z = np.exp(2j * np.pi * np.asarray(frequencies) * sample_time)
+        return self.response_at(_on_circle(frequencies, sample_time), sample_time)
+
+    def response_at(self, z: NDArray[np.complex128], sample_time: float) -> NDArray[np.complex128]:
+        """Return the same as :meth:`response` at points z = exp(2 pi i f T) of the unit circle."""
         smoothing = self._smoothing(sample_time)
         position = self.proportional + self.integral * sample_time * z / (z - 1.0)
         velocity = self.derivative * smoothing / (1.0 - (1.0 - smoothing) / z)
         if self.difference:
             position = position + velocity * (1.0 - 1.0 / z) / sample_time
             velocity = np.zeros_like(velocity)
-        return np.asarray(np.stack([position, velocity], axis=1) * (z**-self.delay)[:, None])
+        response = np.empty((len(z), 2), dtype=np.complex128)
+        response[:, 0], response[:, 1] = position, velocity
+        if self.delay > 0:
+            response *= (z**-self.delay)[:, None]
+        return response
 
     @property
     def is_meaningful(self) -> bool:
@@ -144,8 +168,9 @@ class LoopMargins:
     ----------
     drives
         Drive with sensor, linearised in presliding, where the friction is a spring, and in sliding.
-    frequencies, responses
-        Grid [Hz], and what the controller measures there of position [um/V] and velocity [um/s/V] over u.
+    frequencies, on_circle, responses
+        Grid [Hz], z = exp(2 pi i f T) there, and what the controller measures there of position [um/V] and velocity
+        [um/s/V] over u.
     """
 
     def __init__(
@@ -163,6 +188,7 @@ class LoopMargins:
         self._sensor = None if found is None or found.is_ideal else found
         self.drives = tuple(drive if self._sensor is None else self._sensor.after(drive) for drive in self._bare)
         self.frequencies = frequency_grid(sample_time, self._bare)
+        self.on_circle = _on_circle(self.frequencies, sample_time)
         self.responses = tuple(self._response(drive, self.frequencies) for drive in self._bare)
 
     def _response(self, drive: SampledDrive, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -171,47 +197,69 @@ class LoopMargins:
             return response
         return np.asarray((self._sensor.response(frequencies) @ response[:, :, None])[:, :, 0])
 
-    def peak_sensitivity(self, controller: LinearController) -> float:
-        """Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable."""
-        if not controller.is_meaningful:
-            return float('inf')
-        return self._peak(controller, [_eigenvalues(controller.closed_loop(drive)) for drive in self.drives])
+    def peak_sensitivity(self, controller: LinearController, limit: float = math.inf) -> float:
+        """
+        Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable.
 
-    def _peak(self, controller: LinearController, poles: Sequence[NDArray[np.complex128]]) -> float:
+        Parameters
+        ----------
+        controller
+            The controller.
+        limit
+            Once a value above it is found, that value is returned, and the peak itself is not searched for.
+        """
+        if not controller.is_meaningful:
+            return math.inf
+        return self._peak(controller, [_eigenvalues(controller.closed_loop(drive)) for drive in self.drives], limit)
+
+    def _peak(self, controller: LinearController, poles: Sequence[NDArray[np.complex128]], limit: float) -> float:
         if max(float(np.abs(found).max()) for found in poles) >= 1.0:
-            return float('inf')
-        law = controller.response(self.frequencies, self.sample_time)
-        return max(
-            self._peak_of(controller, law, drive, response, found)
-            for drive, response, found in zip(self._bare, self.responses, poles, strict=True)
-        )
+            return math.inf
+        law = controller.response_at(self.on_circle, self.sample_time)
+        peak = 0.0
+        for drive, response, found in zip(self._bare, self.responses, poles, strict=True):
+            peak = max(peak, self._peak_of(controller, (law * response).sum(axis=1), drive, found, limit))
+            if peak > limit:
+                break
+        return peak
 
     def _peak_of(
         self,
         controller: LinearController,
-        law: NDArray[np.complex128],
+        loop: NDArray[np.complex128],
         drive: SampledDrive,
-        response: NDArray[np.complex128],
         poles: NDArray[np.complex128],
+        limit: float,
     ) -> float:
-        """Return the peak of one drive: on the grid, around the closed loop's own resonances, and next to the best."""
+        """
+        Return the peak of one drive: on the grid, around the closed loop's own resonances, and next to the best.
+
+        ``loop`` is L on the grid.
+        """
 
         def sensitivity(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
-            loop = controller.response(frequencies, self.sample_time) * self._response(drive, frequencies)
-            return np.asarray(1.0 / np.abs(1.0 + loop.sum(axis=1)))
+            law = controller.response(frequencies, self.sample_time)
+            return np.asarray(1.0 / np.abs(1.0 + (law * self._response(drive, frequencies)).sum(axis=1)))
 
+        values = np.asarray(1.0 / np.abs(1.0 + loop))
         around = _around_poles(poles, self.sample_time)
-        frequencies = np.concatenate([self.frequencies, around])
-        values = np.concatenate([1.0 / np.abs(1.0 + (law * response).sum(axis=1)), sensitivity(around)])
-        order = np.argsort(frequencies)
+        near = sensitivity(around)
+        on_grid, in_near = int(np.argmax(values)), int(np.argmax(near)) if len(around) else -1
+        best, peak = self.frequencies[on_grid], values[on_grid]
+        if in_near >= 0 and near[in_near] > peak:
+            best, peak = around[in_near], near[in_near]
+        low, high = _neighbours(float(best), self.frequencies, around)
         for _ in range(REFINEMENTS):
-            frequencies, values = frequencies[order], values[order]
-            best = int(np.argmax(values))
-            ends = frequencies[max(best - 1, 0)], frequencies[min(best + 1, len(frequencies) - 1)]
-            finer = np.linspace(*ends, 17)
-            frequencies, values = np.append(finer, frequencies[best]), np.append(sensitivity(finer), values[best])
+            if peak > limit:
+                break
+            finer = np.linspace(low, high, 17)
+            frequencies, values = np.append(finer, best), np.append(sensitivity(finer), peak)
             order = np.argsort(frequencies)
-        return float(values.max())
+            frequencies, values = frequencies[order], values[order]
+            at = int(np.argmax(values))
+            best, peak = frequencies[at], values[at]
+            low, high = frequencies[max(at - 1, 0)], frequencies[min(at + 1, len(frequencies) - 1)]
+        return float(peak)
 
     def peak_sensitivities(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
         """
@@ -241,7 +289,7 @@ class LoopMargins:
             dataclasses.replace(none, derivative=1.0),
             dataclasses.replace(none, integral=1.0),
         )
-        laws = np.array([unit.response(self.frequencies, self.sample_time) for unit in units])
+        laws = np.array([unit.response_at(self.on_circle, self.sample_time) for unit in units])
         peaks = np.zeros(len(controllers))
         for drive, response in zip(self.drives, self.responses, strict=True):
             matrices = np.array([controller.closed_loop(drive) for controller in controllers])
