@@ -14,12 +14,15 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hdd_servo_ros.campaign.case import Case, PlannedRun
-from hdd_servo_ros.campaign.start import start_run
+from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
+from hdd_servo_ros.campaign.start import run_environment, start_run
+from hdd_servo_ros.graph.help import COMPILING
 from hdd_servo_ros.messages.outcome import FAILED
+from hdd_servo_ros.numerics.compiled import first_compilation
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 
-_POLL = 0.1
+_POLL = 0.02
 _LAST_LINES = 6
 _PROGRESS = re.compile(r'(\d+\.\d+) of (\d+\.\d+) s')
 
@@ -40,7 +43,8 @@ def run_cases(
     """
     Run all cases that are not on disk already, each in a process of its own.
 
-    Through the graph one case runs at a time, for it uses two cores; without ROS as many as there are cores.
+    Through the graph one case runs at a time, for it uses two cores; without ROS as many as there are cores, as
+    copies of one process (:mod:`~hdd_servo_ros.campaign.run_server`).
 
     Parameters
     ----------
@@ -127,9 +131,15 @@ class _Runner:
         self._due = due
         self._keep_failed = keep_failed
         self._say = say
+        self._jobs = min(len(due), len(os.sched_getaffinity(0))) if without_ros else 1
         self._without_ros = without_ros
-        self._jobs = len(os.sched_getaffinity(0)) if without_ros else 1
-        self._running: dict[PlannedRun, subprocess.Popen[bytes]] = {}
+        self._server: RunServer | None = None
+        # It takes as long to start as a run, so that a run for each core is sooner done without it.
+        if without_ros and len(due) > self._jobs:
+            if first_compilation():
+                say(COMPILING)
+            self._server = RunServer(run_environment({}))
+        self._running: dict[PlannedRun, subprocess.Popen[bytes] | ServedRun] = {}
         self._ticks_due = sum(run.ticks for run in due)
         self._ticks_done = 0
         self._started = time.monotonic()
@@ -149,8 +159,10 @@ class _Runner:
                 while waiting and len(self._running) < self._jobs:
                     run = waiting.pop(0)
                     self._running[run] = self._start(run)
-                for run in [run for run, process in self._running.items() if process.poll() is not None]:
-                    self._finish(run, self._running.pop(run).returncode)
+                ended = {run: code for run, process in self._running.items() if (code := process.poll()) is not None}
+                for run, code in ended.items():
+                    del self._running[run]
+                    self._finish(run, code)
                     finished += 1
                     if self._bar.disable:
                         self._say(f'{finished} of {count} runs: {run.case.name}, {self._time_left()}')
@@ -160,7 +172,9 @@ class _Runner:
             self._bar.close()
             self._end_all()
 
-    def _start(self, run: PlannedRun) -> 'subprocess.Popen[bytes]':
+    def _start(self, run: PlannedRun) -> 'subprocess.Popen[bytes] | ServedRun':
+        if self._server is not None:
+            return self._server.start(run.arguments, run.log)
         with run.log.open('wb') as log:
             return start_run(run.arguments, without_ros=self._without_ros, stdout=log)
 
@@ -201,4 +215,6 @@ class _Runner:
                 process.wait(10.0)
             except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait()
+                process.wait(10.0)
+        if self._server is not None:
+            self._server.close()

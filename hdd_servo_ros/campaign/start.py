@@ -51,11 +51,16 @@ def start_run(
         Further arguments of :class:`subprocess.Popen`.
     """
     module = 'hdd_servo_ros.simulation.simulate' if without_ros else 'hdd_servo_ros.nodes.rig'
-    # What a sourced ROS would have set; the runs are this machine's own affair unless the user says otherwise.
-    defaults = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'AMENT_PREFIX_PATH': sys.prefix}
     return subprocess.Popen(
         [sys.executable, '-m', module, *arguments],
         stderr=subprocess.STDOUT,
-        env={**defaults, **os.environ, **(environment or {})},
+        env=run_environment(environment or {}),
         **options,
     )
+
+
+def run_environment(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of a run: that of this process, what a sourced ROS would have set, and ``variables``."""
+    # The runs are this machine's own affair unless the user says otherwise.
+    defaults = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'AMENT_PREFIX_PATH': sys.prefix}
+    return {**defaults, **os.environ, **variables}

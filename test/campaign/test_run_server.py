@@ -1,0 +1,108 @@
+"""Runs as copies of one prepared process: the same bits, and the same exit codes, logs and signals as any process."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from hdd_servo_ros.campaign.case import parameter_file
+from hdd_servo_ros.campaign.run_server import RunServer
+from hdd_servo_ros.campaign.start import run_arguments, run_environment, start_run
+from hdd_servo_ros.messages.outcome import FINISHED, INTERRUPTED
+from hdd_servo_ros.recording.compare_bags import main as compare_bags
+from hdd_servo_ros.recording.run_folder import read_run_yaml
+
+LONG = 100.0
+"""For all that is waited for [s]."""
+
+
+@pytest.fixture(scope='module')
+def server():
+    made = RunServer(run_environment({}))
+    yield made
+    made.close()
+
+
+def arguments(directory, duration=0.2, **values):
+    given = {'duration': duration, **values}
+    return run_arguments([parameter_file('seagate_7200_10.yaml')], given, directory)
+
+
+def wait_for_bag(directory):
+    deadline = time.monotonic() + LONG
+    while not any(file.stat().st_size > 1e6 for file in directory.glob('bag/*')):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_the_same_bits_as_in_a_process_of_its_own(server, tmp_path):
+    """Also in the second run of a server, and with another controller before it."""
+    runs = {
+        name: server.start(arguments(tmp_path / name, controller=controller), tmp_path / f'{name}.log')
+        for name, controller in (('pid', 'pid'), ('first', 'adaptive_nn'), ('second', 'adaptive_nn'))
+    }
+    assert {name: run.wait(LONG) for name, run in runs.items()} == dict.fromkeys(runs, 0)
+    process = start_run(arguments(tmp_path / 'own'), without_ros=True, stdout=subprocess.PIPE, text=True)
+    said, _ = process.communicate(timeout=LONG)
+    assert process.returncode == 0, said
+    for name in ('first', 'second'):
+        assert compare_bags([str(tmp_path / 'own'), str(tmp_path / name)]) == 0
+        assert read_run_yaml(tmp_path / name)['status'] == FINISHED
+        summary = (tmp_path / f'{name}.log').read_text()
+        assert 'tracking error' in summary
+        assert lines(summary) == lines(said)
+
+
+def lines(text):
+    """Return the summary but for what differs from run to run."""
+    kept = ('run  finished', 'tracking error', 'peak control', 'estimates', 'messages')
+    return [line.strip() for line in text.splitlines() if line.strip().startswith(kept)]
+
+
+def test_a_refused_run_has_its_exit_code_and_says_why_in_its_log(server, tmp_path):
+    log = tmp_path / 'log'
+    run = server.start([*arguments(tmp_path / 'run'), '-p', 'ldv_sensor:adc_bits:=-3'], log)
+    assert run.wait(LONG) == 2
+    assert run.poll() == 2
+    assert 'ldv_sensor:adc_bits' in log.read_text()
+    assert not (tmp_path / 'run').exists()
+
+
+def test_a_run_that_is_asked_to_end_closes_its_bag(server, tmp_path):
+    run = server.start(arguments(tmp_path / 'run', duration=1000.0), tmp_path / 'log')
+    wait_for_bag(tmp_path / 'run')
+    assert run.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        run.wait(0.01)
+    run.terminate()
+    assert run.wait(LONG) == 128 + signal.SIGTERM
+    assert read_run_yaml(tmp_path / 'run')['status'] == INTERRUPTED
+    run.terminate()
+
+
+def test_a_killed_run_leaves_the_others_alone(server, tmp_path):
+    doomed = server.start(arguments(tmp_path / 'doomed', duration=1000.0), tmp_path / 'doomed.log')
+    other = server.start(arguments(tmp_path / 'other'), tmp_path / 'other.log')
+    doomed.kill()
+    assert doomed.wait(LONG) == -signal.SIGKILL
+    assert other.wait(LONG) == 0
+
+
+def test_the_end_of_the_server_ends_its_runs(tmp_path):
+    server = RunServer(run_environment({}))
+    run = server.start(arguments(tmp_path / 'run', duration=1000.0), tmp_path / 'log')
+    wait_for_bag(tmp_path / 'run')
+    server.close()
+    assert not Path(f'/proc/{run.pid}').exists()
+    assert read_run_yaml(tmp_path / 'run')['status'] == INTERRUPTED
+
+
+def test_a_server_that_was_killed_is_told_of():
+    server = RunServer(run_environment({}))
+    os.kill(server.pid, signal.SIGKILL)
+    with pytest.raises(OSError, match=r'the process that starts the runs has ended with exit code -9'):
+        server.read(LONG)
+    server.close()
