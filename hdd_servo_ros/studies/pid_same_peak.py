@@ -1,5 +1,6 @@
 """The PID controller with the least error under the peak control of the adaptive NN controller, for section 4.4."""
 
+import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -10,6 +11,7 @@ from scipy.optimize import differential_evolution, minimize
 from hdd_servo_ros.analysis.largest_gains import round_down, round_up
 from hdd_servo_ros.analysis.metrics import TrackingMetrics
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
+from hdd_servo_ros.control.pid import PidParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.tuning_runs import Sections, metrics_of
@@ -48,12 +50,18 @@ def tune_pid_same_peak(
     report
         Receives lines of text on the progress.
     """
-    peak = _metrics('adaptive_nn', sections, sample_time, DURATION).peak_control
+    peak = _metrics(Experiment(sample_time, 'adaptive_nn', sections), DURATION).peak_control
     own: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
 
+    time_steps = {sample_time, max(sample_time, COARSE)}
+    at_rest = {time_step: Experiment(time_step, 'pid', sections) for time_step in time_steps}
+
     def found(law: Gains, duration: float, time_step: float = sample_time) -> TrackingMetrics:
-        pid = {**sections.get('pid_controller', {}), **_named(law)}
-        return _metrics('pid', {**sections, 'pid_controller': pid}, time_step, duration)
+        pid = block_parameters('pid_controller', {**sections.get('pid_controller', {}), **_named(law)})
+        # A copy takes a third of the time of a new one, whose parameters are checked; both make the same rows.
+        experiment = copy.deepcopy(at_rest[time_step])
+        experiment.update('pid_controller', {PidParameters: pid})
+        return _metrics(experiment, duration)
 
     def cost(law: Gains, duration: float, time_step: float = sample_time) -> float:
         metrics = found(law, duration, time_step)
@@ -101,6 +109,6 @@ def _named(law: Gains) -> dict[str, object]:
     return dict(zip(('proportional_gain', 'integral_gain', 'derivative_gain'), law, strict=True))
 
 
-def _metrics(controller: str, parameters: Sections, sample_time: float, duration: float) -> TrackingMetrics:
-    rows = Experiment(sample_time, controller, parameters).run(0, round(duration / sample_time) + 1)
+def _metrics(experiment: Experiment, duration: float) -> TrackingMetrics:
+    rows = experiment.run(0, round(duration / experiment.sample_time) + 1)
     return metrics_of(rows, 0.5 * duration, unit=1.0)
