@@ -1,11 +1,14 @@
 """A chapter of the study: a package with one module for each figure or table."""
 
+import functools
 import importlib
 import pkgutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Protocol, cast
 
+from hdd_servo_ros.campaign.all_cores import on_all_cores
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.parameters.files import ArgumentError
@@ -65,7 +68,19 @@ def figures(chapter: str, only: Iterable[str] = ()) -> dict[str, Figure]:
 
 
 def make_figures(made: Mapping[str, Figure], directory: Path) -> list[Path]:
-    """Make figures and tables from the runs in a study's folder, and return their files."""
+    """Make figures and tables from the runs in a study's folder, on all cores, and return their files."""
     (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-    runs = RecordedRuns(directory)
-    return [figure.make(runs, directory / FIGURES / name) for name, figure in made.items()]
+    modules = [(cast(ModuleType, figure).__name__, directory, name) for name, figure in made.items()]
+    return list(on_all_cores(_make_figure, modules))
+
+
+def _make_figure(due: tuple[str, Path, str]) -> Path:
+    module, directory, name = due
+    figure = cast(Figure, importlib.import_module(module))
+    return figure.make(_recorded_runs(directory), directory / FIGURES / name)
+
+
+@functools.lru_cache(1)
+def _recorded_runs(directory: Path) -> RecordedRuns:
+    """Return the runs as all figures of a process share them."""
+    return RecordedRuns(directory)

@@ -1,9 +1,6 @@
 """Many drives drawn about the nominal one, and how well recorded controllers do on them; these runs leave no bags."""
 
-import concurrent.futures
 import dataclasses
-import os
-import signal
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,6 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES, tracking_metrics
+from hdd_servo_ros.campaign.all_cores import on_all_cores
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -106,17 +104,5 @@ def trials(runs: RecordedRuns, case: Case, drives: int) -> list[Trial]:
 
 def errors_on_random_drives(waiting: Sequence[Trial]) -> list[tuple[float, float, float]]:
     """Return what :meth:`Trial.errors` says of each trial, by all cores, with progress and time left on a terminal."""
-    cores = len(os.sched_getaffinity(0))
-    with concurrent.futures.ProcessPoolExecutor(cores, initializer=_leave_signals_to_the_parent) as pool:
-        try:
-            results = pool.map(Trial.errors, waiting, chunksize=4)
-            bar = tqdm(results, 'random drives', len(waiting), unit='run', disable=not sys.stderr.isatty())
-            return list(bar)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def _leave_signals_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    results = on_all_cores(Trial.errors, waiting, chunksize=4)
+    return list(tqdm(results, 'random drives', len(waiting), unit='run', disable=not sys.stderr.isatty()))
