@@ -23,6 +23,7 @@ import yaml
 from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from benchmarks.bench_start import start_figures, start_rows
+from benchmarks.bench_study import study_figures
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
@@ -207,6 +208,8 @@ def main():
         )
         print('simulate', flush=True)
         bags = bag_figures(bench.directory, repeats, ticks * 10)
+        print('the runs of chapter 5', flush=True)
+        study = study_figures(bench.directory, repeats, 4 if options.quick else 20)
         print('the drive alone', flush=True)
         plant = plant_figures()
         print('memory', flush=True)
@@ -248,6 +251,8 @@ def main():
         '| what | figure | asked for |',
         '|---|---|---|',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
+        f'| a run of 10 s in `study chapter5 --without-ros`, processor time | {median(study["study"]):.2f} s, in an '
+        f'interpreter of its own {median(study["processes"]):.2f} s | |',
         f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
         f'{at_end / at_six:.2f} times | at most 1.2 times |',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in start_rows(starts)),
