@@ -48,7 +48,7 @@ figures: $(VENV)/.run
 	$(foreach chapter,$(CHAPTERS),$(BIN)/study $(chapter) $(ARGS) &&) true
 
 test: $(VENV)/.develop
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # mypy runs twice: the folders of the tests are not packages and some of their files share a name, so that it needs their
 # paths; by paths it would take the folder launch/ for the package launch, so that the package is checked without.
