@@ -57,7 +57,7 @@ def run(name, *arguments, directory=ROOT):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=250,
     )
 
 
@@ -121,7 +121,7 @@ sys.exit(rig())
 
 
 def test_an_interrupt_while_it_is_imported():
-    ended = subprocess.run([sys.executable, '-c', INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run([sys.executable, '-c', INTERRUPTED], cwd=ROOT, capture_output=True, text=True, timeout=250)
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, '', '')
 
 

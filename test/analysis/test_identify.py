@@ -106,7 +106,7 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
     ]
     reading, writing = os.pipe()
     os.close(reading)
-    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=120)
+    ended = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=250)
     os.close(writing)
     assert (ended.returncode, ended.stderr) == (0, '')
 

@@ -32,7 +32,6 @@ T = 1e-4
 SECTIONS = read_parameter_files([parameter_file(FILE)])
 SHORT = 2.3
 """A run that is to be drawn only; two seconds do not count [s]."""
-pytestmark = pytest.mark.timeout(600)
 
 
 def gains_of(limit):

@@ -23,7 +23,6 @@ from hdd_servo_ros.studies.chapter4.table_lambda import NN_COARSE
 
 COARSE = {'deterministic_timer:sample_time': 1e-3}
 FINE = at_sample_time(NN, 1e-4)
-pytestmark = pytest.mark.timeout(600)
 
 
 @pytest.fixture(scope='module')

@@ -52,7 +52,6 @@ WITHOUT_SIGMA, ONLY_SIGMA = (HYSTERESIS[name] for name in ('without sigma_hat', 
 SHORT = 2.5
 DRIVES = 24
 LEAST_TIME = 10.0
-pytestmark = pytest.mark.timeout(600)
 
 
 def asserted_cases():

@@ -24,7 +24,7 @@ class Outside(Node):
         while time.monotonic() < end:
             self.spinning.spin_once(timeout_sec=0.05)
 
-    def spin_until(self, condition: Callable[[], object], timeout: float = 40.0) -> None:
+    def spin_until(self, condition: Callable[[], object], timeout: float = 200.0) -> None:
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, 'nothing came'
@@ -33,7 +33,7 @@ class Outside(Node):
     def call(self, service_type: Any, name: str, request: Any) -> tuple[Any, float]:
         """Call a service, and return its answer and how long it took [s]."""
         client = self.create_client(service_type, name)
-        assert client.wait_for_service(timeout_sec=20.0)
+        assert client.wait_for_service(timeout_sec=200.0)
         started = time.monotonic()
         future = client.call_async(request)
         self.spin_until(future.done)

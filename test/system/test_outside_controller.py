@@ -59,7 +59,7 @@ def test_by_its_own_executable_with_a_live_change(example):
     slow = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=0.4')
     processes = list(example.start_nodes('run', *slow, nodes=OTHERS).values())
     processes.append(example.start_python('my_controller', '-m', 'hdd_servo_ros.nodes.outside_controller', PATH))
-    deadline = time.monotonic() + 40.0
+    deadline = time.monotonic() + 200.0
     while not (example.directory / 'run' / 'run.yaml').exists():
         assert time.monotonic() < deadline, [process.output for process in processes]
         time.sleep(0.05)

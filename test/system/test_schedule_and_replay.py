@@ -44,7 +44,7 @@ def test_a_schedule_gives_the_same_bits_everywhere(bench):
     for name in ('simulate', 'rig'):
         bench.run(name, *DURATION, *SCHEDULE, '-p', f'run_dir:={name}', '-p', 'plot:=false')
     for process in bench.start_nodes('processes', *DURATION, *SCHEDULE).values():
-        assert process.wait(90.0) == 0, process.output
+        assert process.wait(250.0) == 0, process.output
     simulated = bench.directory / 'simulate'
     for run in ('rig', 'processes'):
         assert first_difference(simulated, bench.directory / run) is None
@@ -89,7 +89,7 @@ def test_a_wrong_entry_is_refused_before_the_run(bench, name, entry, said):
 def test_a_wrong_entry_ends_all_processes_before_the_run(bench):
     entry = '0.05 vcm_plant friction.stiffness -1.0'
     for process in bench.start_nodes('run', *DURATION, '-p', f"schedule:=['{entry}']").values():
-        assert process.wait(90.0) == 1
+        assert process.wait(250.0) == 1
         assert entry in process.output
         assert 'above 0' in process.output
     assert not (bench.directory / 'run').exists()
@@ -174,7 +174,7 @@ def test_a_run_whose_description_or_bag_was_tampered_with_is_refused(bench):
 def test_a_replay_beside_a_run_that_goes_on(bench):
     bench.run('simulate', *DURATION, '-p', 'run_dir:=recorded', '-p', 'plot:=false')
     other = bench.start('rig', '-p', 'duration:=30.0', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
-    deadline = time.monotonic() + 40.0
+    deadline = time.monotonic() + 200.0
     while not (bench.directory / 'run' / 'run.yaml').exists():
         assert time.monotonic() < deadline, other.output
         time.sleep(0.05)

@@ -18,12 +18,12 @@ PATIENCE = ('-p', 'start_timeout:=6.0')
 OTHERS = ('bag_recorder', 'ldv_sensor', 'vcm_plant', 'reference_generator', 'deterministic_timer')
 
 
-def expect_failure(bench, processes, *words, within=15.0):
+def expect_failure(bench, processes, *words, within=100.0):
     """Wait for the end of all; exit codes 1, the words in one line of each, the bag readable up to the last tick."""
     started = time.monotonic()
     for process in processes.values():
         assert process.wait(within + 5.0) == 1, f'{process.name}:\n{process.output}'
-    # The run ends within 5 s of the fault on an idle machine; six processes that end on a busy one take their time.
+    # The run ends within 5 s of the fault on an idle machine, and would otherwise last 200 s.
     assert time.monotonic() - started < within
     for process in processes.values():
         lines = [line for line in process.output.splitlines() if 'run failed' in line and 'ERROR' in line]
@@ -44,7 +44,7 @@ def expect_bag(bench, run='run'):
 
 def wait_for_ticks(bench, run='run'):
     """Wait until the run is under way."""
-    deadline = time.monotonic() + 40.0
+    deadline = time.monotonic() + 200.0
     while not (bench.directory / run / 'run.yaml').exists():
         assert time.monotonic() < deadline, [(p.name, p.output) for p in bench.processes]
         time.sleep(0.02)
@@ -55,7 +55,7 @@ def test_missing_peer(bench):
     nodes = [node for node in (*OTHERS, 'adaptive_nn_controller') if node != 'ldv_sensor']
     processes = bench.start_nodes('run', '-p', 'start_timeout:=3.0', nodes=nodes)
     for process in processes.values():
-        assert process.wait(20.0) == 1, process.output
+        assert process.wait() == 1, process.output
     assert 'ldv_sensor (nobody publishes /ldv)' in processes['adaptive_nn_controller'].output
     assert 'start_timeout' in processes['adaptive_nn_controller'].output
     assert not (bench.directory / 'run').exists()
@@ -87,7 +87,7 @@ def test_a_node_that_is_killed_before_the_run_may_be_started_again(bench):
     processes.pop('ldv_sensor').signal(signal.SIGKILL)
     again = bench.start_nodes('run', '-p', 'duration:=0.01', nodes=['ldv_sensor', 'deterministic_timer'])
     for process in [*processes.values(), *again.values()]:
-        assert process.wait(60.0) == 0, process.output
+        assert process.wait() == 0, process.output
 
 
 def test_a_writer_that_takes_nothing_ends_the_run(bench):
@@ -95,7 +95,7 @@ def test_a_writer_that_takes_nothing_ends_the_run(bench):
     wait_for_ticks(bench)
     (writer,) = Path(f'/proc/{process.popen.pid}/task/{process.popen.pid}/children').read_text().split()
     os.kill(int(writer), signal.SIGSTOP)
-    assert process.wait(15.0) == 1
+    assert process.wait() == 1
     assert 'the bag writer took nothing for' in process.output
     assert bench.run_yaml('run')['status'] == 'failed'
 
@@ -124,7 +124,7 @@ def test_recorder_dies(bench):
 def test_two_publishers_from_the_start(bench):
     processes = bench.start_nodes('run', *PATIENCE)
     second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', *PATIENCE)
-    expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers', within=45.0)
+    expect_failure(bench, {**processes, 'second': second}, '/ldv: 2 publishers')
 
 
 def test_second_publisher_during_the_run(bench, outside):
@@ -139,7 +139,7 @@ def test_second_publisher_during_the_run(bench, outside):
 @pytest.mark.parametrize('node', ['ldv_sensor', 'vcm_plant'])
 def test_mismatched_sample_time(bench, node):
     processes = bench.start_nodes('run', '-p', f'{node}:sample_time:=0.0002', *PATIENCE)
-    expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001', within=45.0)
+    expect_failure(bench, processes, node, 'sample_time = 0.0002', '0.0001')
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_misbehaving_controller(bench, fault, words):
     processes = bench.start_nodes('run', nodes=OTHERS)
     script = HERE / 'misbehaving_controller.py'
     processes['misbehaving'] = bench.start('misbehaving_controller', '-p', f'fault:={fault}', script=script)
-    expect_failure(bench, processes, *words, within=45.0)
+    expect_failure(bench, processes, *words)
     # With the clock ahead of the loop the other topics have a tick or two more; the bag ends with the last whole one.
     assert 297 <= expect_bag(bench)['last_tick'] <= 300
 
@@ -164,12 +164,12 @@ def test_controller_that_never_answers(bench):
     processes = bench.start_nodes('run', nodes=OTHERS)
     stuck = bench.start('misbehaving_controller', '-p', 'fault:=silence', script=HERE / 'misbehaving_controller.py')
     # Who is the first to miss it, and for want of which message, is chance: /control of tick 300, or what follows it.
-    expect_failure(bench, processes, '/misbehaving_controller; /', 'is missing for tick 30', within=45.0)
+    expect_failure(bench, processes, '/misbehaving_controller; /', 'is missing for tick 30')
     expect_bag(bench)
     for _ in range(2):  # the second one, when the first had its time, is for a node whose step never returns
         stuck.signal(signal.SIGTERM)
         time.sleep(2.2)
-    assert stuck.wait(5.0) == -signal.SIGTERM
+    assert stuck.wait() == -signal.SIGTERM
 
 
 def test_bad_parameter(bench):
@@ -221,7 +221,7 @@ def test_interrupted_rig(bench, number, code):
     process.signal(number)
     time.sleep(0.05)
     process.signal(number)  # as `ros2 launch` repeats what the terminal has sent to all already
-    assert process.wait(5.0) == code
+    assert process.wait() == code
     content = bench.run_yaml('run')
     assert content['status'] == 'interrupted'
     assert signal.Signals(number).name in content['reason']
@@ -236,7 +236,7 @@ def test_interrupted_processes(bench, who):
         if who in (name, 'all'):
             process.signal(signal.SIGINT)
     for process in processes.values():
-        assert process.wait(7.0) == 130, process.output
+        assert process.wait() == 130, process.output
     content = bench.run_yaml('run')
     assert content['status'] == 'interrupted'
     assert len(Run.open(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
@@ -248,7 +248,7 @@ def test_killed_rig_leaves_a_readable_bag(bench):
     process.signal(signal.SIGKILL)
     process.wait()
     metadata = bench.directory / 'run' / 'bag' / 'metadata.yaml'
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 100.0
     while not metadata.exists():
         assert time.monotonic() < deadline
         time.sleep(0.02)
