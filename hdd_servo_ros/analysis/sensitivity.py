@@ -218,7 +218,8 @@ class LoopMargins:
         law = controller.response_at(self.on_circle, self.sample_time)
         peak = 0.0
         for drive, response, found in zip(self._bare, self.responses, poles, strict=True):
-            peak = max(peak, self._peak_of(controller, (law * response).sum(axis=1), drive, found, limit))
+            # Not a number stays one, and is not within any limit.
+            peak = float(np.maximum(peak, self._peak_of(controller, (law * response).sum(axis=1), drive, found, limit)))
             if peak > limit:
                 break
         return peak
