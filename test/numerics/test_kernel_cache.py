@@ -100,7 +100,7 @@ def result(process):
 
 def test_copies_of_the_package_share_what_one_has_compiled(starter):
     values, names, _ = result(starter.start(starter.copy('here')))
-    assert CALLED <= set(names)
+    assert set(names) >= CALLED
     before = starter.cached()
     other = starter.copy('there')
     assert result(starter.start(other)) == (values, [], '')
@@ -116,7 +116,7 @@ def test_processes_that_start_at_once_compile_each_kernel_once(starter):
     (starter.directory / 'go').touch()
     results = [result(process) for process in processes]
     counts = collections.Counter(name for _, names, _ in results for name in names)
-    assert CALLED <= counts.keys()
+    assert counts.keys() >= CALLED
     assert set(counts.values()) == {1}
     assert len({tuple(values) for values, _, _ in results}) == 1
 
