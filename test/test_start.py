@@ -59,8 +59,9 @@ def modules_of(bench, name, *ros_arguments):
 
 @pytest.mark.parametrize('name', ['simulate', 'rig'])
 def test_a_run_does_not_import_what_it_does_not_use(bench, name):
-    # What the first one has to compile, if anything, the second one finds.
+    # What the first two have to compile, if anything, the others find.
     modules_of(bench, name, '-p', 'record:=false')
+    modules_of(bench, name, '-p', 'run_dir:=first')
     for recorded in (('-p', 'record:=false'), ('-p', 'run_dir:=recorded')):
         found = modules_of(bench, name, *recorded)
         assert {'numba', 'yaml'} <= set(found)
