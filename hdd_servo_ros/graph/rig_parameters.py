@@ -16,4 +16,10 @@ class RigParameters(ParameterSet):
         'hdd_servo_ros.controllers, or the import path module:Class of your own',
         read_only=True,
     )
+    intra_process: bool = parameter(
+        True,
+        'whether the nodes of `rig` hand each other their messages, which are then published over DDS only while '
+        'another process subscribes to them; `simulate` has no DDS',
+        read_only=True,
+    )
     plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)

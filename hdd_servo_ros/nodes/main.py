@@ -1,5 +1,6 @@
 """What every node's ``main`` does: arguments, a context, the lockstep, an exit code."""
 
+import dataclasses
 import os
 import signal
 import sys
@@ -40,20 +41,27 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
     int
         Exit code: 0 finished, 1 failed, 2 wrong arguments or parameters, 128 + signal number when interrupted.
     """
-    return run_nodes(name, lambda _: [make()], arguments)
+    return run_nodes(name, lambda _: Composition([make()]), arguments)
 
 
-def run_nodes(
-    name: str,
-    make: Callable[[RosArguments], Sequence[LoopNode]],
-    arguments: Sequence[str] | None = None,
-    others: Sequence[Node] = (),
-) -> int:
+@dataclasses.dataclass(frozen=True)
+class Composition:
     """
-    Run several loop nodes in this process, and serve the ``others`` that ``make`` adds; see :func:`run_node`.
+    What runs in a process.
 
-    ``make`` gets the command line, by which it may choose the nodes.
+    Attributes
+    ----------
+    nodes, others, intra_process
+        As for :class:`~hdd_servo_ros.ros.lockstep.Lockstep`.
     """
+
+    nodes: Sequence[LoopNode]
+    others: Sequence[Node] = ()
+    intra_process: bool = False
+
+
+def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None = None) -> int:
+    """Run several loop nodes in this process; ``make`` gets the command line. See :func:`run_node`."""
     command_line = list(sys.argv if arguments is None else arguments)
     use_udp_alone(os.environ)
     try:
@@ -68,13 +76,14 @@ def run_nodes(
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
-        nodes = make(given)
+        composition = make(given)
+        nodes = composition.nodes
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
         _refuse_unknown_nodes(name, given, [node.get_name() for node in nodes])
         _check_schedule(nodes)
-        return Lockstep(nodes, others).run().exit_code
+        return Lockstep(nodes, composition.others, intra_process=composition.intra_process).run().exit_code
     except (ParameterError, ArgumentError) as error:
         print(f'{name}: {error}', file=sys.stderr)
         return 2

@@ -4,8 +4,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rclpy.node import Node
-
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, nodes_of_run, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
@@ -14,7 +12,7 @@ from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.messages.topics import RECORDER
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
-from hdd_servo_ros.nodes.main import run_nodes
+from hdd_servo_ros.nodes.main import Composition, run_nodes
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
 from hdd_servo_ros.parameters.files import RosArguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
@@ -77,14 +75,13 @@ class Rig:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the whole graph, then say how it went."""
     rigs: list[Rig] = []
-    others: list[Node] = []
 
-    def make(given: RosArguments) -> Sequence[LoopNode]:
-        rigs.append(Rig(given))
-        others.append(rigs[0].node)
-        return rigs[0].nodes
+    def make(given: RosArguments) -> Composition:
+        rig = Rig(given)
+        rigs.append(rig)
+        return Composition(rig.nodes, [rig.node], rig.parameters.intra_process)
 
-    exit_code = run_nodes('rig', make, arguments, others)
+    exit_code = run_nodes('rig', make, arguments)
     if exit_code == 0:
         rigs[0].show()
     return exit_code

@@ -25,6 +25,7 @@ from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, in
 from hdd_servo_ros.ros.diagnostics import DiagnosticsPublisher
 from hdd_servo_ros.ros.ending import Ending
 from hdd_servo_ros.ros.gathering import Gathering
+from hdd_servo_ros.ros.intra_process import IntraProcess
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import Member
 from hdd_servo_ros.ros.message_wait import MessageWait
@@ -52,9 +53,11 @@ class Lockstep:
         The nodes, ideally in the order in which data flows through a tick: one pass is then one tick.
     others
         Nodes of this process that are not in the loop, but whose services must be served too.
+    intra_process
+        Whether the nodes hand each other their messages, instead of publishing and taking them over DDS.
     """
 
-    def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = ()) -> None:
+    def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = (), *, intra_process: bool = False) -> None:
         self._nodes = tuple(nodes)
         for node in self._nodes:
             node.connect()
@@ -62,6 +65,7 @@ class Lockstep:
         self._gathering = Gathering(self._member)
         self._watching = Watching(self._member)
         self._ending = Ending(self._member)
+        self._is_intra_process = intra_process
         self._diagnostics = DiagnosticsPublisher(self._nodes)
         self._executor = SingleThreadedExecutor()
         for served in (*self._nodes, *others):
@@ -173,6 +177,8 @@ class Lockstep:
 
     def _loop(self) -> None:
         nodes = self._nodes
+        assert self._member.run is not None
+        intra_process = IntraProcess(nodes, self._member.run) if self._is_intra_process else None
         monotonic = time.monotonic
         housekeeping_due = progressed_at = monotonic()
         pending = [node for node in nodes if not node.done]
@@ -185,6 +191,8 @@ class Lockstep:
             now = monotonic()
             if now >= housekeeping_due:
                 self._housekeeping()
+                if intra_process is not None:
+                    intra_process.follow_subscriptions()
                 if progressed:
                     progressed_at = now
                 self._watching.watch(now - progressed_at)
@@ -204,10 +212,10 @@ class Lockstep:
         missing = []
         for node in pending:
             port = node.missing()
-            if port is not None:
-                missing.append(port)
-            else:
+            if port is None:
                 seconds = min(seconds, node.seconds_until_due())
+            elif port.queue is None:  # else it comes from a node that waits for something itself
+                missing.append(port)
         if not missing:
             time.sleep(max(seconds, 0.0))
         elif seconds > 0.0:

@@ -1,5 +1,6 @@
 """An input of a loop node: the topic it reads, message by message in tick order."""
 
+import collections
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -51,6 +52,17 @@ class Input:
         self._take: Callable[[type, bool], Any]
         self._type: type
         self._ticks: Ticks
+        self.queue: collections.deque[bytes] | None = None
+        """Where a node of this process puts the messages; None if they come over DDS."""
+        self.take: Callable[[], bytes | None] = self._take_message
+        """Return the next message as bytes, None if there is none."""
+        self.take_for: Callable[[int, bytes], bytes | None] = self._take_checked
+        """
+        Return the message that the reader's tick needs, None if it has not arrived yet, empty if there is none to be.
+
+        It is given the reader's tick and its eight stamp bytes, and raises :class:`StampError` if the next message is
+        not that of the tick.
+        """
         self._is_array = not topic.codec.is_stamped
         self._array_stamp: slice | None = None
         """Where an array message, which has no header, holds its element t; known from its first message on."""
@@ -69,27 +81,26 @@ class Input:
         """Receive the time line of the run."""
         self._ticks = ticks
 
-    def take(self) -> bytes | None:
-        """Return the next message as bytes, None if there is none."""
+    def read_locally(self) -> collections.deque[bytes]:
+        """
+        Take the messages from a queue from now on, not from DDS; called before tick 0.
+
+        Returns
+        -------
+        deque
+            Where the publisher, a node of this process, puts its message of every tick.
+        """
+        queue = self.queue = collections.deque([b''] * self.delay)
+        self.take = lambda: queue.popleft() if queue else None
+        # Nothing to check: the publisher is a node of this run, and a queue loses and repeats nothing.
+        self.take_for = lambda tick, stamp: queue.popleft() if queue else None
+        return queue
+
+    def _take_message(self) -> bytes | None:
         taken = self._take(self._type, True)
         return None if taken is None else taken[0]
 
-    def take_for(self, tick: int, stamp: bytes) -> bytes | None:
-        """
-        Return the message that the reader's tick needs, None if it has not arrived yet, empty if there is none to be.
-
-        Parameters
-        ----------
-        tick
-            The reader's tick.
-        stamp
-            Its eight stamp bytes.
-
-        Raises
-        ------
-        StampError
-            If the next message is not that of the tick.
-        """
+    def _take_checked(self, tick: int, stamp: bytes) -> bytes | None:
         if self.delay:
             if tick < self.delay:
                 return b''

@@ -253,6 +253,10 @@ class LoopNode(ParameterNode):
         if self._ticks is not None:
             self._ros_clock.set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
 
+    def publish_by(self, output: int, publish: Callable[[bytes], None]) -> None:
+        """Publish on one of the outputs by a function from now on, not by its publisher."""
+        self._publish[output] = publish
+
     def publish_bytes(self, output: int, message: bytes) -> None:
         """Publish on one of the outputs."""
         self._publish[output](message)

@@ -18,7 +18,7 @@ _UNDER_WAY = 0.5
 """How long the first message after a pause may take [s]."""
 _REPEATED_WITHIN = 1.0
 """Time beyond ``peer_timeout`` that a lost message is given; DDS repeats it within 3 s [s]."""
-_GRAPH_CHECK_PERIOD = 1.0
+_GRAPH_CHECK_PERIOD = 0.5
 """Wall time between two counts of each topic's publishers [s]."""
 
 
@@ -76,9 +76,10 @@ class Watching:
                 self._reject_silent(process, silence)
         if now - self._graph_checked_at > _GRAPH_CHECK_PERIOD:
             self._graph_checked_at = now
-            for node in member.nodes:
-                for port in node.inputs:
-                    _check_publishers(node, port.name)
+            # Nothing else would notice a second publisher of a topic that stays inside a process.
+            readers = {port.name: node for node in member.nodes for port in node.inputs}
+            for topic, reader in readers.items():
+                _check_publishers(reader, topic)
 
     def _reject_silent(self, process: str, silence: float) -> None:
         announcement = self._member.peers.announcements[process]
