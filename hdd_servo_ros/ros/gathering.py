@@ -48,13 +48,20 @@ class Gathering:
         now = time.monotonic()
         if member.outcome_of_peer is not None:
             raise RunError(member.outcome_of_peer.reason)
-        member.peers.remove_silent(member.timeout, now)
         if member.run is None:
+            member.peers.remove_silent(member.timeout, now)
             self._wait_or_start(now)
             return False
         member.announce_when_due(now, PERIODS[READY])
         # A node that has begun receives already; the timer alone must know that all the others have begun too.
-        return member.timer_node is None or member.others_are(RUNNING)
+        return member.timer_node is None or self._others_have_begun(member.run, now)
+
+    def _others_have_begun(self, run: RunPlan, now: float) -> bool:
+        member = self._member
+        for process in run.processes:
+            if process != member.identifier and member.peers.silence(process, now) > member.timeout:
+                raise RunError(f'lost a peer before tick 0: {process}; it was one of {", ".join(run.nodes)}')
+        return member.others_are(RUNNING)
 
     def _wait_or_start(self, now: float) -> None:
         member = self._member

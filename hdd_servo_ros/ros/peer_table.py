@@ -1,7 +1,7 @@
 """What this process knows of the other processes: the last announcement of each, and when it was received."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from hdd_servo_ros.messages.outcome import FINISHED, INTERRUPTED
@@ -37,7 +37,7 @@ class PeerTable:
         process = announcement.process
         known = self._announcements.get(process)
         if known is None:
-            if announcement.state in (INTERRUPTED, FINISHED):
+            if process not in self._received_at and announcement.state in (INTERRUPTED, FINISHED):
                 return False
             self.changed_at = now
         if announcement.nodes is None:
@@ -47,6 +47,14 @@ class PeerTable:
         self._announcements[process] = announcement
         self._received_at[process] = now
         return True
+
+    def expect(self, processes: Iterable[str], now: float) -> None:
+        """
+        Count the silence of the processes of a run from now on.
+
+        One of them may still be unknown: only a process whose nodes share a topic with it waits for it before a run.
+        """
+        self._received_at.update(dict.fromkeys(processes, now))
 
     def remove(self, process: str, now: float) -> None:
         """Remove a process, if it is in the table."""
@@ -60,7 +68,7 @@ class PeerTable:
             self.remove(process, now)
 
     def silence(self, process: str, now: float) -> float:
-        """Return how long a process has announced nothing [s]; 0 for one that is not in the table."""
+        """Return how long a process has announced nothing [s]; 0 for one that is neither known nor expected."""
         return now - self._received_at.get(process, now)
 
     def nodes(self, now: float) -> Iterator[tuple[str, dict[str, Any]]]:

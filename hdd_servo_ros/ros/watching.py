@@ -4,7 +4,7 @@ import math
 import time
 
 from hdd_servo_ros.messages.errors import RunError
-from hdd_servo_ros.messages.outcome import Outcome
+from hdd_servo_ros.messages.outcome import FINISHED, Outcome
 from hdd_servo_ros.ros.announcement import DONE
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import PERIODS, Member
@@ -82,11 +82,12 @@ class Watching:
                 _check_publishers(reader, topic)
 
     def _reject_silent(self, process: str, silence: float) -> None:
-        announcement = self._member.peers.announcements[process]
-        if announcement.state == DONE:
+        announcement = self._member.peers.announcements.get(process)
+        if announcement is not None and announcement.state in (DONE, FINISHED):
             return  # it had nothing left to do
+        names = process if announcement is None else ', '.join(announcement.ticks)
         raise RunError(
-            f'lost a peer: nothing received for {silence:.1f} s from {", ".join(announcement.ticks)}; '
+            f'lost a peer: nothing received for {silence:.1f} s from {names}; '
             f'{", ".join(_progress(node) for node in self._member.nodes)}'
         )
 

@@ -36,9 +36,9 @@ def receive(member, announcement, **changes):
     member._receive(String(data=dataclasses.replace(announcement, **changes).encode()))
 
 
-def start(member):
+def start(member, *others):
     nodes = {'/deterministic_timer': CLOCK_NODE, **dict(member.known_nodes(0.0))}
-    run = RunPlan(1e-4, 100, 0.0, 'drive', '/deterministic_timer', nodes, ['timer', member.identifier], [])
+    run = RunPlan(1e-4, 100, 0.0, 'drive', '/deterministic_timer', nodes, ['timer', *others, member.identifier], [])
     receive(member, OF_TIMER, state=RUNNING, run=dataclasses.asdict(run))
 
 
@@ -94,6 +94,37 @@ def test_a_run_starts_with_the_timer(member, node):
     assert Gathering(member).gather()
 
 
+def test_a_peer_of_the_run_may_be_heard_of_after_its_end(member):
+    """Nothing that its node reads or writes had to be known before: it may have finished before anyone asks for it."""
+    start(member, 'playback')
+    ending = Ending(member)
+    receive(member, OF_TIMER, state=DONE)
+    assert Gathering(member).gather()
+    assert ending.final_changes() is None
+    receive(member, Announcement('playback', FINISHED, ticks={'/playback': 101}, changes={'/playback': 1}))
+    assert ending.final_changes() == {'/reference_generator': 0, '/deterministic_timer': 2, '/playback': 1}
+
+
+def test_a_peer_is_not_lost_while_this_process_begins(member, monkeypatch):
+    """What it has announced in that time waits to be read."""
+    gathering = Gathering(member)
+    receive(member, OF_TIMER)
+    receive(member, Announcement('playback', READY, nodes={}))
+    clock_of(monkeypatch, member, 60.0)
+    start(member, 'playback')
+    assert gathering.gather()
+    Watching(member).watch()
+    assert 'playback' in member.peers.announcements
+
+
+def test_a_peer_that_is_never_heard_of_is_lost_in_the_end(member, monkeypatch):
+    start(member, 'playback')
+    clock_of(monkeypatch, member, 3.1)
+    receive(member, OF_TIMER, state=RUNNING)
+    with pytest.raises(RunError, match=r'lost a peer: nothing received for 3\.1 s from playback'):
+        Watching(member).watch()
+
+
 def test_a_process_that_joins_after_the_start_is_rejected(member):
     run = RunPlan(1e-4, 100, 0.0, 'drive', '/deterministic_timer', {}, ['timer'], [])
     with pytest.raises(RunError, match='/reference_generator joined after the start: a run is in progress'):
@@ -111,9 +142,10 @@ def test_a_peer_may_be_silent_longer_while_ticks_go_on(member, monkeypatch, stal
         watching.watch(stalled)
 
 
-def test_a_peer_that_is_done_may_be_silent(member, monkeypatch):
+@pytest.mark.parametrize('state', [DONE, FINISHED])
+def test_a_peer_that_is_done_may_be_silent(member, monkeypatch, state):
     start(member)
-    receive(member, OF_TIMER, state=DONE)
+    receive(member, OF_TIMER, state=state)
     clock_of(monkeypatch, member, 60.0)
     Watching(member).watch()
 
