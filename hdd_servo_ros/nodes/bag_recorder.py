@@ -2,6 +2,7 @@
 
 import collections
 import contextlib
+import functools
 import subprocess
 import sys
 from array import array
@@ -83,11 +84,54 @@ class BagRecorder(CatalogueNode):
                 f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is refused: {error}'
             ) from None
 
+    def try_fire(self) -> bool:
+        return self._fire_together() if self._queues else super().try_fire()
+
+    @functools.cached_property
+    def _queues(self) -> list[collections.deque[bytes]]:
+        """The inputs' queues in a run in which all of them are filled by nodes of this process, else empty."""
+        queues = [port.queue for port in self.inputs if port.queue is not None]
+        return queues if len(queues) == len(self.inputs) else []
+
+    def _fire_together(self, *, with_fewer: bool = False) -> bool:
+        """
+        Fire for all ticks up to the next report, or to where something is due, once their messages have arrived.
+
+        Tick by tick, receiving and handing over would cost several times as much.
+
+        Parameters
+        ----------
+        with_fewer
+            Whether to fire for fewer, if no more have arrived.
+        """
+        tick, queues = self.tick, self._queues
+        if tick >= self._halt and not self._passes():
+            return False
+        most = min(-tick % _REPORT_EVERY + 1, self._halt - tick)
+        least = 1 if with_fewer else most
+        if len(queues[0]) < least:
+            return False
+        count = min(most, *map(len, queues))
+        if count < least:
+            return False
+        columns = [[queue.popleft() for _ in range(count)] for queue in queues]
+        assert self._recorder is not None
+        stamps = [self._ticks.nanoseconds(each) for each in range(tick, tick + count)]
+        self._recorder.write_columns(tick, stamps, columns)
+        if self._is_watched:
+            self._watched.extend(zip(*columns, strict=True))
+        self._report(tick + count - 1)
+        self.tick = tick + count
+        return True
+
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
         if self._is_watched:
             self._watched.append(tuple(messages))
+        self._report(tick)
+
+    def _report(self, tick: int) -> None:
         if not tick % _REPORT_EVERY:
             self.publish_bytes(0, b'\x00\x01\x00\x00' + (tick + 1).to_bytes(8, 'little'))
 
@@ -104,6 +148,10 @@ class BagRecorder(CatalogueNode):
             self._changes[change.node] += change.time_ns > 0
 
     def housekeep(self) -> None:
+        # From tick 0 on, for there are no queues before. Services come next, and what they change in this node is to be
+        # stamped with the tick that the others are at.
+        if self.tick and self._queues:
+            self._fire_together(with_fewer=True)
         # Not left to the executor, which waits anew for each message.
         while (taken := self._parameter_events.handle.take_message(ParameterEvent, False)) is not None:
             self._take_parameter_event(taken[0])
@@ -144,7 +192,7 @@ class BagRecorder(CatalogueNode):
         if self._recorder is not None:
             # What has arrived already is worth keeping; if it is what ended the run, the reason is known.
             with contextlib.suppress(Exception):
-                while self.try_fire():
+                while self._fire_together(with_fewer=True) if self._queues else self.try_fire():
                     pass
             self._recorder.finish(outcome.status, outcome.reason)
             self.get_logger().info(f'run {outcome.status}: {self._recorder.directory}')

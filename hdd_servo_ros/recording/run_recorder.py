@@ -1,6 +1,7 @@
 """One run going to disk: its folder, its bag, and how it ended."""
 
 import contextlib
+import itertools
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
@@ -111,6 +112,30 @@ class RunRecorder:
         if len(self._chosen) < len(messages):
             messages = [messages[index] for index in self._chosen]
         self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
+        self._set_last_tick(tick)
+
+    def write_columns(self, first_tick: int, stamps_ns: Sequence[int], columns: Sequence[Sequence[bytes]]) -> None:
+        """
+        Take the messages of consecutive ticks; does what :meth:`write_tick` does tick by tick.
+
+        Parameters
+        ----------
+        first_tick
+            The first of the ticks.
+        stamps_ns
+            Time of each tick [ns].
+        columns
+            For every topic of the run its messages, one per tick.
+        """
+        assert self._writer is not None
+        chosen = [columns[index] for index in self._chosen]
+        count, topics = len(stamps_ns), len(chosen)
+        stamps = itertools.chain.from_iterable(zip(*[stamps_ns] * topics, strict=True))
+        messages = itertools.chain.from_iterable(zip(*chosen, strict=True))
+        self._writer.write(self._loop_topics * count, list(stamps), list(messages))
+        self._set_last_tick(first_tick + count - 1)
+
+    def _set_last_tick(self, tick: int) -> None:
         if tick == 0:
             self._first_tick_at = time.monotonic()
         elif tick == self._last_tick_planned:

@@ -145,11 +145,11 @@ def parameter_event(tick, node, **values):
     return bytes(TYPES.serialize_cdr(TYPES.types[kind](stamp, node, [], changed, []), kind))
 
 
-def recorder_of(path, nodes):
+def recorder_of(path, nodes, recorded=()):
     """Return a recorder of a run in the namespace /b, and a function that gives the messages of a tick."""
     description = {'sample_time': 1e-4, 'nodes': nodes}
     topics = [(topic, f'/b/{topic.name}') for topic in LOOP_TOPICS]
-    recorder = RunRecorder(str(path), 'mcap', topics, description, separate_process=False)
+    recorder = RunRecorder(str(path), 'mcap', topics, description, separate_process=False, recorded=recorded)
     vector, array = VectorCodec('drive'), ArrayCodec(['t', 'r'])
 
     def messages(tick):
@@ -157,6 +157,22 @@ def recorder_of(path, nodes):
         return [ClockCodec.pack(stamp), *[vector.pack(stamp, tick, 0.0, 0.0)] * 4, array.pack([tick * 1e-4, 0.0])]
 
     return recorder, messages
+
+
+@pytest.mark.parametrize('recorded', [(), ('head', 'control')])
+def test_many_ticks_at_once_are_the_same_as_one_by_one(tmp_path, recorded):
+    one_by_one, messages = recorder_of(tmp_path / 'one_by_one', {}, recorded)
+    at_once, _ = recorder_of(tmp_path / 'at_once', {}, recorded)
+    for tick in range(1000):
+        one_by_one.write_tick(tick, TICKS.nanoseconds(tick), messages(tick))
+    for first, end in ((0, 1), (1, 65), (65, 1000)):
+        columns = list(zip(*map(messages, range(first, end)), strict=True))
+        at_once.write_columns(first, [TICKS.nanoseconds(tick) for tick in range(first, end)], columns)
+    for recorder in (one_by_one, at_once):
+        recorder.finish('finished', '')
+    assert Run.open(tmp_path / 'at_once').last_tick == 999
+    bags = [tmp_path / name / 'bag' / 'bag.mcap' for name in ('one_by_one', 'at_once')]
+    assert bags[0].read_bytes() == bags[1].read_bytes()
 
 
 def test_what_is_left_of_a_run_that_was_cut_off(tmp_path):
