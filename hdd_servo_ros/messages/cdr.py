@@ -71,7 +71,7 @@ _VECTOR = struct.Struct('<ddd')
 
 def unpack_vector(message: bytes) -> tuple[float, float, float]:
     """Return x, y, z of a ``Vector3Stamped``: its last 24 bytes, whatever the ``frame_id`` is."""
-    return _VECTOR.unpack_from(message, len(message) - 24)
+    return _VECTOR.unpack_from(message, -24)
 
 
 class ArrayCodec:
@@ -98,6 +98,10 @@ class ArrayCodec:
     def pack(self, values: Sequence[float]) -> bytes:
         """Return the message with ``values``, one for each name."""
         return self._layout.pack(self._prefix, *values)
+
+    def pack_array(self, values: NDArray[np.float64]) -> bytes:
+        """Return the message with the values of a float64 array; several times as fast as number by number."""
+        return self._prefix + values.tobytes()
 
 
 def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:

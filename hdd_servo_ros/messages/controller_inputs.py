@@ -44,13 +44,8 @@ class SensorScales(NamedTuple):
         self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
     ) -> ControllerInputs:
         """Return what a controller gets for the sensor's outputs [V] and the reference [um, um/s, um/s^2] of a tick."""
-        return ControllerInputs(
-            tick,
-            displacement_volts * self.displacement,
-            velocity_volts * self.velocity,
-            displacement_volts,
-            velocity_volts,
-            x_d,
-            dx_d,
-            ddx_d,
+        position, velocity = displacement_volts * self[0], velocity_volts * self[1]
+        # What the class itself does to make one, without the call in between, which takes longer than the rest.
+        return tuple.__new__(
+            ControllerInputs, (tick, position, velocity, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
         )

@@ -24,14 +24,28 @@ def sample_time_to_nanoseconds(sample_time: float) -> int:
     return nanoseconds
 
 
+class _Stamps(dict[int, bytes]):
+    """Stamp bytes by tick, made when first asked for: all nodes of one process ask for the same few in turn."""
+
+    def __init__(self, sample_time_ns: int) -> None:
+        super().__init__()
+        self._sample_time_ns = sample_time_ns
+
+    def __missing__(self, tick: int) -> bytes:
+        if len(self) > 64:
+            self.clear()
+        stamp = self[tick] = _STAMP.pack(*divmod(tick * self._sample_time_ns, NANOSECONDS))
+        return stamp
+
+
 class Ticks:
     """The time line of a run: tick k stands for k*T in integer nanoseconds."""
 
     def __init__(self, sample_time: float) -> None:
         self.sample_time = sample_time
         self.sample_time_ns = sample_time_to_nanoseconds(sample_time)
-        # All nodes of one process ask for the same one or two stamps in turn.
-        self._cache: dict[int, bytes] = {}
+        self.stamps = _Stamps(self.sample_time_ns)
+        """The stamps by tick, as :meth:`stamp` gives them: sooner, for nodes that ask at every tick."""
 
     def nanoseconds(self, tick: int) -> int:
         """Return the time of ``tick`` [ns]."""
@@ -39,12 +53,7 @@ class Ticks:
 
     def stamp(self, tick: int) -> bytes:
         """Return the eight bytes that ``builtin_interfaces/Time`` has for ``tick`` in little-endian CDR."""
-        stamp = self._cache.get(tick)
-        if stamp is None:
-            if len(self._cache) > 64:
-                self._cache.clear()
-            stamp = self._cache[tick] = _STAMP.pack(*divmod(tick * self.sample_time_ns, NANOSECONDS))
-        return stamp
+        return self.stamps[tick]
 
     def tick_of(self, stamp: bytes) -> float:
         """Return the tick of eight stamp bytes; not whole where the stamp lies between ticks."""

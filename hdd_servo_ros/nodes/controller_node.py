@@ -117,7 +117,7 @@ class ControllerNode(CatalogueNode):
             if fault:
                 raise RunError(fault) from None
             raise
-        self.publish_bytes(1, self._estimates.pack(controller.estimates.tolist()))
+        self.publish_bytes(1, self._estimates.pack_array(controller.estimates))
 
     def update(self) -> None:
         self._controller.update(self.parameters[self._kind])

@@ -36,8 +36,6 @@ class DeterministicTimer(CatalogueNode):
     decide whether there is a next tick; what the ticks hold does not depend on them.
     """
 
-    paced = True
-
     def __init__(self) -> None:
         super().__init__('deterministic_timer')
         (control,) = self.inputs
@@ -132,12 +130,15 @@ class DeterministicTimer(CatalogueNode):
         return f'stepping over tick {self.tick}' if self._hold_at < math.inf else f'running, next is tick {self.tick}'
 
     def _next_halt(self) -> int:
-        return self.tick if self._stopped else min(super()._next_halt(), self._hold_at)  # type: ignore[return-value]
+        if self._stopped:
+            return self.tick
+        window = self._recorded + RECORDER_WINDOW + 1 if self._recorder_takes_part else math.inf
+        return min(super()._next_halt(), self._hold_at, window)  # type: ignore[return-value]
 
     def _passes(self) -> bool:
         if self._stopped:
             raise StopRequest(f'~/stop {self.get_name()} before tick {self.tick}')
-        return not self._held and super()._passes()
+        return not self._held and not self._recorder_is_far() and super()._passes()
 
     def housekeep(self) -> None:
         if self._stopped and self._ticks is None:
@@ -150,6 +151,7 @@ class DeterministicTimer(CatalogueNode):
         # The recorder's count is no tick's message: it is looked at when the recorder seems far behind.
         self._recorder_takes_part = self._recorded_input in self.inputs
         self.inputs = inputs
+        self._set_halt()
 
     def prepare(self, run: RunPlan) -> None:
         self.update()
@@ -163,6 +165,7 @@ class DeterministicTimer(CatalogueNode):
 
     def update(self) -> None:
         self._rate = self.parameters[TimerParameters].rate
+        self.paced = self._rate > 0.0
         self._pace_from_here()
 
     def _pace_from_here(self) -> None:
@@ -171,9 +174,7 @@ class DeterministicTimer(CatalogueNode):
     def seconds_until_due(self) -> float:
         if self.tick >= self._hold_at:
             return math.inf
-        if self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW and self._recorder_is_far():
-            return float('inf')
-        if self._rate == 0.0:
+        if not self.paced:
             return 0.0
         start, tick = self._paced_from
         if self.tick == 0:
@@ -184,15 +185,18 @@ class DeterministicTimer(CatalogueNode):
     def missing(self) -> Input | None:
         if self._held:
             return None
-        port = super().missing()
-        if port is None and self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW:
-            return self._recorded_input
-        return port
+        return self._recorded_input if self._is_outside_window else super().missing()
+
+    @property
+    def _is_outside_window(self) -> bool:
+        return self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW
 
     def _recorder_is_far(self) -> bool:
-        while (message := self._recorded_input.take()) is not None:
-            self._recorded = int.from_bytes(message[4:12], 'little')
-        return self.tick - self._recorded > RECORDER_WINDOW
+        """Look at what the recorder has reported, if that is needed; return whether it is too far behind."""
+        if self._is_outside_window:
+            while (message := self._recorded_input.take()) is not None:
+                self._recorded = int.from_bytes(message[4:12], 'little')
+        return self._is_outside_window
 
     def diagnose(self) -> Iterable[Diagnosis]:
         if self._ticks is None:

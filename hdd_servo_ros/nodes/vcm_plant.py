@@ -46,11 +46,11 @@ class VcmPlant(CatalogueNode):
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, friction), x, v, friction)
 
     def _voltage(self, port: int, tick: int, messages: Sequence[bytes]) -> float:
-        values = unpack_vector(messages[port])
-        if not math.isfinite(sum(values)):
+        x, y, z = unpack_vector(messages[port])
+        if not math.isfinite(x + y + z):
             topic = self.inputs[port].name
-            raise NotFiniteError(topic, tick - 1, values, publishers_of(self, topic))
-        return values[0]
+            raise NotFiniteError(topic, tick - 1, (x, y, z), publishers_of(self, topic))
+        return x
 
     def update(self) -> None:
         self._plant.update(self.parameters[PlantParameters])

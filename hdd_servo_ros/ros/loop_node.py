@@ -70,11 +70,14 @@ class LoopNode(ParameterNode):
         self.run_directory: Path | None = None
         """Directory of the run on the recorder's machine, once that is known."""
         self.last_tick = -1
+        self.paced = False
+        """Whether :meth:`seconds_until_due` may delay a tick."""
         self.changes = 0
         """How often parameters were changed after tick 0."""
         self._halt = 0
         self._schedule: list[Step] = []
         self._ticks: Any = None
+        self._stamps: Any = None
         self._arrived = 0
         self._messages: list[bytes] = []
         self._ros_clock: Any = self.get_clock()
@@ -126,9 +129,6 @@ class LoopNode(ParameterNode):
         self.changes += self.tick > 0
         self.update()
 
-    paced = False
-    """Whether :meth:`seconds_until_due` may delay a tick."""
-
     @property
     def directory(self) -> str:
         """Directory where this node records the run; empty for one that does not."""
@@ -177,6 +177,7 @@ class LoopNode(ParameterNode):
         """Prepare for tick 0 of ``run``."""
         self.last_tick = run.last_tick
         self._ticks = run.ticks
+        self._stamps = run.ticks.stamps
         self.inputs += tuple(port for port in self.optional_inputs if run.publisher_of(port.name) is not None)
         self._messages = [b''] * len(self.inputs)
         for port in (*self.inputs, *self.optional_inputs):
@@ -202,7 +203,7 @@ class LoopNode(ParameterNode):
         tick = self.tick
         if tick >= self._halt and not self._passes():
             return False
-        stamp = self._ticks.stamp(tick)
+        stamp = self._stamps[tick]
         inputs, messages = self.inputs, self._messages
         count = len(inputs)
         arrived = self._arrived

@@ -44,6 +44,7 @@ def test_array_is_what_an_independent_deserializer_reads(names):
     values = [float(place) for place in range(len(names))]
     codec = ArrayCodec(names)
     packed = codec.pack(values)
+    assert codec.pack_array(np.array(values)) == packed
     message: Any = TYPES.deserialize_cdr(packed, 'std_msgs/msg/Float64MultiArray')
     assert message.layout.dim[0].label.split(',') == names
     assert message.layout.dim[0].size == message.layout.dim[0].stride == len(names)
