@@ -11,121 +11,22 @@ import os
 import platform
 import re
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
+from benchmarks.bench_rig import rig_figures, rig_rows
 from benchmarks.bench_start import start_figures, start_rows
 from benchmarks.bench_study import study_figures
+from benchmarks.graph_runs import ROOT, Bench, alternating
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
-ROOT = Path(__file__).parent.parent
-PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 DOCUMENT = ROOT / 'docs' / 'performance.md'
-NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
-STOCK_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer')
-
-
-class Bench:
-    """Runs things in a folder and a ROS domain of their own."""
-
-    def __init__(self, directory):
-        self.directory = Path(directory)
-        self.count = 0
-        self.lost_by_stock = 0
-        self.environment = {**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1)}
-        self.environment.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        self.environment['PYTHONPATH'] = os.pathsep.join(
-            [str(ROOT), *filter(None, [self.environment.get('PYTHONPATH')])]
-        )
-
-    def popen(self, module, *arguments):
-        return subprocess.Popen(
-            [sys.executable, '-m', module, *map(str, arguments)],
-            cwd=self.directory,
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-
-    def folder(self):
-        self.count += 1
-        return self.directory / f'run{self.count}'
-
-    def ros_arguments(self, run, ticks, *more):
-        arguments = ['--ros-args', '--params-file', PARAMS, '-p', f'run_dir:={run}', '-p', f'duration:={ticks * 1e-4}']
-        return [*arguments, '-p', 'plot:=false', *more]
-
-    def rig(self, ticks):
-        run = self.folder()
-        self._finish([self.popen('hdd_servo_ros.nodes.rig', *self.ros_arguments(run, ticks))])
-        return yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor']
-
-    def processes(self, ticks):
-        run = self.folder()
-        self._finish([self.popen(f'hdd_servo_ros.nodes.{node}', *self.ros_arguments(run, ticks)) for node in NODES])
-        return yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor']
-
-    def stock(self, ticks):
-        return self._factor([self.popen('benchmarks.stock_graph', ticks, self.folder())])
-
-    def stock_processes(self, ticks):
-        bag = self.folder()
-        processes = [self.popen('benchmarks.stock_graph', ticks, bag, node) for node in STOCK_NODES]
-        factor = self._factor([processes[-1], processes[0]], wait=False)
-        for process in processes:
-            process.kill()
-            process.wait()
-        return factor
-
-    def floor(self, ticks):
-        return self._factor([self.popen('benchmarks.floor', ticks)])
-
-    def _finish(self, processes):
-        for process in processes:
-            output, _ = process.communicate(timeout=300)
-            if process.returncode:
-                raise RuntimeError(output)
-
-    def _factor(self, processes, wait=True):
-        outputs = []
-        for process in processes:
-            lines = []
-            for line in process.stdout:
-                lines.append(line)
-                if not wait and re.match('real_time_factor|lost', line):
-                    break
-            outputs.append(''.join(lines))
-        text = ''.join(outputs)
-        lost = re.search(r'lost (\d+)', text)
-        if lost and int(lost.group(1)):
-            # No fault of the run's: a recorder without a window of its own cannot hold the loop back.
-            print(f'  the stock recorder lost {lost.group(1)} messages', flush=True)
-            self.lost_by_stock = max(self.lost_by_stock, int(lost.group(1)))
-        found = re.search(r'real_time_factor (\S+)', text)
-        if not found:
-            raise RuntimeError(text)
-        return float(found.group(1))
-
-
-def alternating(repeats, **measures):
-    """Run the measures in turn, several times; return each one's figures."""
-    figures: dict[str, list[float]] = {name: [] for name in measures}
-    for _ in range(repeats):
-        for name, measure in measures.items():
-            figures[name].append(measure())
-            print(f'  {name:16} {figures[name][-1]:.4g}', flush=True)
-    return figures
 
 
 def resident(pid):
@@ -193,13 +94,8 @@ def main():
     ticks = 1000 if options.quick else 20_000
     with tempfile.TemporaryDirectory() as directory:
         bench = Bench(directory)
-        print('one process: rig, stock executor, floor', flush=True)
-        one = alternating(
-            repeats,
-            rig=lambda: bench.rig(ticks),
-            stock=lambda: bench.stock(ticks // 10),
-            floor=lambda: bench.floor(ticks),
-        )
+        print('one process: rig, rig over DDS, floor, stock executor', flush=True)
+        one = rig_figures(bench, repeats, ticks, stock=lambda: bench.stock(ticks // 10))
         print('a process a node: lockstep, stock executors', flush=True)
         many = alternating(
             repeats,
@@ -217,14 +113,13 @@ def main():
         print('start', flush=True)
         starts = start_figures(bench.directory, repeats)
     median = statistics.median
-    rig, stock, floor = (median(one[name]) for name in ('rig', 'stock', 'floor'))
+    stock = median(one['stock'])
     processes, stock_processes = median(many['processes']), median(many['stock_processes'])
     sent = (ticks // 10 + 1) * len(LOOP_TOPICS)
     losses = f'its recorder lost up to {bench.lost_by_stock} of {sent} messages' if bench.lost_by_stock else 'no loss'
     rows = [
-        ('`rig`, all topics recorded', f'{rig:.2f}', 'at least 1.0', f'{rig / stock:.1f} times the stock executor'),
+        *rig_rows(one),
         ('stock `SingleThreadedExecutor`, same graph', f'{stock:.3f}', '', 'the baseline'),
-        ('floor: bare serialized publish and take', f'{floor:.2f}', '', f'`rig` reaches {rig / floor:.0%} of it'),
         (
             'each node in its own process',
             f'{processes:.3f}',
