@@ -6,7 +6,9 @@ writer is slower. When the loop's process dies, the pipe ends and the bag is clo
 readable bag.
 """
 
+import contextlib
 import dataclasses
+import fcntl
 import json
 import os
 import select
@@ -26,6 +28,8 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 
 _BATCH = struct.Struct('<I')
 _CLOSE = 0
+_PIPE_SIZE = 2**20
+"""Several batches, where the usual 64 KiB hold half of one: the loop would wait for this process at each [bytes]."""
 BATCH_MESSAGES = 1024
 STALL_TIMEOUT = 4.0
 """How long the pipe may stay full before the run fails [s]."""
@@ -72,6 +76,8 @@ class WriterProcess:
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
+        with contextlib.suppress(OSError):  # a user with many pipes may not have one more of this size
+            fcntl.fcntl(self._pipe.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
         self._topics: list[int] = []
         self._stamps: list[int] = []
         self._messages: list[bytes | memoryview] = []
