@@ -45,6 +45,9 @@ class BagRecorder(CatalogueNode):
         process writes it if None.
     """
 
+    patience = 5e-3
+    """Some ticks, far fewer than the timer's window: nobody waits for it, and to wake up takes processor time [s]."""
+
     def __init__(self, *, process: 'subprocess.Popen[bytes] | None' = None) -> None:
         super().__init__(RECORDER)
         self._process = process

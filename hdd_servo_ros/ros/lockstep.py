@@ -66,6 +66,7 @@ class Lockstep:
         self._watching = Watching(self._member)
         self._ending = Ending(self._member)
         self._is_intra_process = intra_process
+        self._patience = min(node.patience for node in self._nodes)
         self._diagnostics = DiagnosticsPublisher(self._nodes)
         self._executor = SingleThreadedExecutor()
         for served in (*self._nodes, *others):
@@ -220,6 +221,8 @@ class Lockstep:
             time.sleep(max(seconds, 0.0))
         elif seconds > 0.0:
             self._message_wait.wait(tuple(missing), seconds)
+            if self._patience:
+                time.sleep(self._patience)
 
     def _await_changes(self) -> None:
         """Wait until the recorder has received every parameter event, before it closes the bag."""

@@ -88,6 +88,9 @@ class LoopNode(ParameterNode):
 
     # What a subclass provides.
 
+    patience = 0.0
+    """For how long the process may sleep on when a message has come, if no node in it is less patient [s]."""
+
     def offers(self) -> dict[str, str]:
         """Return strings that concern the whole run, such as the drive's name."""
         return {}
