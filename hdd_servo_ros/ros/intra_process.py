@@ -2,8 +2,8 @@
 Messages handed from node to node inside a process, as rclcpp's intra-process communication does; rclpy has none.
 
 A topic that is published and read in this process needs no middleware in between. Its publisher and subscriptions stay,
-so that the graph looks as ever, and the messages are published over DDS as well as soon as anybody outside is there to
-receive them: somebody who comes gets every message from then on.
+so that the graph looks as ever, and the messages are published over DDS as well while a subscription of another process
+is matched: a subscriber that joins receives every message from then on.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ class _LocalTopic:
         self._node = node
         self._output = output
         self._publisher = publisher
-        # The readers of the run are matched before tick 0, but may be matched after somebody who only looks on.
+        # A count is not enough for readers of the run, which need tick 0: another subscription may be counted for one.
         self._is_read_elsewhere = is_read_elsewhere
         inputs = dict.fromkeys(port for reader in nodes for port in (*reader.inputs, *reader.optional_inputs))
         readers = [port for port in inputs if port.name == publisher.topic_name]
