@@ -18,7 +18,7 @@ from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
 from hdd_servo_ros.campaign.start import run_environment, start_run
 from hdd_servo_ros.graph.help import COMPILING
 from hdd_servo_ros.messages.outcome import FAILED
-from hdd_servo_ros.numerics.compiled import first_compilation
+from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 
