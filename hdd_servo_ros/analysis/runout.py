@@ -1,0 +1,106 @@
+"""Repeatable and non-repeatable position error: the mean over revolutions of each servo sector, and the rest."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdd_servo_ros.analysis.metrics import repeatable_parts
+from hdd_servo_ros.analysis.misregistration import misregistration
+
+SYNCHRONISM = 1e-4
+"""By which part of itself a revolution may differ from a whole number of samples; T is a whole number of ns."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RunoutParts:
+    """
+    A position error split by sector; all lengths in the unit of the error.
+
+    Attributes
+    ----------
+    sectors, revolutions
+        Samples per revolution, and the number of whole revolutions that count.
+    repeatable
+        RPE: mean over the revolutions of each sector, shape (sectors,); index 0 is the sector of the first sample of
+        the signal. Averaging K revolutions leaves 1/K of the variance of the NRPE in it.
+    repeatable_peak_to_peak, repeatable_three_sigma
+        Of the RPE.
+    non_repeatable_peak_to_peak, non_repeatable_three_sigma
+        Of the NRPE, what remains of the error. Its sigma is corrected for the sectors' means taken from the same
+        samples: root of the sum of squares over sectors (revolutions - 1).
+    """
+
+    sectors: int
+    revolutions: int
+    repeatable: NDArray[np.float64]
+    repeatable_peak_to_peak: float
+    repeatable_three_sigma: float
+    non_repeatable_peak_to_peak: float
+    non_repeatable_three_sigma: float
+
+
+def runout_parts(error: ArrayLike, sectors: int) -> RunoutParts:
+    """
+    Split a position error into repeatable (RPE) and non-repeatable (NRPE) parts.
+
+    Parameters
+    ----------
+    error
+        Position error after the transient, one sample per servo sector, shape (n,); the last whole revolutions count.
+    sectors
+        Servo sectors, and thus samples, per revolution.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two sectors, or less than two whole revolutions.
+    """
+    y = np.asarray(error, dtype=np.float64)
+    if sectors < 2:
+        raise ValueError(f'sectors = {sectors}: a revolution has at least 2 servo sectors')
+    revolutions = len(y) // sectors
+    if revolutions < 2:
+        raise ValueError(
+            f'RPE and NRPE need two whole revolutions of {sectors} samples after the transient, and there are '
+            f'{len(y)} samples'
+        )
+    mean = repeatable_parts(y, float(sectors)).waveform
+    first = len(y) - revolutions * sectors
+    rest = y[first:] - mean[np.arange(first, len(y)) % sectors]
+    variance = float(np.sum(np.square(rest))) / (sectors * (revolutions - 1))
+    return RunoutParts(
+        sectors=sectors,
+        revolutions=revolutions,
+        repeatable=mean,
+        repeatable_peak_to_peak=float(np.ptp(mean)),
+        repeatable_three_sigma=misregistration(mean),
+        non_repeatable_peak_to_peak=float(np.ptp(rest)),
+        non_repeatable_three_sigma=3.0 * float(np.sqrt(variance)),
+    )
+
+
+def refuse_asynchronous(revolutions_per_minute: float, sectors: int, sample_time: float) -> None:
+    """
+    Check that a revolution takes ``sectors`` samples: T = 60/(rpm N).
+
+    Parameters
+    ----------
+    revolutions_per_minute
+        Speed of the spindle [1/min].
+    sectors
+        Servo sectors N per revolution.
+    sample_time
+        T [s].
+
+    Raises
+    ------
+    ValueError
+        If it does not, within :data:`SYNCHRONISM`.
+    """
+    needed = 60.0 / (revolutions_per_minute * sectors) if revolutions_per_minute > 0.0 and sectors > 0 else 0.0
+    if not abs(sample_time - needed) <= SYNCHRONISM * sample_time:
+        raise ValueError(
+            f'T = {1e6 * sample_time:.6g} us is not synchronous with the spindle: {sectors} sectors at '
+            f'{revolutions_per_minute:g} rpm need T = {1e6 * needed:.6g} us'
+        )
