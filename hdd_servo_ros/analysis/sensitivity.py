@@ -197,6 +197,13 @@ class LoopMargins:
             return response
         return np.asarray((self._sensor.response(frequencies) @ response[:, :, None])[:, :, 0])
 
+    def loop_gain(
+        self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        """Return L of a controller on the drive ``drives[index]`` at frequencies [Hz], shape (len(frequencies),)."""
+        law = controller.response(frequencies, self.sample_time)
+        return np.asarray((law * self._response(self._bare[index], frequencies)).sum(axis=1))
+
     def peak_sensitivity(self, controller: LinearController, limit: float = math.inf) -> float:
         """
         Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable.

@@ -1,0 +1,87 @@
+"""
+Bode's integral of the sensitivity in discrete time, of the loop as it is sampled.
+
+For a stable closed loop with open-loop poles p_i outside the unit circle, Jensen's formula gives
+
+    1/f_N int_0^f_N ln|S| df = sum ln|p_i| + ln|S(infinity)|,
+
+f_N the Nyquist frequency. As the drive has no direct feedthrough, the loop gain is 0 at z = infinity, S is 1 there and
+the last term is 0, whatever the relative degree. Sung and Hara, Int. J. Control 48(6), 1988, is the discrete form.
+"""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+
+@dataclasses.dataclass(frozen=True)
+class BodeIntegral:
+    """
+    Means of ln|S| over frequency from 0 to Nyquist, so that a loop at another sample time compares.
+
+    Attributes
+    ----------
+    attenuation
+        Mean of ln|S| where |S| < 1, 0 elsewhere; not positive.
+    amplification
+        The same where |S| > 1; not negative.
+    theory
+        What their sum must be: the sum of the logarithms of the open-loop poles outside the unit circle.
+    """
+
+    attenuation: float
+    amplification: float
+    theory: float
+
+    @property
+    def value(self) -> float:
+        """Mean of ln|S|."""
+        return self.attenuation + self.amplification
+
+
+def bode_integrals(margins: LoopMargins, controller: LinearController) -> list[BodeIntegral]:
+    """
+    Return Bode's integral of a controller around each linearisation of the drive, in the order of ``margins.drives``.
+
+    Parameters
+    ----------
+    margins
+        The loop without its controller.
+    controller
+        The linear controller.
+
+    Raises
+    ------
+    ValueError
+        If a closed loop is unstable: its sensitivity has no such integral.
+    """
+    nyquist = 0.5 / margins.sample_time
+    found: list[BodeIntegral] = []
+    for drive in margins.drives:
+        if not controller.closed_loop_radius(drive) < 1.0:
+            raise ValueError('the closed loop is unstable, and its sensitivity has no Bode integral')
+        # What is 0 at f = 0 has a logarithm that can be integrated, over steps that shrink towards it.
+        low = np.geomspace(1e-13, 1e-5, 60) * nyquist
+        inner = margins.frequencies[(margins.frequencies > low[-1]) & (margins.frequencies < nyquist)]
+        found.append(_integral(margins, controller, len(found), np.concatenate([low, inner, [nyquist]])))
+    return found
+
+
+def _integral(
+    margins: LoopMargins, controller: LinearController, index: int, edges: NDArray[np.float64]
+) -> BodeIntegral:
+    widths = np.diff(edges)
+    frequencies = edges[:-1, None] + 0.5 * widths[:, None] * (1.0 + _NODES)
+    weights = (0.5 * widths[:, None] * _WEIGHTS).ravel() / edges[-1]
+    logarithms = -np.log(np.abs(1.0 + margins.loop_gain(controller, index, frequencies.ravel())))
+    poles = np.abs(margins.drives[index].poles)
+    return BodeIntegral(
+        attenuation=float(weights @ np.minimum(logarithms, 0.0)),
+        amplification=float(weights @ np.maximum(logarithms, 0.0)),
+        theory=float(np.log(poles[poles > 1.0]).sum()),
+    )
