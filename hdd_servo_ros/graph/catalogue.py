@@ -143,7 +143,7 @@ _NODE_ROWS = (
     NodeRow(
         'vcm_plant',
         'The drive: VCM actuator, pivot friction and resonances; publishes the truth on /head.',
-        (*_EVERY_NODE, 'parameters.run_parameters:DriveNameParameters', 'drive.plant:PlantParameters'),
+        (*_EVERY_NODE, 'parameters.run_parameters:DriveIdentityParameters', 'drive.plant:PlantParameters'),
         node='nodes.vcm_plant:VcmPlant',
         block='drive.plant:Plant',
     ),

@@ -9,7 +9,7 @@ from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.parameters.run_parameters import DriveNameParameters
+from hdd_servo_ros.parameters.run_parameters import DriveIdentityParameters
 from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -27,7 +27,7 @@ class VcmPlant(CatalogueNode):
     def offers(self) -> dict[str, str]:
         drive = self.parameters[PlantParameters]
         return {
-            'frame_id': self.parameters[DriveNameParameters].frame_id,
+            'frame_id': self.parameters[DriveIdentityParameters].frame_id,
             'length_unit': drive.length_unit,
             'control_unit': drive.control_unit,
         }

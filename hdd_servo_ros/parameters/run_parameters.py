@@ -208,7 +208,15 @@ class PlaybackParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
-class DriveNameParameters(ParameterSet):
-    """The drive's name."""
+class DriveIdentityParameters(ParameterSet):
+    """What reports need to know of a drive and its motion does not depend on."""
 
     frame_id: str = parameter('seagate_7200_10', 'name of the drive, in the header of every message', read_only=True)
+    track_pitch: float = parameter(
+        1.016,
+        'track pitch, of which reports give position errors in per cent; 1.016 um is 25000 tracks per inch, 0.254 um '
+        '100000 and 0.0527 um 482000',
+        unit='um',
+        above=0.0,
+        read_only=True,
+    )

@@ -27,7 +27,7 @@ from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_m
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
 from hdd_servo_ros.parameters.run_parameters import (
-    DriveNameParameters,
+    DriveIdentityParameters,
     PlaybackParameters,
     RecorderParameters,
     TimerParameters,
@@ -71,7 +71,7 @@ class Simulation:
         sets = {name: self._sets(arguments, name) for name in names}
         self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
         self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
-        self.frame_id = sets['vcm_plant'][DriveNameParameters].frame_id
+        self.frame_id = sets['vcm_plant'][DriveIdentityParameters].frame_id
         self._check_sample_times(sets)
         mappings = {
             name: {key: value for values in kinds.values() for key, value in to_mapping(values).items()}
