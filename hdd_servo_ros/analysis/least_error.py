@@ -41,13 +41,13 @@ class DisturbanceSpectra:
     track
         Of the displacement of the track centre [um^2/Hz], shape (f,).
     noise
-        Of each measured signal [unit^2/Hz]; white: one number each.
+        Of each measured signal [unit^2/Hz]: an array of shape (f,), or one number for white noise.
     """
 
     frequencies: Array
     force: Array
     track: Array
-    noise: tuple[float, ...]
+    noise: tuple[float | Array, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +137,8 @@ class _Problem:
         self._add(responses.error_of_force, step * self._on_lines(spectra.frequencies, spectra.force))
         self._add(responses.error_of_track, step * self._on_lines(spectra.frequencies, spectra.track))
         for channel, density in zip(responses.error_of_noise, spectra.noise, strict=True):
-            self._add(channel, np.full(LINES, step * density))
+            white = np.broadcast_to(density, spectra.frequencies.shape)
+            self._add(channel, step * self._on_lines(spectra.frequencies, white))
 
     def _on_lines(self, frequencies: Array, density: Array) -> Array:
         return np.interp(self._frequencies, frequencies, density, left=0.0, right=0.0)

@@ -77,6 +77,32 @@ class SampledSensor:
         return dataclasses.replace(drive, a=a, b=b, c=c)
 
 
+def noise_densities(sensor: LdvParameters, sample_time: float, frequencies: ArrayLike) -> Array:
+    """
+    Return the one-sided spectral densities of the noise on what a controller reads of position and velocity.
+
+    Parameters
+    ----------
+    sensor
+        The vibrometer; the steps of its converter count as white noise of 1/12 of their square.
+    sample_time
+        T [s].
+    frequencies
+        Frequencies [Hz], shape (f,).
+
+    Returns
+    -------
+    ndarray
+        Densities [um^2/Hz] and [(um/s)^2/Hz], shape (f, 2).
+    """
+    c = record(Ldv(sensor, sample_time).arrays[0], LDV)
+    volts = np.array([c.displacement_noise, c.velocity_noise]) * c.has_noise
+    z = np.exp(2j * np.pi * np.asarray(frequencies) * sample_time)
+    shape = np.abs((c.noise_step if c.noise_decay > 0.0 else 1.0) / (1.0 - c.noise_decay / z)) ** 2
+    scales = np.array([sensor.displacement_scale, sensor.velocity_scale])
+    return np.asarray(2.0 * sample_time * scales**2 * (volts**2 * shape[:, None] + c.step**2 / 12.0))
+
+
 def _taps(sensor: LdvParameters, sample_time: float) -> Array:
     """Return the response to position and velocity of k ticks ago, the low pass apart, shape (k, 2, 2)."""
     plain = dataclasses.replace(

@@ -158,6 +158,13 @@ class TimedSignals(abc.ABC):
         """Tracking error, x - x_d of the head's true position [um]."""
         return self.position - self.desired_position
 
+    @functools.cached_property
+    def track_error(self) -> Array:
+        """Track error, x - x_d - displacement of the track centre [um]; the tracking error without a disturbance."""
+        if DISTURBANCE.name not in self:
+            return self.error
+        return np.asarray(self.error - self[DISTURBANCE.name][:, 1])
+
     @property
     def command(self) -> Array:
         """Drive voltage u, held over the sample after its tick [V]."""

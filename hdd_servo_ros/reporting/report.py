@@ -25,7 +25,8 @@ from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.comparison_panels import comparison_panels
 from hdd_servo_ros.reporting.evaluation import SIGNAL_ANALYZER, steady_start
-from hdd_servo_ros.reporting.run_metrics import Metric, left_out, run_metrics
+from hdd_servo_ros.reporting.metric import Metric
+from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of

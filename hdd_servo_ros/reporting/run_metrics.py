@@ -1,7 +1,5 @@
 """The metrics of a run, from its bag."""
 
-import dataclasses
-
 import numpy as np
 
 from hdd_servo_ros.analysis.metrics import (
@@ -17,18 +15,10 @@ from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
 from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity, why_no_sensitivity
-
-
-@dataclasses.dataclass(frozen=True)
-class Metric:
-    """One metric of a run."""
-
-    name: str
-    label: str
-    value: float
-    unit: str
+from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
 
 
 def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
@@ -46,6 +36,8 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     unknown = why_no_sensitivity(run)
     if unknown:
         lines.append(f'no peak sensitivity: {unknown}')
+    if follows_reference(run):
+        lines += track_left_out(run, steady_start(run, after))
     if follows_reference(run) and not is_stepwise(run.desired_position):
         period = reference_period(run)
         if period is None:
@@ -85,6 +77,7 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         found += _tracking(run, start)
         if is_stepwise(run.desired_position):
             found += _steps(run)
+        found += track_metrics(run, start)
     if 'control' in run:
         found += _control(run, start)
     return found + _sensitivity(run)

@@ -16,6 +16,7 @@ from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
 from hdd_servo_ros.reporting.panel import COLOURS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
+from hdd_servo_ros.reporting.track_panels import track_error_panel, track_panels
 
 _LINES_IN_FULL = 1000
 """Lines of a spectrum, from the lowest on, that are drawn one by one."""
@@ -43,11 +44,15 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
         What a signal analyzer has measured in the run.
     """
     panels = _bode_panels(response) if response is not None and len(response.frequency) else []
-    panels += panels_over_time(run)
+    for panel in panels_over_time(run):
+        panels.append(panel)
+        if panel.name == 'error':
+            panels += filter(None, [track_error_panel(run)])
     if follows_reference(run):
         error = run.error_factor * run.error[steady_start(run, after) :]
         line = spectrum_line('error', error, run.sample_time, COLOURS[0], BUCKETS)
         panels.append(spectrum_panel([] if line is None else [line], run.units))
+        panels += track_panels(run, steady_start(run, after))
     if REFERENCE.name in run and HEAD.name in run:
         panels += filter(None, (_edges_panel(run), _loop_panel(run)))
     return panels

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,10 @@ from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameter
 from hdd_servo_ros.messages.topics import ESTIMATES
 from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.analysis.fragility import LoopSurroundings
+    from hdd_servo_ros.analysis.sensitivity import LinearController
 
 PLANT, SENSOR = 'vcm_plant', 'ldv_sensor'
 CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller'}
@@ -48,7 +52,7 @@ def why_no_sensitivity(run: RecordedRun) -> str:
     node = CONTROLLERS.get(run.controller)
     if node is None:
         return ''
-    nodes = _parameters(run)
+    nodes = parameters_at_start(run)
     missing = [name for name in (PLANT, node) if name not in nodes]
     if missing:
         return f'run.yaml has no parameters of {" and ".join(missing)}'
@@ -65,22 +69,13 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
     if node is None or why_no_sensitivity(run):
         return None
     # Late: only these need the compiled blocks.
-    from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY, ROUNDING, LoopSurroundings, named_estimates
+    from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY, ROUNDING, named_estimates
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
     from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
     from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 
-    nodes = _parameters(run)
-    own = nodes[node]
-    sensor = block_parameters(SENSOR, nodes[SENSOR]) if SENSOR in nodes else None
-    loop = LoopSurroundings(
-        block_parameters(PLANT, nodes[PLANT]),
-        run.sample_time,
-        dsp_parameters(node, own).computation_delay,
-        sensor,
-        None if sensor is None else sensor_scales(input_parameters(node, own), sensor),
-    )
-    law = block_parameters(node, own)
+    loop = loop_surroundings(run, node)
+    law = block_parameters(node, parameters_at_start(run)[node])
     if node == 'pid_controller':
         ms = loop.margins.peak_sensitivity(pid_law(law, loop.delay))
         return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
@@ -99,6 +94,36 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
     return RunSensitivity(at_end, max(at_end, largest), tick, MAX_ADAPTED_SENSITIVITY, text)
 
 
+def loop_surroundings(run: RecordedRun, node: str) -> 'LoopSurroundings':
+    """Return the loop of a run without its controller, from the parameters of drive, vibrometer and controller."""
+    from hdd_servo_ros.analysis.fragility import LoopSurroundings
+
+    nodes = parameters_at_start(run)
+    own = nodes[node]
+    sensor = block_parameters(SENSOR, nodes[SENSOR]) if SENSOR in nodes else None
+    return LoopSurroundings(
+        block_parameters(PLANT, nodes[PLANT]),
+        run.sample_time,
+        dsp_parameters(node, own).computation_delay,
+        sensor,
+        None if sensor is None else sensor_scales(input_parameters(node, own), sensor),
+    )
+
+
+def linear_controller_at_end(run: RecordedRun) -> 'LinearController':
+    """Return the controller of a run as a linear one, with the estimates at the end; see :func:`why_no_sensitivity`."""
+    from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, frozen_law, pid_law
+    from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+
+    node = CONTROLLERS[run.controller]
+    own = parameters_at_start(run)[node]
+    law, delay = block_parameters(node, own), dsp_parameters(node, own).computation_delay
+    if node == 'pid_controller':
+        return pid_law(law, delay)
+    estimates = FrozenEstimates(*(float(run.estimates[name][-1]) for name in FrozenEstimates._fields))
+    return frozen_law(AdaptiveNn(law, run.sample_time), estimates, delay)
+
+
 def low_margin_of(run: RecordedRun) -> str:
     """Return a line on the low stability margin of a run, empty if it was sufficient or is not known."""
     found = run_sensitivity(run)
@@ -115,7 +140,7 @@ def low_margin_of(run: RecordedRun) -> str:
     return f'low stability margin: the linear loop{when} has a peak sensitivity of {ms}'
 
 
-def _parameters(run: RecordedRun) -> dict[str, dict[str, Any]]:
+def parameters_at_start(run: RecordedRun) -> dict[str, dict[str, Any]]:
     """Return the parameters at the start by the nodes' names without namespace."""
     nodes = run.description.get('nodes', {})
     return {name.rpartition('/')[2]: with_tuples(node.get('parameters', {})) for name, node in nodes.items()}

@@ -1,0 +1,60 @@
+"""The track of a recorded run: its pitch, the sectors of a revolution, and shocks of the base."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.off_track import shock_times
+from hdd_servo_ros.analysis.runout import refuse_asynchronous, runout_parts
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+GENERATOR = 'disturbance_generator'
+BASE_ACCELERATION = 'base_acceleration'
+DEFAULT_PITCH = 1.016
+"""Track pitch of a run that does not say its own [um]: the 25000 tracks per inch of the thesis."""
+_LINEAR_Y = 1
+"""Column of `/base_acceleration` with the acceleration along the head's motion."""
+
+
+def track_pitch(run: RecordedRun) -> float | None:
+    """Return the track pitch of a run [um], None for a drive in other units."""
+    if run.length_unit != 'um':
+        return None
+    try:
+        return float(run.parameter('vcm_plant', 'track_pitch'))
+    except LookupError:
+        return DEFAULT_PITCH
+
+
+def why_no_sectors(run: RecordedRun) -> str:
+    """Return why a run has no whole number of samples per revolution, empty if it has."""
+    try:
+        speed, sectors = (run.parameter(GENERATOR, f'spindle.{name}') for name in ('revolutions_per_minute', 'sectors'))
+    except LookupError:
+        return f'run.yaml has no spindle of {GENERATOR}'
+    if not sectors:
+        return f'{GENERATOR} has spindle.sectors = 0'
+    try:
+        refuse_asynchronous(float(speed), int(sectors), run.sample_time)
+    except ValueError as error:
+        return str(error)
+    return ''
+
+
+def sectors_of(run: RecordedRun) -> int:
+    """Return the samples, and servo sectors, per revolution; 0 if :func:`why_no_sectors`."""
+    return 0 if why_no_sectors(run) else int(run.parameter(GENERATOR, 'spindle.sectors'))
+
+
+def shocks_of(run: RecordedRun) -> NDArray[np.float64]:
+    """Return the times at which shocks of the base begin [s]; none without `/base_acceleration`."""
+    if BASE_ACCELERATION not in run:
+        return np.empty(0)
+    return np.asarray(run.time[0] + shock_times(run[BASE_ACCELERATION][:, _LINEAR_Y], run.sample_time))
+
+
+def non_repeatable(signal: NDArray[np.float64], sectors: int) -> NDArray[np.float64]:
+    """Return a signal, shape (n,), less what repeats every revolution; as it is if there are not two of ``sectors``."""
+    if sectors < 2 or len(signal) < 2 * sectors:
+        return signal
+    mean = runout_parts(signal, sectors).repeatable
+    return np.asarray(signal - mean[np.arange(len(signal)) % sectors])
