@@ -15,6 +15,7 @@ from hdd_servo_ros.messages.codecs import AXES
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.testing.track_checks import TrackChecks
 
 plot_directory: Path | None = None
 """Where pictures of failed checks go; None for the run's own folder. The pytest plugin sets it."""
@@ -27,7 +28,7 @@ class CheckFailed(AssertionError):
     """A run is not what a test asks for."""
 
 
-class Checks:
+class Checks(TrackChecks):
     """
     Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
 
@@ -142,9 +143,9 @@ class Checks:
         Parameters
         ----------
         signal
-            ``error``, ``position``, ``command``, ``feedback``, the name of an estimate such as ``m_hat``, or a topic
-            with a field, such as ``control.before_saturation``, or with a column, such as ``control.y``. The error
-            counts in ``run.error_unit``, all else in the unit that the topic declares.
+            ``error``, ``track_error``, ``position``, ``command``, ``feedback``, the name of an estimate such as
+            ``m_hat``, or a topic with a field, such as ``control.before_saturation``, or with a column, such as
+            ``control.y``. The errors count in ``run.error_unit``, all else in the unit that the topic declares.
         at_most
             The bound.
         after, before
@@ -214,8 +215,8 @@ class Checks:
 
     def _signal(self, name: str) -> tuple[NDArray[np.float64], str]:
         run = self._run
-        if name == 'error':
-            return run.error_factor * run.error, run.error_unit
+        if name in ('error', 'track_error'):
+            return run.error_factor * getattr(run, name), run.error_unit
         units = {'position': run.length_unit, 'command': run.control_unit, 'feedback': run.control_unit}
         if name in units:
             return getattr(run, name), units[name]
@@ -225,7 +226,7 @@ class Checks:
             return run[topic][:, index], '' if field is None else field.unit_in(run.units)
         if 'estimates' in run and name in run.estimates:
             return run.estimates[name], ''
-        known = ['error', *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
+        known = ['error', 'track_error', *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
         raise LookupError(f'{run.path}: no signal {name!r}; there are {", ".join(known)} and so on')
 
     def _compare(
