@@ -66,7 +66,7 @@ def why_no_bound(run: RecordedRun, start: int) -> str:
     changed = {change.node.rpartition('/')[2] for change in run.parameter_changes} & {PLANT, SENSOR}
     if changed:
         return f'parameters of {" and ".join(sorted(changed))} were changed during the run'
-    if len(shocks_of(run)):
+    if (shocks_of(run) >= run.time[start]).any():
         return 'shocks have no stationary spectrum'
     if not run[DISTURBANCE.name][start:, :2].any():
         return f'/{DISTURBANCE.name} is 0'

@@ -12,7 +12,11 @@ from hdd_servo_ros.reporting.close_up import close_up_of
 from hdd_servo_ros.reporting.loop_panels import TIME_LABEL, Lines, error_label
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
 from hdd_servo_ros.reporting.track_metrics import has_track
-from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, track_pitch
+from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of, track_pitch
+
+_SHOCKS = 8
+_BEFORE_SHOCK, _AFTER_SHOCK = 1e-3, 1.5e-2
+"""What is drawn about a shock [s]."""
 
 
 def track_error_panel(run: RecordedRun) -> Panel | None:
@@ -21,10 +25,11 @@ def track_error_panel(run: RecordedRun) -> Panel | None:
 
 
 def track_panels(run: RecordedRun, start: int) -> list[Panel]:
-    """Return cumulative spectrum and runout from row ``start`` on, where a run has them."""
+    """Return responses to shocks, and cumulative spectrum and runout from row ``start`` on, where a run has them."""
     if not has_track(run):
         return []
-    panels = []
+    shocks = shocks_of(run)
+    panels = [_shock_responses(run, shocks)] if len(shocks) else []
     error, sectors = run.error_factor * run.track_error[start:], sectors_of(run)
     if len(error) >= 4:
         panels.append(_cumulative(run, error, sectors))
@@ -57,6 +62,16 @@ def _over_time(run: RecordedRun) -> Panel:
         over_time=True,
         close_up=close_up,
     )
+
+
+def _shock_responses(run: RecordedRun, shocks: NDArray[np.float64]) -> Panel:
+    drawn = shocks[np.unique(np.linspace(0, len(shocks) - 1, _SHOCKS).round().astype(int))]
+    traces = []
+    for index, shock in enumerate(drawn):
+        rows = slice(run.since(shock - _BEFORE_SHOCK).start, run.since(shock + _AFTER_SHOCK).start)
+        since, error = 1e3 * (run.time[rows] - shock), run.error_factor * run.track_error[rows]
+        traces.append(Trace(f'shock at {shock:g} s', since, error, COLOURS[index % len(COLOURS)]))
+    return Panel('shocks', 'Responses to shocks', 'time from the shock [ms]', error_label(run.units), tuple(traces))
 
 
 def _cumulative(run: RecordedRun, error: NDArray[np.float64], sectors: int) -> Panel:

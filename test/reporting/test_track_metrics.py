@@ -5,6 +5,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
+from hdd_servo_ros.reporting import run_bound, track_metrics, track_panels
 from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_panels import run_panels
@@ -66,6 +67,25 @@ def test_the_least_error_is_below_that_of_the_run(run):
     run.check.nrpe(at_most=found['nrpe'] + 0.01, after=after).rpe(at_most=found['rpe'] + 0.01, after=after)
     assert found['bode_theory'] == pytest.approx(0.0, abs=1e-6)
     assert found['bode_integral'] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_shocks_are_measured_and_drawn(run, monkeypatch):
+    """The times at which the base begins to move are given; the error is the recorded one."""
+    times = np.array([1.0, 2.0])
+    for module in (track_metrics, track_panels, run_bound):
+        monkeypatch.setattr(module, 'shocks_of', lambda _: times)
+    found = metrics(run)
+    error = 1e3 * np.abs(run.track_error[run.since(1.0)])
+    assert found['shocks'] == 2
+    assert found['shock_peak'] == pytest.approx(error.max())
+    assert found['shock_outside'] > 0.0
+    assert 'no least error of feedback: shocks have no stationary spectrum' in left_out(run)
+    (panel,) = (panel for panel in track_panels.track_panels(run, 0) if panel.name == 'shocks')
+    assert [trace.name for trace in panel.traces] == ['shock at 1 s', 'shock at 2 s']
+    np.testing.assert_allclose(panel.traces[1].x[[0, -1]], [-1.0, 15.0], atol=0.1)
+    at_shock = np.abs(panel.traces[1].x).argmin()
+    row = run.since(2.0).start
+    assert panel.traces[1].y[at_shock] in 1e3 * run.track_error[row - 1 : row + 1]
 
 
 def test_another_pitch(tmp_path):
