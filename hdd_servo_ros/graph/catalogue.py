@@ -47,7 +47,8 @@ class NodeRow:
         Import path of the class of its block, made from the block's parameters and T [s]; empty where none runs in the
         compiled loop.
     role
-        Role by which topics name their writers and readers; empty for a node that is in every run.
+        Role by which topics name their writers and readers; empty for a node that is in every run. A role is filled by
+        one node of a run, see :mod:`hdd_servo_ros.graph.roles`.
     short_name
         Value of the parameter ``controller`` that stands for it; empty for what is not a built-in controller.
     follows_reference
@@ -135,9 +136,17 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'playback',
-        'Publishes the optional topics of a recorded run, such as /disturbance, again in another run.',
+        'Publishes the disturbance of a recorded run again in another run.',
         (*_EVERY_NODE, 'parameters.run_parameters:PlaybackParameters'),
         node='nodes.playback:PlaybackNode',
+        role=DISTURBANCE_SOURCE,
+    ),
+    NodeRow(
+        'disturbance_generator',
+        'Runout, flutter, windage, vibration and shock of a drive in use: publishes /disturbance and /base_acceleration.',
+        (*_EVERY_NODE, 'disturbance.parameters:DisturbanceParameters'),
+        node='nodes.disturbance_generator:DisturbanceGeneratorNode',
+        block='disturbance.generator:DisturbanceGenerator',
         role=DISTURBANCE_SOURCE,
     ),
     NodeRow(

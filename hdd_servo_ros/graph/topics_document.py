@@ -91,7 +91,7 @@ def _node(name: str) -> str:
     """Return a node's name, or its role in words."""
     if name == CONTROLLER:
         return 'the controller'
-    return f'`{name}`' if name in NODES else f'a {name}'
+    return f'`{name}`' if name in NODES else f'{"an" if name[0] in "aeiou" else "a"} {name}'
 
 
 def _type(name: str) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.codecs import ARRAYS, AXES, CLOCKS, VECTORS, Codec
+from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, VECTORS, Codec
 from hdd_servo_ros.messages.tick_messages import Messages
 from hdd_servo_ros.messages.ticks import NANOSECONDS
 
@@ -43,6 +43,12 @@ class ClockCodec:
         return HEADER + stamp
 
 
+def _frame(frame_id: str) -> bytes:
+    """Return the text of ``header.frame_id``, with the padding up to the first float64."""
+    frame = _string(frame_id)
+    return frame + bytes(_aligned(8 + len(frame), 8) - 8 - len(frame))
+
+
 class VectorCodec:
     """
     ``geometry_msgs/Vector3Stamped`` with one ``frame_id``.
@@ -56,14 +62,33 @@ class VectorCodec:
     stamp = STAMP
 
     def __init__(self, frame_id: str) -> None:
-        frame = _string(frame_id)
-        body = _aligned(8 + len(frame), 8)
-        self._prefix = frame + bytes(body - 8 - len(frame))
+        self._prefix = _frame(frame_id)
         self._layout = struct.Struct(f'<4s8s{len(self._prefix)}sddd')
 
     def pack(self, stamp: bytes, x: float, y: float, z: float) -> bytes:
         """Return the message at ``stamp`` (eight bytes) with vector (x, y, z)."""
         return self._layout.pack(HEADER, stamp, self._prefix, x, y, z)
+
+
+class AccelerationCodec:
+    """
+    ``geometry_msgs/AccelStamped`` with one ``frame_id``.
+
+    Parameters
+    ----------
+    frame_id
+        Text of ``header.frame_id``.
+    """
+
+    stamp = STAMP
+
+    def __init__(self, frame_id: str) -> None:
+        self._prefix = _frame(frame_id)
+        self._layout = struct.Struct(f'<4s8s{len(self._prefix)}s6d')
+
+    def pack(self, stamp: bytes, linear: Sequence[float], angular: Sequence[float]) -> bytes:
+        """Return the message at ``stamp`` (eight bytes) with a linear and an angular acceleration, three numbers each."""
+        return self._layout.pack(HEADER, stamp, self._prefix, *linear, *angular)
 
 
 _VECTOR = struct.Struct('<ddd')
@@ -215,7 +240,11 @@ def stamp_rows(times_ns: NDArray[np.int64]) -> NDArray[np.uint8]:
 
 
 def _vector_layout(frame_id: str, _: Sequence[str]) -> RowLayout:
-    return RowLayout(VectorCodec(frame_id).pack(bytes(8), 0.0, 0.0, 0.0), STAMP.start, len(AXES))
+    return RowLayout(VectorCodec(frame_id).pack(bytes(8), 0.0, 0.0, 0.0), STAMP.start, 3)
+
+
+def _acceleration_layout(frame_id: str, _: Sequence[str]) -> RowLayout:
+    return RowLayout(AccelerationCodec(frame_id).pack(bytes(8), (0.0,) * 3, (0.0,) * 3), STAMP.start, 6)
 
 
 def _array_layout(_: str, names: Sequence[str]) -> RowLayout:
@@ -229,5 +258,6 @@ def _clock_layout(_: str, __: Sequence[str]) -> RowLayout:
 _ROW_LAYOUTS: dict[Codec, Callable[[str, Sequence[str]], RowLayout]] = {
     CLOCKS: _clock_layout,
     VECTORS: _vector_layout,
+    ACCELERATIONS: _acceleration_layout,
     ARRAYS: _array_layout,
 }

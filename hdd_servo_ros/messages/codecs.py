@@ -4,6 +4,8 @@ import dataclasses
 
 AXES = ('x', 'y', 'z')
 """The components of a vector message."""
+ACCELERATION_COMPONENTS = (*(f'linear.{axis}' for axis in AXES), *(f'angular.{axis}' for axis in AXES))
+"""The components of an acceleration message."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +33,10 @@ class Codec:
 
 CLOCKS = Codec('rosgraph_msgs/msg/Clock', ('clock',), 0, is_stamped=True)
 VECTORS = Codec('geometry_msgs/msg/Vector3Stamped', AXES, len(AXES), is_stamped=True)
+ACCELERATIONS = Codec(
+    'geometry_msgs/msg/AccelStamped', ACCELERATION_COMPONENTS, len(ACCELERATION_COMPONENTS), is_stamped=True
+)
 ARRAYS = Codec('std_msgs/msg/Float64MultiArray', (), None, is_stamped=False)
 COUNTS = Codec('std_msgs/msg/UInt64', ('data',), 0, is_stamped=False)
-CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ARRAYS, COUNTS)}
+CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, COUNTS)}
 """The codecs by the type of their messages."""

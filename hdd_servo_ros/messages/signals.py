@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from hdd_servo_ros.messages.codecs import AXES
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import (
+    ACCELEROMETER,
+    BASE_ACCELERATION,
     CONTROL,
     DISTURBANCE,
     ESTIMATES,
     HEAD,
+    KERNEL_TOPICS,
     LDV,
     REFERENCE,
     SIGNAL_TOPICS,
@@ -27,7 +30,7 @@ Array = NDArray[np.float64]
 
 class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
     """
-    The rows of a topic, shape (n, 3) for a vector, whose fields are attributes too: ``control.before_saturation``.
+    The rows of a topic, shape (n, 3) for a vector or (n, 6) for accelerations, whose fields are attributes too: ``control.before_saturation``.
 
     Each attribute is a column, shape (n,); the topic's declaration names them, see ``docs/topics.md``.
     """
@@ -126,8 +129,23 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def disturbance(self) -> SignalArray:
-        """Force against u [V], 0, 0; shape (n, 3); in a run with a disturbance only."""
+        """Force against u [V], displacement of the track centre [um], 0; shape (n, 3); only in a run with a disturbance."""
         return self._rows(DISTURBANCE)
+
+    @functools.cached_property
+    def base_acceleration(self) -> SignalArray:
+        """
+        Acceleration of the base, shape (n, 6); only in a run whose disturbance moves the base.
+
+        Linear along x, y, z [m/s^2], then angular about x, y, z [rad/s^2]; z is the pivot axis, y the direction of the
+        head's motion.
+        """
+        return self._rows(BASE_ACCELERATION)
+
+    @functools.cached_property
+    def accelerometer(self) -> SignalArray:
+        """Outputs of the two sensors of the base [V], 0; shape (n, 3); only in a run with an accelerometer."""
+        return self._rows(ACCELEROMETER)
 
     @functools.cached_property
     def estimates(self) -> Mapping[str, Array]:
@@ -227,7 +245,8 @@ class SignalRows(Signals):
     sample_time
         T [s].
     arrays
-        An array per topic by its name, one row per tick: (n, 3) for a vector, (n, m) for the estimates.
+        An array per topic by its name, one row per tick: (n, 3) for a vector, (n, 6) for accelerations, (n, m) for the
+        estimates.
     estimate_names
         Names of the m estimates.
     units
@@ -281,9 +300,9 @@ class SignalRows(Signals):
 
     @property
     def kernel_arrays(self) -> tuple[Array, ...]:
-        """The arrays in the order of ``SIGNAL_TOPICS``, as the compiled loop takes them; none has no row."""
+        """The arrays in the order of ``KERNEL_TOPICS``, as the compiled loop takes them; none has no row."""
         nothing = np.empty((0, len(AXES)))
-        return tuple(self._arrays.get(topic.name, nothing) for topic in SIGNAL_TOPICS)
+        return tuple(self._arrays.get(topic.name, nothing) for topic in KERNEL_TOPICS)
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:

@@ -7,13 +7,15 @@ live view and ``docs/topics.md`` follow from these declarations. No ROS import.
 
 import dataclasses
 
-from hdd_servo_ros.messages.codecs import ARRAYS, CLOCKS, COUNTS, VECTORS, Codec
+from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, COUNTS, VECTORS, Codec
 from hdd_servo_ros.messages.units import Units
 
 CONTROLLER = 'controller'
 """Role of the node that closes the loop, whichever controller that is."""
 DISTURBANCE_SOURCE = 'disturbance source'
 """Role of a node that disturbs the drive."""
+BASE_SENSOR = 'accelerometer'
+"""Role of a node that measures the acceleration of the base."""
 RECORDER = 'bag_recorder'
 
 
@@ -73,8 +75,8 @@ class LoopTopic:
     codec
         Type of its messages, and how they are read and made.
     fields
-        What the message carries; of a vector x, y and z in this order (what is not declared is 0), of an array nothing,
-        since its elements are named in ``layout.dim[0].label``.
+        What the message carries, in the order of its components; what is not declared is 0. Of an array nothing, since
+        its elements are named in ``layout.dim[0].label``.
     writer
         Name or role of the node that publishes it.
     readers
@@ -99,15 +101,17 @@ class LoopTopic:
         return self.codec.type_name
 
     @property
-    def is_vector(self) -> bool:
-        """Whether the message is a vector."""
-        return self.codec is VECTORS
-
-    @property
     def field_names(self) -> tuple[str, ...]:
         """Names of the fields."""
         return tuple(field.name for field in self.fields)
 
+
+_BASE_AXES = (
+    ('x', 'along the arm'),
+    ('y', "across the arm, along the head's motion: the one that acts"),
+    ('z', 'along the pivot axis'),
+)
+_BASE_ROTATIONS = (('x', 'about x'), ('y', 'about y'), ('z', 'about the pivot axis: the one that acts'))
 
 CLOCK = LoopTopic(
     'clock',
@@ -161,7 +165,7 @@ CONTROL = LoopTopic(
         Field('feedback', 'V', 'feedback part of u, before any compensation'),
     ),
     CONTROLLER,
-    (Reader('vcm_plant', delay=1), Reader('deterministic_timer', delay=1)),
+    (Reader('vcm_plant', delay=1), Reader('deterministic_timer', delay=1), Reader(BASE_SENSOR, delay=1)),
     'the command to the drive',
 )
 ESTIMATES = LoopTopic(
@@ -170,20 +174,49 @@ ESTIMATES = LoopTopic(
 DISTURBANCE = LoopTopic(
     'disturbance',
     VECTORS,
-    (Field('force', 'V', 'force against u, held over [kT, (k+1)T)'),),
+    (
+        Field('force', 'V', 'force against u, held over [kT, (k+1)T)'),
+        Field('track_centre', 'um', 'displacement of the track centre'),
+    ),
     DISTURBANCE_SOURCE,
     (Reader('vcm_plant', delay=1),),
     'what disturbs the drive from outside',
     is_optional=True,
 )
+BASE_ACCELERATION = LoopTopic(
+    'base_acceleration',
+    ACCELERATIONS,
+    (
+        *(Field(f'linear_{axis}', 'm/s^2', f'linear acceleration {along}', False) for axis, along in _BASE_AXES),
+        *(Field(f'angular_{axis}', 'rad/s^2', f'angular acceleration {about}', False) for axis, about in _BASE_ROTATIONS),
+    ),
+    DISTURBANCE_SOURCE,
+    (Reader(BASE_SENSOR),),
+    'acceleration of the base of the drive, held over [kT, (k+1)T)',
+    is_optional=True,
+)
+ACCELEROMETER = LoopTopic(
+    'accelerometer',
+    VECTORS,
+    (
+        Field('output_1', 'V', 'output of the first sensor', is_in_drive_units=False),
+        Field('output_2', 'V', 'output of the second sensor', is_in_drive_units=False),
+    ),
+    BASE_SENSOR,
+    (Reader(CONTROLLER),),
+    'acceleration of the base as two sensors measure it',
+    is_optional=True,
+)
 
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
 """The topics of every run, in the order in which data flows through a tick."""
-OPTIONAL_TOPICS = (DISTURBANCE,)
+OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER)
 """The topics of the runs in which a node publishes them: loop topics then like the others."""
 ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
 SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
-"""The topics that carry signals, in the order of the compiled kernel's rows."""
+"""The topics that carry signals."""
+KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE)
+"""The topics that the compiled kernel writes or reads, in the order of its rows."""
 
 RECORDED = LoopTopic(
     'recorded',

@@ -1,4 +1,4 @@
-"""`playback`: publishes the optional topics of a recorded run again in another run."""
+"""`playback`: publishes the disturbance of a recorded run again in another run."""
 
 import sys
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ class PlaybackNode(CatalogueNode):
     Raises
     ------
     ParameterError
-        If no run is given, or it holds no optional topic.
+        If no run is given, or it holds no disturbance.
     """
 
     def __init__(self) -> None:

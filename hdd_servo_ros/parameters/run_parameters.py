@@ -201,8 +201,8 @@ class PlaybackParameters(ParameterSet):
 
     recorded_run: str = parameter(
         '',
-        'folder of a recorded run whose optional topics, such as /disturbance, are published again in this run; empty '
-        'for none',
+        'folder of a recorded run whose /disturbance and /base_acceleration are published again in this run; empty for '
+        'none',
         read_only=True,
     )
 

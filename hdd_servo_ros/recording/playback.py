@@ -1,4 +1,4 @@
-"""The optional topics of a recorded run, to be put into another run as they are."""
+"""The disturbance of a recorded run, to be put into another run as it is."""
 
 from pathlib import Path
 
@@ -6,16 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.graph.roles import RECORDED_RUN
-from hdd_servo_ros.messages.topics import OPTIONAL_TOPICS, LoopTopic
+from hdd_servo_ros.messages.topics import DISTURBANCE_SOURCE, OPTIONAL_TOPICS, LoopTopic
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import DescriptionError
 
 
+PLAYED_TOPICS = tuple(topic for topic in OPTIONAL_TOPICS if topic.writer == DISTURBANCE_SOURCE)
+"""The topics that may be played back: those of a disturbance source, which do not depend on the loop."""
+
+
 class Playback:
     """
-    The optional topics that a recorded run holds: values and messages of every tick.
+    The disturbance that a recorded run holds: values and messages of every tick.
 
     Parameters
     ----------
@@ -25,20 +29,20 @@ class Playback:
     Raises
     ------
     ParameterError
-        If there is no such run, or it holds no optional topic.
+        If there is no such run, or it holds no topic of a disturbance source.
     """
 
     def __init__(self, path: str) -> None:
         self._path = path
         try:
             self._run = RecordedRun.open(Path(path))
-            self.topics: tuple[LoopTopic, ...] = tuple(topic for topic in OPTIONAL_TOPICS if topic.name in self._run)
+            self.topics: tuple[LoopTopic, ...] = tuple(topic for topic in PLAYED_TOPICS if topic.name in self._run)
             self._rows = {topic.name: self._run[topic.name] for topic in self.topics}
             columns = {topic.name: self._run.column(topic.name).payloads for topic in self.topics}
         except (OSError, BagError, DescriptionError) as error:
             raise ParameterError(RECORDED_RUN, path, f'a recorded run: {error}') from None
         if not self.topics:
-            names = ', '.join(f'/{topic.name}' for topic in OPTIONAL_TOPICS)
+            names = ', '.join(f'/{topic.name}' for topic in PLAYED_TOPICS)
             raise ParameterError(RECORDED_RUN, path, f'a run that holds one of {names}')
         self._messages: dict[str, NDArray[np.uint8]] = {}
         for name, payloads in columns.items():
@@ -69,7 +73,7 @@ class Playback:
             raise ParameterError(RECORDED_RUN, self._path, allowed)
 
     def rows(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.float64]:
-        """Return the values of a topic at consecutive ticks, shape (count, 3)."""
+        """Return the values of a topic at consecutive ticks, a row per tick."""
         return self._rows[topic.name][first_tick : first_tick + count]
 
     def messages(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.uint8]:

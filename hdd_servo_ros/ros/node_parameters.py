@@ -94,6 +94,7 @@ class NodeParameters:
         self.kinds = tuple(kinds)
         self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self.kinds}
         self._on_change: Callable[[], None] | None = None
+        self._further_check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None] | None = None
         given: dict[str, Any] = {
             name: _plain(found.value)
             # Not automatically_declare_parameters_from_overrides: it raises for an empty list, which has no type there.
@@ -135,6 +136,10 @@ class NodeParameters:
         """Call ``callback`` after every accepted change."""
         self._on_change = callback
 
+    def check_further(self, check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None]) -> None:
+        """Refuse changes for which ``check``, given all parameter sets after the change, raises ParameterError."""
+        self._further_check = check
+
     def set(self, values: Mapping[str, Value]) -> str:
         """Change parameters together as `ros2 param set` does it; return why that is refused, else an empty text."""
         declared = {declaration.name: declaration for kind in self.kinds for declaration in declarations(kind)}
@@ -155,7 +160,9 @@ class NodeParameters:
 
     def _check_change(self, changes: Sequence[Parameter]) -> SetParametersResult:
         try:
-            self._changed(changes)
+            changed = self._changed(changes)
+            if self._further_check is not None:
+                self._further_check(changed)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

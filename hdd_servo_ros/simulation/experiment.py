@@ -12,14 +12,17 @@ from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
 from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller, refuse_former_object
+from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.signals.reference import Reference
 from hdd_servo_ros.simulation.closed_loop import Controllers, closed_loop
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
@@ -48,17 +51,19 @@ class Experiment:
         latter two are called from Python, tick by tick.
     parameters
         For each node with a block, its parameters under dotted names; what is not named keeps its default.
-        Sections of other nodes are passed over.
+        Sections of other nodes are passed over. With a section of ``disturbance_generator`` the drive is disturbed by it.
     dsp
         What lies between a controller that is given as an object and the drive; a named one has it in its section.
     disturbance
-        What disturbs the drive from outside; None for nothing, and no rows of ``/disturbance``.
+        What disturbs the drive from outside; None for nothing but the ``disturbance_generator`` of ``parameters``, if it
+        has a section there.
 
     Raises
     ------
     ParameterError
         If a value is refused or a name unknown; the name is preceded by its node's. If the ``step`` of a controller
-        given as an object takes six arguments, as it once did.
+        given as an object takes six arguments, as it once did. If ``disturbance`` and a ``disturbance_generator`` are
+        both given.
     """
 
     def __init__(
@@ -99,7 +104,9 @@ class Experiment:
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
         self.scales = sensor_scales(scales, self.ldv.parameters)
-        self._disturbance = disturbance
+        self._disturbance = self._generator(sections) if disturbance is None else disturbance
+        if disturbance is not None and DISTURBANCE_GENERATOR in sections:
+            raise ParameterError('disturbance', disturbance, f'None with parameters of {DISTURBANCE_GENERATOR}')
         self._held: NDArray[np.float64] = np.zeros(2)
         self._next_tick = 0
 
@@ -107,6 +114,23 @@ class Experiment:
         make = resolve(NODES[name].block)
         self._blocks[name] = make(block_parameters(name, sections.get(name, {})), self.sample_time)
         return self._blocks[name]
+
+    def _generator(self, sections: Mapping[str, Mapping[str, object]]) -> DisturbanceGenerator | None:
+        """Return the disturbance generator if it has a section."""
+        if DISTURBANCE_GENERATOR not in sections:
+            return None
+        parameters = block_parameters(DISTURBANCE_GENERATOR, sections[DISTURBANCE_GENERATOR])
+        try:
+            generator = DisturbanceGenerator(parameters, self.sample_time)
+        except ParameterError as error:
+            raise ParameterError(f'{DISTURBANCE_GENERATOR}.{error.name}', error.value, error.allowed) from None
+        self._blocks[DISTURBANCE_GENERATOR] = generator
+        return generator
+
+    def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
+        """Refuse parameters of a node that do not go with T, by :class:`ParameterError`; what depends on no T is checked."""
+        if node == DISTURBANCE_GENERATOR and node in self._blocks:
+            DisturbanceGenerator(sets[NODES[node].block_parameters], self.sample_time)
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
@@ -138,6 +162,8 @@ class Experiment:
 
     def compile(self) -> None:
         """Compile what :meth:`run` calls, where that was never done here, and change nothing."""
+        if isinstance(self._disturbance, DisturbanceGenerator):
+            self._disturbance.rows(self._next_tick, 0)
         if self.is_compiled:
             self.run(self._next_tick, 0)
             return
@@ -150,7 +176,7 @@ class Experiment:
 
     def empty_rows(self, first_tick: int, count: int) -> SignalRows:
         """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
-        optional = () if self._disturbance is None else (DISTURBANCE,)
+        optional = () if self._disturbance is None else self._disturbance.topics
         drive = self.plant.parameters
         units = Units(drive.length_unit, drive.control_unit)
         names = self.controller.estimate_names
@@ -172,7 +198,8 @@ class Experiment:
         Raises
         ------
         ValueError
-            If ``first_tick`` is not the one after the last, or the disturbance has another shape than (n, 3).
+            If ``first_tick`` is not the one after the last, or the disturbance's rows have another shape than those of
+            its topics.
         ControllerError
             If a controller from outside fails; ``rows``, if given, then hold the ticks before that one.
         """
@@ -183,13 +210,14 @@ class Experiment:
             self.empty_rows(first_tick, count) if rows is None or len(rows) != count else rows.starting_at(first_tick)
         )
         if self._disturbance is not None and count:
-            found = self._disturbance.rows(first_tick, count)
-            if np.shape(found) != rows.disturbance.shape:
-                raise ValueError(
-                    f'/disturbance: the rows of ticks {first_tick} to {first_tick + count - 1} have shape '
-                    f'{np.shape(found)}, not {rows.disturbance.shape}'
-                )
-            rows.disturbance[:] = found
+            made = self._disturbance.rows(first_tick, count)
+            for topic, found in zip(self._disturbance.topics, made, strict=True):
+                if np.shape(found) != rows[topic.name].shape:
+                    raise ValueError(
+                        f'/{topic.name}: the rows of ticks {first_tick} to {first_tick + count - 1} have shape '
+                        f'{np.shape(found)}, not {rows[topic.name].shape}'
+                    )
+                rows[topic.name][:] = found
         if self._kind is None:
             self._run_from_python(rows)
         else:

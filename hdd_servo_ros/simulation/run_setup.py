@@ -2,8 +2,11 @@
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
@@ -22,7 +25,7 @@ from hdd_servo_ros.graph.roles import PLAYBACK, roles_of_run
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import DISTURBANCE, LOOP_TOPICS, LoopTopic
+from hdd_servo_ros.messages.topics import LOOP_TOPICS, OPTIONAL_TOPICS, LoopTopic
 from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
@@ -64,10 +67,9 @@ class Simulation:
         arguments.check_nodes(names_with_parameters())
         self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
         controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
+        names = nodes_of_run(roles_of_run(controller, arguments))
         playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
         self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
-        played = () if self.playback is None else self.playback.topics
-        names = nodes_of_run(roles_of_run(controller, arguments))
         sets = {name: self._sets(arguments, name) for name in names}
         self.timer: TimerParameters = sets['deterministic_timer'][TimerParameters]
         self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
@@ -78,7 +80,7 @@ class Simulation:
             for name, kinds in sets.items()
         }
         self._namespace = arguments.namespace.rstrip('/')
-        self.topics = [(topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *played)]
+        self.topics = [(topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *self._optional_topics(names))]
         by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
@@ -103,15 +105,24 @@ class Simulation:
             for name in names
         }
         self.schedule = self._plan(sets, mappings)
-        disturbance = None
-        if self.playback is not None and DISTURBANCE in self.playback.topics:
-            disturbance = _PlayedDisturbance(self.playback)
+        disturbance = None if self.playback is None else _PlayedDisturbance(self.playback)
         self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance)
+        for name, step in self.schedule:
+            try:
+                self.experiment.check_change(name, step.sets)
+            except ParameterError as error:
+                raise ParameterError('schedule', step.entry, str(error)) from None
         law = self.experiment.controller
         needed = law.last_tick if isinstance(law, HasPlan) else 0
         self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
         if self.playback is not None:
             self.playback.check(self.timer.sample_time, self.last_tick)
+
+    def _optional_topics(self, names: Sequence[str]) -> Iterator[LoopTopic]:
+        """Iterate over the optional topics that nodes of this run publish, in the order of the recorder."""
+        played = () if self.playback is None else self.playback.topics
+        written = {topic for name in names for topic in (played if name == PLAYBACK else outputs_of(name))}
+        return (topic for topic in OPTIONAL_TOPICS if topic in written)
 
     @staticmethod
     def _sets(arguments: RosArguments, node: str, *aliases: str) -> dict[type[Any], Any]:
@@ -210,9 +221,14 @@ class _PlayedDisturbance:
     def __init__(self, playback: Playback) -> None:
         self._playback = playback
 
-    def rows(self, first_tick: int, count: int) -> Any:
-        """Return the recorded rows."""
-        return self._playback.rows(DISTURBANCE, first_tick, count)
+    @property
+    def topics(self) -> tuple[LoopTopic, ...]:
+        """The topics that were recorded."""
+        return self._playback.topics
+
+    def rows(self, first_tick: int, count: int) -> list[NDArray[np.float64]]:
+        """Return the recorded rows of each topic."""
+        return [self._playback.rows(topic, first_tick, count) for topic in self.topics]
 
 
 def _outside_controller(arguments: RosArguments) -> ControllerKind | None:

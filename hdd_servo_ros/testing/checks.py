@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import rms, step_response
-from hdd_servo_ros.messages.codecs import AXES
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -343,13 +342,14 @@ class Checks(TrackChecks):
 
 
 def _vector_fields(name: str) -> dict[str, tuple[int, Field | None]]:
-    """Return the columns of a vector topic, and what they are declared to be, by axis and by the field's name."""
+    """Return the columns of a topic with fixed fields, and what they are declared to be, by component and by field."""
     found: dict[str, tuple[int, Field | None]] = {}
     for topic in ALL_LOOP_TOPICS:
-        if topic.name == name and topic.is_vector:
-            found = {axis: (index, None) for index, axis in enumerate(AXES)}
+        if topic.name == name and topic.codec.width:
+            components = topic.codec.components
+            found = {component: (index, None) for index, component in enumerate(components)}
             for index, field in enumerate(topic.fields):
-                found[AXES[index]] = found[field.name] = (index, field)
+                found[components[index]] = found[field.name] = (index, field)
     return found
 
 

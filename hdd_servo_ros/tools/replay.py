@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -55,20 +56,22 @@ class Recording:
         self.run = run
         metadata = self.metadata = read_run_yaml(run)
         left_out = dict(metadata.get('topics_left_out', {}))
-        lost = [name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES]
+        self._topics: dict[str, str] = {**metadata['topics'], **left_out}
+        """Every topic of the run, recorded or not."""
+        optional = {name for topic, name in self._topics.items() if topic in _OPTIONAL_NAMES}
+        self.nodes: dict[str, dict[str, Any]] = {
+            name: node
+            for name, node in metadata['nodes'].items()
+            if not node['outputs'] or not optional.issuperset(node['outputs']) or _runs_again(name)
+        }
+        """The nodes that run again; others that publish optional topics alone are played back."""
+        lost = [
+            name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)
+        ]
         if lost:
             raise ReplayError(
                 f'{run}: {", ".join(lost)} was left out by parameter topics of bag_recorder, so it cannot be replayed'
             )
-        self._topics: dict[str, str] = {**metadata['topics'], **left_out}
-        """Every topic of the run, recorded or not."""
-        optional = {name for topic, name in metadata['topics'].items() if topic in _OPTIONAL_NAMES}
-        self.nodes: dict[str, dict[str, Any]] = {
-            name: node
-            for name, node in metadata['nodes'].items()
-            if not node['outputs'] or not optional.issuperset(node['outputs'])
-        }
-        """The nodes that run again; those that publish optional topics alone are played back."""
         if metadata['status'] == RUNNING:
             raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` mends it')
         if metadata['last_tick'] is None or metadata['last_tick'] < 0:
@@ -82,8 +85,12 @@ class Recording:
             raise ReplayError(
                 f'{run}: {", ".join(external)} came from a node that run.yaml does not name, so it cannot be replayed'
             )
-        self.played = [topic for topic in metadata['topics'] if topic in _OPTIONAL_NAMES]
-        """The optional topics of the run."""
+        self.played = [
+            topic
+            for topic, name in metadata['topics'].items()
+            if topic in _OPTIONAL_NAMES and not self._is_published(name)
+        ]
+        """The optional topics that are played back."""
         timers = [name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER]
         if len(timers) != 1:
             raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
@@ -161,6 +168,12 @@ class Recording:
         for name in sorted(recorded.keys() & here.keys()):
             if recorded[name] != here[name]:
                 yield f'{name}: recorded with {recorded[name]}, here {here[name]}'
+
+
+def _runs_again(node: str) -> bool:
+    """Return whether a node, given by its full name, is one of this package that computes what it publishes."""
+    name = node.rsplit('/', 1)[-1]
+    return name in NODES and bool(NODES[name].block)
 
 
 def _value(value: Any) -> Value:

@@ -1,0 +1,170 @@
+"""The disturbance generator: runout, flutter, force noise, vibration and shock of a drive in use."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.disturbance.band import run_in_ticks, stationary_band
+from hdd_servo_ros.disturbance.coupling import fill_coupling
+from hdd_servo_ros.disturbance.flutter import flutter_modes, stationary_states
+from hdd_servo_ros.disturbance.kernel import (
+    DISTURBANCE as CONSTANTS,
+)
+from hdd_servo_ros.disturbance.kernel import (
+    DisturbanceArrays,
+    disturbance_rows,
+    disturbance_step,
+)
+from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
+from hdd_servo_ros.disturbance.recording import read_recording
+from hdd_servo_ros.disturbance.runout import harmonics_of, sequence_of
+from hdd_servo_ros.disturbance.shock import SHAPES, STANDARD_GRAVITY
+from hdd_servo_ros.disturbance.streams import LINEAR_VIBRATION, ROTATIONAL_VIBRATION
+from hdd_servo_ros.disturbance.vibration import VibrationParameters, fill_vibration, samples_of, sections_of
+from hdd_servo_ros.messages.topics import BASE_ACCELERATION, DISTURBANCE, LoopTopic
+from hdd_servo_ros.numerics.records import record, zeros
+
+Vector = tuple[float, float, float]
+
+_QUANTITIES = {'rotational': 'acceleration [rad/s^2]', 'linear': 'acceleration [m/s^2]'}
+_STREAMS = {'rotational': ROTATIONAL_VIBRATION, 'linear': LINEAR_VIBRATION}
+
+
+class _Band:
+    """The filter of one axis' random vibration: its states live on while their number stays the same."""
+
+    def __init__(self, stream: int) -> None:
+        self._stream = stream
+        self._structure: tuple[int, int] | None = None
+        self.states: NDArray[np.float64] = np.zeros((0, 2))
+
+    def use(self, parameters: VibrationParameters, sections: NDArray[np.float64], sample_time: float) -> None:
+        """Prepare for other parameters; a filter with other states than before starts in stationary operation."""
+        if parameters.is_random and parameters.structure != self._structure:
+            ticks = run_in_ticks(*parameters.band, sample_time)
+            self.states = stationary_band(sections, parameters.seed, self._stream + 1, ticks)
+            self._structure = parameters.structure
+
+
+class DisturbanceGenerator:
+    """
+    What acts on a drive in use, tick by tick.
+
+    The base moves linearly along y, the head's direction of motion, and turns about z, the pivot axis; what comes from
+    it to the head is a force against u, see :mod:`hdd_servo_ros.disturbance.coupling`.
+
+    Parameters
+    ----------
+    parameters
+        The sources and their numbers; the files that they name are read here, once.
+    sample_time
+        T [s].
+
+    Raises
+    ------
+    ParameterError
+        If a file cannot be used, or a source does not go with T: a frequency beyond half the sampling frequency, or a
+        sequence per sector where a revolution has no whole number of samples.
+    """
+
+    topics: tuple[LoopTopic, ...] = (DISTURBANCE, BASE_ACCELERATION)
+    """The topics that :meth:`rows` gives the rows of."""
+
+    def __init__(self, parameters: DisturbanceParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        axes = {axis: getattr(parameters.vibration, axis) for axis in _STREAMS}
+        self._recordings = {
+            axis: read_recording(f'vibration.{axis}.recording', own.recording, _QUANTITIES[axis])
+            for axis, own in axes.items()
+            if own.recording
+        }
+        self._bands = {axis: _Band(stream) for axis, stream in _STREAMS.items()}
+        self._mode_states: NDArray[np.float64] | None = None
+        self.update(parameters)
+
+    def update(self, parameters: DisturbanceParameters) -> None:
+        """
+        Take other parameters from the next tick on; filters keep their states where those have the same number.
+
+        Raises
+        ------
+        ParameterError
+            As the constructor does; nothing is changed then.
+        """
+        sample_time = self.sample_time
+        constants = zeros(CONSTANTS)
+        c = record(constants, CONSTANTS)
+        repeatable = parameters.runout.repeatable
+        sequence = sequence_of(repeatable, parameters.spindle, sample_time)
+        tables = {}
+        for axis, stream in _STREAMS.items():
+            own: VibrationParameters = getattr(parameters.vibration, axis)
+            own.check_rate(f'vibration.{axis}', sample_time)
+            fill_vibration(getattr(c, axis), own, stream, sample_time)
+            tables[axis] = (
+                sections_of(own, sample_time),
+                samples_of(own, self._recordings.get(axis), sample_time),
+            )
+        c.runout.is_enabled = float(repeatable.enabled)
+        c.runout.turns_per_sample = parameters.spindle.turns_per_sample(sample_time)
+        c.runout.samples_per_revolution = parameters.spindle.samples_per_revolution(sample_time)
+        c.flutter.is_enabled = float(parameters.flutter.enabled)
+        c.flutter.seed = parameters.flutter.seed
+        c.force_noise.is_enabled = float(parameters.force_noise.enabled)
+        c.force_noise.seed = parameters.force_noise.seed
+        c.force_noise.sigma = parameters.force_noise.sigma_at(sample_time)
+        shock = parameters.shock
+        c.shock.is_enabled = float(shock.enabled)
+        c.shock.shape = SHAPES.index(shock.shape)
+        c.shock.time_step = sample_time
+        c.shock.time, c.shock.duration, c.shock.period = shock.time, shock.duration, shock.period
+        c.shock.linear = shock.linear_amplitude * STANDARD_GRAVITY
+        c.shock.rotational = shock.rotational_amplitude
+        fill_coupling(c.coupling, parameters.coupling)
+        modes = flutter_modes(parameters.flutter, sample_time)
+        if self._mode_states is None or len(self._mode_states) != len(modes):
+            self._mode_states = stationary_states(modes, parameters.flutter.seed)
+        for axis, band in self._bands.items():
+            band.use(getattr(parameters.vibration, axis), tables[axis][0], sample_time)
+        self.parameters = parameters
+        rotational, linear = self._bands['rotational'], self._bands['linear']
+        self.arrays = DisturbanceArrays(
+            constants,
+            harmonics_of(repeatable),
+            sequence,
+            modes,
+            self._mode_states,
+            tables['rotational'][0],
+            rotational.states,
+            tables['rotational'][1],
+            tables['linear'][0],
+            linear.states,
+            tables['linear'][1],
+        )
+
+    def step(self, tick: int) -> tuple[float, float, Vector, Vector]:
+        """
+        Return what acts from a tick to the next one; the ticks follow each other from 0 on.
+
+        Returns
+        -------
+        force, track_centre
+            Force against u [V], and displacement of the track centre [um].
+        linear, angular
+            Linear [m/s^2] and angular [rad/s^2] acceleration of the base along and about x, y, z.
+        """
+        force, track_centre, linear, angular = disturbance_step(*self.arrays, tick)
+        return force, track_centre, (0.0, linear, 0.0), (0.0, 0.0, angular)
+
+    def rows(self, first_tick: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return what :meth:`step` does for consecutive ticks, by the same compiled step.
+
+        Returns
+        -------
+        disturbance, base_acceleration
+            Rows of the topics: force, track centre, 0, shape (count, 3); linear x, y, z and angular x, y, z, shape
+            (count, 6).
+        """
+        disturbances, accelerations = np.zeros((count, 3)), np.zeros((count, 6))
+        disturbance_rows(first_tick, *self.arrays, disturbances, accelerations)
+        return disturbances, accelerations

@@ -1,0 +1,128 @@
+"""All sources of a tick in one compiled step, and the rows of many ticks by the same step."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.disturbance.coupling import COUPLING, coupled_force
+from hdd_servo_ros.disturbance.flutter import FLUTTER_LAYOUT, flutter_step
+from hdd_servo_ros.disturbance.force_noise import FORCE_NOISE_LAYOUT, force_noise
+from hdd_servo_ros.disturbance.runout import RUNOUT, repeatable_runout
+from hdd_servo_ros.disturbance.shock import SHOCK, shock_mean
+from hdd_servo_ros.disturbance.vibration import VIBRATION, vibration_step
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import layout, record
+
+DISTURBANCE = layout(
+    ('runout', RUNOUT),
+    ('flutter', FLUTTER_LAYOUT),
+    ('force_noise', FORCE_NOISE_LAYOUT),
+    ('rotational', VIBRATION),
+    ('linear', VIBRATION),
+    ('shock', SHOCK),
+    ('coupling', COUPLING),
+)
+"""The constants of all sources."""
+
+Array = NDArray[np.float64]
+
+
+class DisturbanceArrays(NamedTuple):
+    """What :func:`disturbance_step` takes: constants, tables, and states, which are advanced."""
+
+    constants: Array
+    harmonics: Array
+    sequence: Array
+    modes: Array
+    mode_states: Array
+    rotational_sections: Array
+    rotational_states: Array
+    rotational_samples: Array
+    linear_sections: Array
+    linear_states: Array
+    linear_samples: Array
+
+
+@compiled
+def disturbance_step(
+    constants: Array,
+    harmonics: Array,
+    sequence: Array,
+    modes: Array,
+    mode_states: Array,
+    rotational_sections: Array,
+    rotational_states: Array,
+    rotational_samples: Array,
+    linear_sections: Array,
+    linear_states: Array,
+    linear_samples: Array,
+    tick: int,
+) -> tuple[float, float, float, float]:
+    """
+    Return what acts from a tick to the next; advances the states from the tick before.
+
+    Returns
+    -------
+    force, track_centre, linear, angular
+        Force against u [V], displacement of the track centre [um], acceleration of the base along the head's motion
+        [m/s^2] and about the pivot axis [rad/s^2].
+    """
+    c = record(constants, DISTURBANCE)
+    track_centre = 0.0
+    if c.runout.is_enabled != 0.0:
+        track_centre += repeatable_runout(c.runout, harmonics, sequence, tick)
+    if c.flutter.is_enabled != 0.0:
+        track_centre += flutter_step(c.flutter, modes, mode_states, tick)
+    linear, angular = 0.0, 0.0
+    if c.rotational.is_enabled != 0.0:
+        angular += vibration_step(c.rotational, rotational_sections, rotational_states, rotational_samples, tick)
+    if c.linear.is_enabled != 0.0:
+        linear += vibration_step(c.linear, linear_sections, linear_states, linear_samples, tick)
+    if c.shock.is_enabled != 0.0:
+        mean = shock_mean(c.shock, tick)
+        linear += c.shock.linear * mean
+        angular += c.shock.rotational * mean
+    force = coupled_force(c.coupling, linear, angular)
+    if c.force_noise.is_enabled != 0.0:
+        force += force_noise(c.force_noise, tick)
+    return force, track_centre, linear, angular
+
+
+@compiled
+def disturbance_rows(
+    first_tick: int,
+    constants: Array,
+    harmonics: Array,
+    sequence: Array,
+    modes: Array,
+    mode_states: Array,
+    rotational_sections: Array,
+    rotational_states: Array,
+    rotational_samples: Array,
+    linear_sections: Array,
+    linear_states: Array,
+    linear_samples: Array,
+    disturbances: Array,
+    accelerations: Array,
+) -> None:
+    """Write what :func:`disturbance_step` returns for consecutive ticks into rows of zeros, (n, 3) and (n, 6)."""
+    for row in range(len(disturbances)):
+        force, track_centre, linear, angular = disturbance_step(
+            constants,
+            harmonics,
+            sequence,
+            modes,
+            mode_states,
+            rotational_sections,
+            rotational_states,
+            rotational_samples,
+            linear_sections,
+            linear_states,
+            linear_samples,
+            first_tick + row,
+        )
+        disturbances[row, 0] = force
+        disturbances[row, 1] = track_centre
+        accelerations[row, 1] = linear
+        accelerations[row, 5] = angular

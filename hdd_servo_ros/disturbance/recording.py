@@ -1,0 +1,74 @@
+"""A recorded acceleration from a CSV file, at the ticks of a run."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.disturbance.table import read_table
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.parameters import ParameterError
+
+INTERPOLATIONS = ('linear', 'hold')
+
+_SLACK = 1e-9
+"""Part of a sample by which a recorded time may be late and still count [1]."""
+
+
+def read_recording(parameter: str, path: str, quantity: str) -> NDArray[np.float64]:
+    """
+    Return times [s] and accelerations of a CSV file, shape (n, 2).
+
+    Parameters
+    ----------
+    parameter
+        Name of the parameter that holds the path, for errors.
+    path
+        The file: time and acceleration in columns, the times ascending.
+    quantity
+        What the second column holds, with unit, for errors.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, has fewer than two rows, a number that is not finite, or times that do not ascend.
+    """
+    rows = read_table(parameter, path, ['time [s]', quantity], 2)
+    for number, (before, after) in enumerate(zip(rows, rows[1:], strict=False), start=2):
+        if not after[0] > before[0]:
+            allowed = f'a CSV file whose times ascend; row {number} has {after[0]!r} s after {before[0]!r} s'
+            raise ParameterError(parameter, path, allowed)
+    return np.array(rows)
+
+
+def at_ticks(recording: NDArray[np.float64], interpolation: str, sample_time: float) -> NDArray[np.float64]:
+    """
+    Return a recording at its first time and every T [s] after it, up to its last time.
+
+    Parameters
+    ----------
+    recording
+        Times [s] and accelerations, shape (n, 2).
+    interpolation
+        ``linear`` between two rows, or ``hold``: that of the last row that is not later.
+    sample_time
+        T [s].
+    """
+    span = float(recording[-1, 0]) - float(recording[0, 0])
+    samples = np.zeros(math.floor(span / sample_time + _SLACK) + 1)
+    _sample(recording, interpolation == 'linear', sample_time, samples)
+    return samples
+
+
+@compiled
+def _sample(recording: NDArray[np.float64], is_linear: bool, sample_time: float, samples: NDArray[np.float64]) -> None:
+    row = 0
+    last = len(recording) - 1
+    for i in range(len(samples)):
+        time = recording[0, 0] + float(i) * sample_time
+        while row < last and recording[row + 1, 0] <= time + _SLACK * sample_time:
+            row += 1
+        samples[i] = recording[row, 1]
+        if is_linear and row < last:
+            part = (time - recording[row, 0]) / (recording[row + 1, 0] - recording[row, 0])
+            samples[i] += max(part, 0.0) * (recording[row + 1, 1] - recording[row, 1])

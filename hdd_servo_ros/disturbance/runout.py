@@ -1,0 +1,163 @@
+"""Repeatable runout: the part of the track centre's motion that is the same in every revolution."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.disturbance.spindle import SpindleParameters
+from hdd_servo_ros.disturbance.streams import RUNOUT_PHASES, RUNOUT_SEQUENCE
+from hdd_servo_ros.disturbance.table import read_table
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.elementary import TWO_PI, exp, sine_cosine_of_turns
+from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
+from hdd_servo_ros.numerics.records import layout
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+SEQUENCES = ('none', 'random', 'file')
+
+RUNOUT = layout('is_enabled', 'turns_per_sample', 'samples_per_revolution')
+
+
+@dataclasses.dataclass(frozen=True)
+class RepeatableRunoutParameters(ParameterSet):
+    """Repeatable runout: harmonics of the spindle's speed, and a sequence with a value per servo sector."""
+
+    enabled: bool = parameter(False, 'whether the track centre has repeatable runout')
+    seed: int = parameter(1, 'seed of the phases and of the random sequence', minimum=0, maximum=2**53)
+    orders: tuple[int, ...] = parameter((1, 2, 3), 'orders of the harmonics: multiples of the speed', minimum=1)
+    amplitudes: tuple[float, ...] = parameter((0.038, 0.0076, 0.0015), 'amplitude of each harmonic', unit='um')
+    phases: tuple[float, ...] = parameter((), 'phase of each harmonic at time 0; empty draws them by seed', unit='turn')
+    sequence: str = parameter(
+        'none', 'the sequence per sector: none, drawn by seed, or read from sequence_file', choices=SEQUENCES
+    )
+    sequence_sigma: float = parameter(
+        0.0037, 'standard deviation of the random sequence over a revolution', unit='um', minimum=0.0
+    )
+    sequence_cutoff: float = parameter(
+        20.0,
+        'order at which the amplitude spectrum of the random sequence, that of a first-order low pass, has fallen to '
+        '1/sqrt(2)',
+        above=0.0,
+    )
+    sequence_file: str = parameter('', 'CSV file with the displacement in each sector [um], a row each', read_only=True)
+
+    def check_together(self) -> None:
+        """Check the lengths of the lists, and that there is a file where one is needed."""
+        count = len(self.orders)
+        if len(self.amplitudes) != count:
+            raise ParameterError('amplitudes', self.amplitudes, f'as many elements as orders, which has {count}')
+        if self.phases and len(self.phases) != count:
+            raise ParameterError('phases', self.phases, f'empty, or as many elements as orders, which has {count}')
+        if self.sequence == 'file' and not self.sequence_file:
+            raise ParameterError('sequence_file', '', 'the path of a CSV file with sequence = file')
+
+
+@dataclasses.dataclass(frozen=True)
+class RunoutParameters(ParameterSet):
+    """Runout of the track centre."""
+
+    repeatable: RepeatableRunoutParameters = group(RepeatableRunoutParameters)
+
+
+def harmonics_of(parameters: RepeatableRunoutParameters) -> NDArray[np.float64]:
+    """Return order, amplitude [um] and phase [turn] of each harmonic, shape (n, 3)."""
+    rows = np.zeros((len(parameters.orders), 3))
+    for i, order in enumerate(parameters.orders):
+        # By the order, so that a harmonic keeps its phase whatever others there are.
+        phase = parameters.phases[i] if parameters.phases else uniform_pair(parameters.seed, RUNOUT_PHASES, order)[0]
+        rows[i] = float(order), parameters.amplitudes[i], phase
+    return rows
+
+
+def sequence_of(
+    parameters: RepeatableRunoutParameters, spindle: SpindleParameters, sample_time: float
+) -> NDArray[np.float64]:
+    """
+    Return the displacement in each sector [um], shape (sectors,); empty if there is no sequence.
+
+    Raises
+    ------
+    ParameterError
+        If T [s] and the spindle are not synchronous, or the file has another number of rows than there are sectors.
+    """
+    if not parameters.enabled or parameters.sequence == 'none':
+        return np.zeros(0)
+    samples = spindle.require_synchronous(sample_time, f'runout.repeatable.sequence = {parameters.sequence}')
+    if parameters.sequence == 'file':
+        name = 'runout.repeatable.sequence_file'
+        rows = read_table(name, parameters.sequence_file, ['displacement [um]'], 1)
+        if len(rows) != samples:
+            allowed = f'a CSV file with a row for each of the {samples} sectors; it has {len(rows)}'
+            raise ParameterError(name, parameters.sequence_file, allowed)
+        return np.array([row[0] for row in rows])
+    sequence = np.zeros(samples)
+    _fill_low_pass_sequence(sequence, parameters.seed, parameters.sequence_cutoff, parameters.sequence_sigma)
+    return sequence
+
+
+@compiled
+def _fill_low_pass_sequence(sequence: NDArray[np.float64], seed: int, cutoff: float, sigma: float) -> None:
+    """
+    Fill a periodic sequence: white noise through a first-order low pass that has run for ever, mean 0, exactly sigma.
+
+    Parameters
+    ----------
+    sequence
+        One period, to be filled.
+    seed
+        Seed of the white noise.
+    cutoff
+        Order at which the low pass has fallen to 1/sqrt(2).
+    sigma
+        Standard deviation over the period.
+    """
+    count = len(sequence)
+    # The low pass 1/(1 - d z^-1) with |H| = |H(1)|/sqrt(2) at the cutoff, of which d is the root below 1.
+    _, cosine = sine_cosine_of_turns(min(cutoff / count, 0.5))
+    half = 2.0 - cosine
+    decay = half - math.sqrt(half * half - 1.0)
+    last = 0.0
+    for i in range(count):
+        last = decay * last + normal_pair(seed, RUNOUT_SEQUENCE, i)[0]
+        sequence[i] = last
+    # After infinitely many periods the value before the first one is that after the last one.
+    power = 1.0
+    for _ in range(count):
+        power *= decay
+    carried = last / (1.0 - power)
+    mean = 0.0
+    for i in range(count):
+        carried *= decay
+        sequence[i] += carried
+        mean += sequence[i]
+    mean /= count
+    variance = 0.0
+    for i in range(count):
+        sequence[i] -= mean
+        variance += sequence[i] * sequence[i]
+    scale = sigma / math.sqrt(variance / count) if variance > 0.0 else 0.0
+    for i in range(count):
+        sequence[i] *= scale
+
+
+@compiled
+def repeatable_runout(
+    c: np.record, harmonics: NDArray[np.float64], sequence: NDArray[np.float64], tick: int
+) -> float:
+    """Return the displacement of the track centre at a tick [um]."""
+    samples = int(c.samples_per_revolution)
+    sector = 0
+    if samples > 0:
+        # Exactly the same in every revolution.
+        sector = tick % samples
+        turns = float(sector) / c.samples_per_revolution
+    else:
+        turns = float(tick) * c.turns_per_sample
+    total = 0.0
+    for i in range(len(harmonics)):
+        total += harmonics[i, 1] * sine_cosine_of_turns(harmonics[i, 0] * turns + harmonics[i, 2])[0]
+    if len(sequence) > 0:
+        total += sequence[sector]
+    return total

@@ -1,0 +1,246 @@
+"""Vibration of the base along or about one axis: random in a band, swept sine, sine, or a recording."""
+
+import dataclasses
+import math
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.disturbance.band import band_power, band_sections, filtered
+from hdd_servo_ros.disturbance.recording import INTERPOLATIONS, at_ticks
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.elementary import exp, log, sine_cosine_of_turns
+from hdd_servo_ros.numerics.noise import normal_pair
+from hdd_servo_ros.numerics.records import layout
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+
+class Kind(IntEnum):
+    """The kinds by the number that compiled code knows them by."""
+
+    RANDOM = 0
+    SWEPT_SINE = 1
+    SINE = 2
+    RECORDING = 3
+
+
+KINDS = tuple(kind.name.lower() for kind in Kind)
+SWEEPS = ('linear', 'logarithmic')
+LEAST_EDGE = 1e-6
+"""Least lower edge of a band, as part of the sampling frequency: a slower filter would have no correct digits left."""
+_EDGE_TOLERANCE = 1e-9
+"""Samples by which start_time may be later than a tick and still be that tick's."""
+_UNIT = 'm/s^2 or rad/s^2'
+
+VIBRATION = layout(
+    'is_enabled',
+    'kind',
+    'seed',
+    'stream',
+    'time_step',
+    'start_tick',
+    'start_time',
+    'random_scale',
+    'amplitude',
+    'frequency',
+    'phase',
+    'start_frequency',
+    'end_frequency',
+    'sweep_time',
+    'sweep_rate',
+    'sweep_turns',
+    'is_logarithmic',
+    'is_sweep_repeated',
+    'is_recording_repeated',
+    'recording_scale',
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class VibrationParameters(ParameterSet):
+    """Vibration of the base: linear along the head's motion [m/s^2], or rotational about the pivot axis [rad/s^2]."""
+
+    enabled: bool = parameter(False, 'whether the base vibrates this way')
+    kind: str = parameter('random', 'what the acceleration is', choices=KINDS)
+    seed: int = parameter(1, 'seed of random vibration', minimum=0, maximum=2**53)
+    start_time: float = parameter(0.0, 'time before which there is none', unit='s', minimum=0.0)
+    rms: float = parameter(1.0, 'root mean square of random vibration', unit=_UNIT, minimum=0.0)
+    low: float = parameter(
+        10.0, 'lower edge of the band of random vibration, where the power is halved; 0 for none', unit='Hz', minimum=0.0
+    )
+    high: float = parameter(
+        500.0, 'upper edge of the band, where the power is halved; below half the sampling frequency', unit='Hz', above=0.0
+    )
+    low_order: int = parameter(8, 'order of the Butterworth high pass at the lower edge', minimum=1, maximum=32)
+    high_order: int = parameter(16, 'order of the Butterworth low pass at the upper edge', minimum=1, maximum=32)
+    amplitude: float = parameter(1.0, 'amplitude of sine and swept sine', unit=_UNIT)
+    frequency: float = parameter(100.0, 'frequency of the sine', unit='Hz', minimum=0.0)
+    phase: float = parameter(0.0, 'phase of sine and swept sine at start_time', unit='turn')
+    start_frequency: float = parameter(5.0, 'frequency with which the swept sine begins', unit='Hz', above=0.0)
+    end_frequency: float = parameter(500.0, 'frequency with which it ends', unit='Hz', above=0.0)
+    sweep_time: float = parameter(10.0, 'duration of a sweep', unit='s', above=0.0)
+    sweep: str = parameter('logarithmic', 'how the frequency of the swept sine changes with time', choices=SWEEPS)
+    sweep_repeated: bool = parameter(
+        True, 'whether a sweep begins again after its end, without a jump in phase; else it stays at its last frequency'
+    )
+    recording: str = parameter(
+        '', 'CSV file of a recording: time [s] and acceleration, whose first row is put at start_time', read_only=True
+    )
+    recording_scale: float = parameter(1.0, 'factor of the recorded acceleration')
+    recording_interpolation: str = parameter(
+        'linear', 'acceleration between two rows of the recording: linear, or that of the row before', choices=INTERPOLATIONS
+    )
+    recording_repeated: bool = parameter(False, 'whether the recording begins again after its end; else none follows')
+
+    def check_together(self) -> None:
+        """Refuse a band upside down, and a recording without a file."""
+        if not self.low < self.high:
+            raise ParameterError('low', self.low, f'below high = {self.high!r} Hz [Hz]')
+        if self.kind == 'recording' and not self.recording:
+            raise ParameterError('recording', '', 'the path of a CSV file with kind = recording')
+
+    @property
+    def band(self) -> tuple[float, float, int, int]:
+        """Edges [Hz] and orders of the band: low, high, order at low, order at high."""
+        return self.low, self.high, self.low_order, self.high_order
+
+    @property
+    def structure(self) -> tuple[int, int]:
+        """What the number of the filter's states follows from."""
+        return self.low_order if self.low > 0.0 else 0, self.high_order
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the filter runs."""
+        return self.enabled and self.kind == 'random'
+
+    def check_rate(self, name: str, sample_time: float) -> None:
+        """
+        Check what depends on T.
+
+        Parameters
+        ----------
+        name
+            Name of the group of parameters.
+        sample_time
+            T [s].
+
+        Raises
+        ------
+        ParameterError
+            If a frequency in use reaches half the sampling frequency, or a band begins too low for it.
+        """
+        used = {'random': ('high',), 'sine': ('frequency',), 'swept_sine': ('start_frequency', 'end_frequency')}
+        for own in used.get(self.kind, ()) if self.enabled else ():
+            frequency = getattr(self, own)
+            if not 2.0 * frequency * sample_time < 1.0:
+                allowed = f'below half the sampling frequency, {0.5 / sample_time:g} Hz'
+                raise ParameterError(f'{name}.{own}', frequency, allowed)
+        if self.is_random and 0.0 < self.low * sample_time < LEAST_EDGE:
+            allowed = f'0, or at least {LEAST_EDGE / sample_time:g} Hz at the sampling frequency {1.0 / sample_time:g} Hz'
+            raise ParameterError(f'{name}.low', self.low, allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class BaseVibrationParameters(ParameterSet):
+    """Vibration of the base, rotational and linear."""
+
+    rotational: VibrationParameters = group(VibrationParameters)
+    linear: VibrationParameters = group(VibrationParameters)
+
+
+def fill_vibration(c: np.record, parameters: VibrationParameters, stream: int, sample_time: float) -> None:
+    """Fill the constants of :func:`vibration_step` at T [s]; ``stream`` is that of the noise."""
+    c.is_enabled = float(parameters.enabled)
+    c.kind = KINDS.index(parameters.kind)
+    c.seed = parameters.seed
+    c.stream = stream
+    c.time_step = sample_time
+    c.start_tick = math.ceil(parameters.start_time / sample_time - _EDGE_TOLERANCE)
+    c.start_time = parameters.start_time
+    c.random_scale = parameters.rms / math.sqrt(band_power(*parameters.band, sample_time)) if parameters.is_random else 0.0
+    c.amplitude = parameters.amplitude
+    c.frequency = parameters.frequency
+    c.phase = parameters.phase
+    first, last, duration = parameters.start_frequency, parameters.end_frequency, parameters.sweep_time
+    c.start_frequency, c.end_frequency, c.sweep_time = first, last, duration
+    # Only with a rate has a logarithmic sweep another phase than a linear one.
+    c.is_logarithmic = float(parameters.sweep == 'logarithmic' and first != last)
+    if c.is_logarithmic:
+        c.sweep_rate = log(last / first) / duration
+        c.sweep_turns = (last - first) / c.sweep_rate
+    else:
+        c.sweep_rate = (last - first) / duration
+        c.sweep_turns = 0.5 * (first + last) * duration
+    c.is_sweep_repeated = float(parameters.sweep_repeated)
+    c.is_recording_repeated = float(parameters.recording_repeated)
+    c.recording_scale = parameters.recording_scale
+
+
+def sections_of(parameters: VibrationParameters, sample_time: float) -> NDArray[np.float64]:
+    """Return the sections of the band at T [s]; none if the vibration is not random."""
+    return band_sections(*parameters.band, sample_time) if parameters.is_random else np.zeros((0, 5))
+
+
+def samples_of(
+    parameters: VibrationParameters, recording: NDArray[np.float64] | None, sample_time: float
+) -> NDArray[np.float64]:
+    """Return the recording at the ticks from start_time on at T [s]; none if the vibration is not a recording."""
+    if recording is None or not parameters.enabled or parameters.kind != 'recording':
+        return np.zeros(0)
+    return at_ticks(recording, parameters.recording_interpolation, sample_time)
+
+
+@compiled
+def _swept_turns(c: np.record, t: float) -> float:
+    """Return the phase of the swept sine ``t`` s after its start [turn]."""
+    duration = c.sweep_time
+    turns = 0.0
+    if c.is_sweep_repeated != 0.0:
+        sweeps = np.floor(t / duration)
+        turns = sweeps * c.sweep_turns
+        t -= sweeps * duration
+    elif t > duration:
+        turns = c.end_frequency * (t - duration)
+        t = duration
+    if c.is_logarithmic != 0.0:
+        return turns + c.start_frequency * (exp(c.sweep_rate * t) - 1.0) / c.sweep_rate
+    return turns + (c.start_frequency + 0.5 * c.sweep_rate * t) * t
+
+
+@compiled
+def vibration_step(
+    c: np.record,
+    sections: NDArray[np.float64],
+    states: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    tick: int,
+) -> float:
+    """
+    Return the acceleration at a tick [m/s^2 or rad/s^2]; advances the filter of random vibration.
+
+    Parameters
+    ----------
+    c
+        Constants, of the layout :data:`VIBRATION`.
+    sections, states
+        The filter of the band, and its states.
+    samples
+        The recording, a value per tick.
+    tick
+        The tick.
+    """
+    since = tick - int(c.start_tick)
+    if since < 0:
+        return 0.0
+    kind = int(c.kind)
+    if kind == Kind.RANDOM:
+        return c.random_scale * filtered(sections, states, normal_pair(np.int64(c.seed), np.int64(c.stream), tick)[0])
+    if kind == Kind.RECORDING:
+        if c.is_recording_repeated != 0.0:
+            since %= len(samples)
+        return c.recording_scale * samples[since] if since < len(samples) else 0.0
+    t = float(tick) * c.time_step - c.start_time
+    turns = c.frequency * t if kind == Kind.SINE else _swept_turns(c, t)
+    return c.amplitude * sine_cosine_of_turns(turns + c.phase)[0]

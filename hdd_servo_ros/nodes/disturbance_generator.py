@@ -1,0 +1,88 @@
+"""`disturbance_generator`: runout, flutter, force noise, vibration and shock of a drive in use."""
+
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+
+from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
+from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
+from hdd_servo_ros.messages.cdr import AccelerationCodec, VectorCodec
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.main import run_node
+from hdd_servo_ros.parameters import ParameterError, ParameterSet
+from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
+from hdd_servo_ros.ros.run_plan import RunPlan
+
+_DEFAULT_SAMPLE_TIME = 1e-4
+
+
+class DisturbanceGeneratorNode(CatalogueNode):
+    """Publishes `/disturbance` and `/base_acceleration` for every tick of `/clock`."""
+
+    def __init__(self) -> None:
+        super().__init__('disturbance_generator')
+        self._vectors = VectorCodec('')
+        self._accelerations = AccelerationCodec('')
+        # Compiles. Whether the given parameters go with T is decided when the run's T is known.
+        self._generator = DisturbanceGenerator(DisturbanceParameters(), _DEFAULT_SAMPLE_TIME)
+        self._generator.step(0)
+        self._sample_time = 0.0
+        self._largest_force = self._largest_displacement = 0.0
+
+    def prepare(self, run: RunPlan) -> None:
+        self._vectors = VectorCodec(run.frame_id)
+        self._accelerations = AccelerationCodec(run.frame_id)
+        try:
+            self._generator = DisturbanceGenerator(self.parameters[DisturbanceParameters], run.sample_time)
+        except ParameterError as error:
+            raise RunError(f'{self.get_name()}: {error}') from None
+        self._sample_time = run.sample_time
+        for step in self.plan(run.changes):
+            try:
+                self._check(step.sets)
+            except ParameterError as error:
+                raise RunError(str(ParameterError('schedule', step.entry, str(error)))) from None
+        self.parameters.check_further(self._check)
+
+    def _check(self, sets: Mapping[type[ParameterSet], ParameterSet]) -> None:
+        """Refuse parameters that do not go with T, by ParameterError."""
+        parameters = sets[DisturbanceParameters]
+        assert isinstance(parameters, DisturbanceParameters)
+        DisturbanceGenerator(parameters, self._sample_time)
+
+    def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
+        force, track_centre, linear, angular = self._generator.step(tick)
+        self._largest_force = max(self._largest_force, abs(force))
+        self._largest_displacement = max(self._largest_displacement, abs(track_centre))
+        self.publish_vector(0, tick, self._vectors.pack(stamp, force, track_centre, 0.0), force, track_centre, 0.0)
+        if not math.isfinite(sum(linear) + sum(angular)):
+            raise NotFiniteError(self.loop_publishers[1].topic_name, tick, (*linear, *angular), self.get_name())
+        self.publish_bytes(1, self._accelerations.pack(stamp, linear, angular))
+
+    def update(self) -> None:
+        # Before the run there is only a trial block, at another T.
+        if self._sample_time:
+            self._generator.update(self.parameters[DisturbanceParameters])
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        parameters: DisturbanceParameters = self.parameters[DisturbanceParameters]
+        enabled = parameters.enabled_sources
+        values = {
+            'largest force since the last report [V]': self._largest_force,
+            'largest displacement of the track centre since the last report [um]': self._largest_displacement,
+        }
+        self._largest_force = self._largest_displacement = 0.0
+        if enabled:
+            yield Diagnosis('sources', OK, f'enabled: {", ".join(enabled)}', values)
+        else:
+            yield Diagnosis('sources', WARN, 'no source is enabled', values)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node('disturbance_generator', DisturbanceGeneratorNode, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
