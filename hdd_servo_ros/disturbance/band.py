@@ -5,8 +5,8 @@ The bilinear transform with prewarped edges gives, with W = tan(pi f T),
 
     |H(f)|^2 = 1/(1 + (W/W_high)^(2 n)) * 1/(1 + (W_low/W)^(2 m)),
 
-with the orders n of the low pass and m of the high pass. All numbers are from our own elementary functions, so that they
-are the same on every machine.
+with the orders n of the low pass and m of the high pass. All numbers are from our own elementary functions, so that
+they are the same on every machine.
 """
 
 import math
@@ -34,9 +34,7 @@ def warped(frequency: float, sample_time: float) -> float:
     return sine / cosine
 
 
-def band_sections(
-    low: float, high: float, low_order: int, high_order: int, sample_time: float
-) -> NDArray[np.float64]:
+def band_sections(low: float, high: float, low_order: int, high_order: int, sample_time: float) -> NDArray[np.float64]:
     """
     Return the sections of a band, high pass first, shape (n, 5): a row of the layout :data:`SECTION` each.
 
@@ -149,4 +147,3 @@ def stationary_band(sections: NDArray[np.float64], seed: int, stream: int, ticks
     states = np.zeros((len(sections), 2))
     run_in(sections, states, seed, stream, ticks)
     return states
-

@@ -18,7 +18,10 @@ class CouplingParameters(ParameterSet):
     """From the acceleration of the base to a force against u, referred to the control."""
 
     arm_radius: float = parameter(
-        50.8e3, 'distance R of the head from the pivot: a rotation of the base moves the track by R', unit='um', above=0.0
+        50.8e3,
+        'distance R of the head from the pivot: a rotation of the base moves the track by R',
+        unit='um',
+        above=0.0,
     )
     imbalance: float = parameter(
         0.01,
@@ -45,6 +48,7 @@ def fill_coupling(c: np.record, parameters: CouplingParameters) -> None:
 @compiled
 def coupled_force(c: np.record, linear: float, angular: float) -> float:
     """Return the force against u [V] of a linear [m/s^2] and an angular acceleration [rad/s^2] of the base."""
-    force = c.rotational * angular + c.linear * linear
-    relative = force / c.cubic_scale
-    return force * (1.0 + c.cubic * relative * relative)
+    force: float = c.rotational * angular + c.linear * linear
+    relative: float = force / c.cubic_scale
+    hardening: float = c.cubic * relative * relative
+    return force * (1.0 + hardening)

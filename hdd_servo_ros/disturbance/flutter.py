@@ -6,9 +6,9 @@ A mode with frequency w/(2 pi), damping ratio z and standard deviation sigma is
     y'' + 2 z w y' + w^2 y = 2 sigma sqrt(z w^3) xi
 
 with white noise xi of unit two-sided density, that is white noise through A 2 z w^2/(s^2 + 2 z w s + w^2). In
-stationary operation y and y'/w are uncorrelated and both have the standard deviation sigma, so that with the transition
-Phi over T the noise of a sample has the covariance sigma^2 (I - Phi Phi'): the sampled mode has exactly the variance and
-the autocovariance of the continuous one.
+stationary operation y and y'/w are uncorrelated and both have the standard deviation sigma. With the transition Phi
+over T the noise of a sample therefore has the covariance sigma^2 (I - Phi Phi'), and the sampled mode has exactly the
+variance and the autocovariance of the continuous one.
 """
 
 import dataclasses
@@ -32,7 +32,11 @@ MODE = layout('a11', 'a12', 'a21', 'a22', 'own_noise', 'shared_noise', 'rate_noi
 
 @dataclasses.dataclass(frozen=True)
 class FlutterParameters(ParameterSet):
-    """Non-repeatable motion of the track centre; the default modes are those of the NSS benchmark 3.1, at 254 nm pitch."""
+    """
+    Non-repeatable motion of the track centre.
+
+    The default modes are those of the NSS benchmark 3.1 (github.com/macs-lab/NSS-HDD-Benchmark) at its pitch of 254 nm.
+    """
 
     enabled: bool = parameter(False, 'whether the track centre has non-repeatable motion')
     seed: int = parameter(1, 'seed of the white noise', minimum=0, maximum=2**53)
@@ -107,9 +111,7 @@ def flutter_step(c: np.record, modes: NDArray[np.float64], states: NDArray[np.fl
         if tick > 0:
             first, second = normal_pair(seed, FLUTTER + i, tick)
             position, rate = states[i, 0], states[i, 1]
-            states[i, 0] = (
-                mode.a11 * position + mode.a12 * rate + mode.own_noise * first + mode.shared_noise * second
-            )
+            states[i, 0] = mode.a11 * position + mode.a12 * rate + mode.own_noise * first + mode.shared_noise * second
             states[i, 1] = mode.a21 * position + mode.a22 * rate + mode.rate_noise * second
         total += mode.sigma * states[i, 0]
     return total

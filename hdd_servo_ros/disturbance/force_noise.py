@@ -39,4 +39,5 @@ class ForceNoiseParameters(ParameterSet):
 @compiled
 def force_noise(c: np.record, tick: int) -> float:
     """Return the noise of a tick [V]."""
-    return c.sigma * normal_pair(np.int64(c.seed), FORCE_NOISE, tick)[0]
+    sigma: float = c.sigma
+    return sigma * normal_pair(np.int64(c.seed), FORCE_NOISE, tick)[0]

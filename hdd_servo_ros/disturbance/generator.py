@@ -114,7 +114,7 @@ class DisturbanceGenerator:
         c.force_noise.sigma = parameters.force_noise.sigma_at(sample_time)
         shock = parameters.shock
         c.shock.is_enabled = float(shock.enabled)
-        c.shock.shape = SHAPES.index(shock.shape)
+        c.shock.pulse = SHAPES.index(shock.shape)
         c.shock.time_step = sample_time
         c.shock.time, c.shock.duration, c.shock.period = shock.time, shock.duration, shock.period
         c.shock.linear = shock.linear_amplitude * STANDARD_GRAVITY

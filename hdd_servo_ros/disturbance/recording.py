@@ -1,5 +1,6 @@
 """A recorded acceleration from a CSV file, at the ticks of a run."""
 
+import itertools
 import math
 
 import numpy as np
@@ -34,7 +35,7 @@ def read_recording(parameter: str, path: str, quantity: str) -> NDArray[np.float
         If the file cannot be read, has fewer than two rows, a number that is not finite, or times that do not ascend.
     """
     rows = read_table(parameter, path, ['time [s]', quantity], 2)
-    for number, (before, after) in enumerate(zip(rows, rows[1:], strict=False), start=2):
+    for number, (before, after) in enumerate(itertools.pairwise(rows), start=2):
         if not after[0] > before[0]:
             allowed = f'a CSV file whose times ascend; row {number} has {after[0]!r} s after {before[0]!r} s'
             raise ParameterError(parameter, path, allowed)

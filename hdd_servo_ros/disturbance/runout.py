@@ -10,7 +10,7 @@ from hdd_servo_ros.disturbance.spindle import SpindleParameters
 from hdd_servo_ros.disturbance.streams import RUNOUT_PHASES, RUNOUT_SEQUENCE
 from hdd_servo_ros.disturbance.table import read_table
 from hdd_servo_ros.numerics.compiled import compiled
-from hdd_servo_ros.numerics.elementary import TWO_PI, exp, sine_cosine_of_turns
+from hdd_servo_ros.numerics.elementary import sine_cosine_of_turns
 from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
 from hdd_servo_ros.numerics.records import layout
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
@@ -143,9 +143,7 @@ def _fill_low_pass_sequence(sequence: NDArray[np.float64], seed: int, cutoff: fl
 
 
 @compiled
-def repeatable_runout(
-    c: np.record, harmonics: NDArray[np.float64], sequence: NDArray[np.float64], tick: int
-) -> float:
+def repeatable_runout(c: np.record, harmonics: NDArray[np.float64], sequence: NDArray[np.float64], tick: int) -> float:
     """Return the displacement of the track centre at a tick [um]."""
     samples = int(c.samples_per_revolution)
     sector = 0

@@ -31,7 +31,7 @@ class Shape(IntEnum):
 
 SHAPES = tuple(shape.name.lower() for shape in Shape)
 
-SHOCK = layout('is_enabled', 'shape', 'time_step', 'time', 'duration', 'period', 'linear', 'rotational')
+SHOCK = layout('is_enabled', 'pulse', 'time_step', 'time', 'duration', 'period', 'linear', 'rotational')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,21 +79,19 @@ def _impulse(shape: int, t: float, duration: float) -> float:
 @compiled
 def shock_mean(c: np.record, tick: int) -> float:
     """Return the mean over the sample after a tick of pulses of height 1."""
-    shape = int(c.shape)
-    duration, period = c.duration, c.period
-    begin = float(tick) * c.time_step - c.time
-    end = float(tick + 1) * c.time_step - c.time
-    if end <= 0.0:
+    shape = int(c.pulse)
+    duration, period, time_step = float(c.duration), float(c.period), float(c.time_step)
+    begin = float(tick) * time_step - c.time
+    end = float(tick + 1) * time_step - c.time
+    if end <= 0.0 or (period <= 0.0 and begin >= duration):
         return 0.0
-    if period <= 0.0:
-        if begin >= duration:
-            return 0.0
-        return (_impulse(shape, end, duration) - _impulse(shape, begin, duration)) / c.time_step
-    first = np.floor(max(begin, 0.0) / period)
-    # By the number of the last pulse that has begun, since a sample may be longer than a period.
-    count = int(np.floor(end / period) - first) + 1
+    first, count = 0.0, 1
+    if period > 0.0:
+        # Up to the last pulse that has begun, since a sample may be longer than a period.
+        first = np.floor(max(begin, 0.0) / period)
+        count = int(np.floor(end / period) - first) + 1
     total = 0.0
     for i in range(count):
         start = (first + float(i)) * period
         total += _impulse(shape, end - start, duration) - _impulse(shape, begin - start, duration)
-    return total / c.time_step
+    return total / time_step

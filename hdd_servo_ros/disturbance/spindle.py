@@ -59,8 +59,8 @@ class SpindleParameters(ParameterSet):
             sectors = self.sectors or round(60.0 / (self.revolutions_per_minute * sample_time)) or 1
             needed = round(60e9 / (self.revolutions_per_minute * sectors)) / 1e9
             allowed = (
-                f'{what} needs a whole number of samples per revolution, such as sectors = {sectors} with sample_time = '
-                f'{needed!r} s at {self.revolutions_per_minute:g} 1/min; sample_time is {sample_time!r} s'
+                f'{what} needs a whole number of samples per revolution, such as sectors = {sectors} with '
+                f'sample_time = {needed!r} s at {self.revolutions_per_minute:g} 1/min; sample_time is {sample_time!r} s'
             )
             raise ParameterError('spindle.sectors', self.sectors, allowed)
         return samples

@@ -67,10 +67,16 @@ class VibrationParameters(ParameterSet):
     start_time: float = parameter(0.0, 'time before which there is none', unit='s', minimum=0.0)
     rms: float = parameter(1.0, 'root mean square of random vibration', unit=_UNIT, minimum=0.0)
     low: float = parameter(
-        10.0, 'lower edge of the band of random vibration, where the power is halved; 0 for none', unit='Hz', minimum=0.0
+        10.0,
+        'lower edge of the band of random vibration, where the power is halved; 0 for none',
+        unit='Hz',
+        minimum=0.0,
     )
     high: float = parameter(
-        500.0, 'upper edge of the band, where the power is halved; below half the sampling frequency', unit='Hz', above=0.0
+        500.0,
+        'upper edge of the band, where the power is halved; below half the sampling frequency',
+        unit='Hz',
+        above=0.0,
     )
     low_order: int = parameter(8, 'order of the Butterworth high pass at the lower edge', minimum=1, maximum=32)
     high_order: int = parameter(16, 'order of the Butterworth low pass at the upper edge', minimum=1, maximum=32)
@@ -89,7 +95,9 @@ class VibrationParameters(ParameterSet):
     )
     recording_scale: float = parameter(1.0, 'factor of the recorded acceleration')
     recording_interpolation: str = parameter(
-        'linear', 'acceleration between two rows of the recording: linear, or that of the row before', choices=INTERPOLATIONS
+        'linear',
+        'acceleration between two rows of the recording: linear, or that of the row before',
+        choices=INTERPOLATIONS,
     )
     recording_repeated: bool = parameter(False, 'whether the recording begins again after its end; else none follows')
 
@@ -138,7 +146,9 @@ class VibrationParameters(ParameterSet):
                 allowed = f'below half the sampling frequency, {0.5 / sample_time:g} Hz'
                 raise ParameterError(f'{name}.{own}', frequency, allowed)
         if self.is_random and 0.0 < self.low * sample_time < LEAST_EDGE:
-            allowed = f'0, or at least {LEAST_EDGE / sample_time:g} Hz at the sampling frequency {1.0 / sample_time:g} Hz'
+            allowed = (
+                f'0, or at least {LEAST_EDGE / sample_time:g} Hz at the sampling frequency {1.0 / sample_time:g} Hz'
+            )
             raise ParameterError(f'{name}.low', self.low, allowed)
 
 
@@ -159,7 +169,8 @@ def fill_vibration(c: np.record, parameters: VibrationParameters, stream: int, s
     c.time_step = sample_time
     c.start_tick = math.ceil(parameters.start_time / sample_time - _EDGE_TOLERANCE)
     c.start_time = parameters.start_time
-    c.random_scale = parameters.rms / math.sqrt(band_power(*parameters.band, sample_time)) if parameters.is_random else 0.0
+    if parameters.is_random:
+        c.random_scale = parameters.rms / math.sqrt(band_power(*parameters.band, sample_time))
     c.amplitude = parameters.amplitude
     c.frequency = parameters.frequency
     c.phase = parameters.phase
@@ -196,7 +207,7 @@ def samples_of(
 def _swept_turns(c: np.record, t: float) -> float:
     """Return the phase of the swept sine ``t`` s after its start [turn]."""
     duration = c.sweep_time
-    turns = 0.0
+    turns: float = 0.0
     if c.is_sweep_repeated != 0.0:
         sweeps = np.floor(t / duration)
         turns = sweeps * c.sweep_turns
@@ -205,8 +216,10 @@ def _swept_turns(c: np.record, t: float) -> float:
         turns = c.end_frequency * (t - duration)
         t = duration
     if c.is_logarithmic != 0.0:
-        return turns + c.start_frequency * (exp(c.sweep_rate * t) - 1.0) / c.sweep_rate
-    return turns + (c.start_frequency + 0.5 * c.sweep_rate * t) * t
+        turns += c.start_frequency * (exp(c.sweep_rate * t) - 1.0) / c.sweep_rate
+    else:
+        turns += (c.start_frequency + 0.5 * c.sweep_rate * t) * t
+    return turns
 
 
 @compiled
@@ -235,12 +248,17 @@ def vibration_step(
     if since < 0:
         return 0.0
     kind = int(c.kind)
+    scale: float = c.amplitude
     if kind == Kind.RANDOM:
-        return c.random_scale * filtered(sections, states, normal_pair(np.int64(c.seed), np.int64(c.stream), tick)[0])
-    if kind == Kind.RECORDING:
+        scale = c.random_scale
+        value = filtered(sections, states, normal_pair(np.int64(c.seed), np.int64(c.stream), tick)[0])
+    elif kind == Kind.RECORDING:
+        scale = c.recording_scale
         if c.is_recording_repeated != 0.0:
             since %= len(samples)
-        return c.recording_scale * samples[since] if since < len(samples) else 0.0
-    t = float(tick) * c.time_step - c.start_time
-    turns = c.frequency * t if kind == Kind.SINE else _swept_turns(c, t)
-    return c.amplitude * sine_cosine_of_turns(turns + c.phase)[0]
+        value = samples[since] if since < len(samples) else 0.0
+    else:
+        t = float(tick) * c.time_step - c.start_time
+        turns = c.frequency * t if kind == Kind.SINE else _swept_turns(c, t)
+        value = sine_cosine_of_turns(turns + c.phase)[0]
+    return scale * value

@@ -143,7 +143,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'disturbance_generator',
-        'Runout, flutter, windage, vibration and shock of a drive in use: publishes /disturbance and /base_acceleration.',
+        'What acts on a drive in use, from runout to shock: publishes /disturbance and /base_acceleration.',
         (*_EVERY_NODE, 'disturbance.parameters:DisturbanceParameters'),
         node='nodes.disturbance_generator:DisturbanceGeneratorNode',
         block='disturbance.generator:DisturbanceGenerator',

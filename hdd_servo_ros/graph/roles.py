@@ -37,7 +37,7 @@ def roles_of_run(controller: str, arguments: RosArguments) -> dict[str, str]:
         roles[DISTURBANCE_SOURCE] = PLAYBACK
     if arguments.names(DISTURBANCE_GENERATOR):
         if recorded_run:
-            allowed = f'empty where parameters of {DISTURBANCE_GENERATOR} are given: one node is the {DISTURBANCE_SOURCE}'
+            allowed = f'empty with parameters of {DISTURBANCE_GENERATOR}: a run has one {DISTURBANCE_SOURCE}'
             raise ParameterError(f'{PLAYBACK}:{RECORDED_RUN}', recorded_run, allowed)
         roles[DISTURBANCE_SOURCE] = DISTURBANCE_GENERATOR
     has_feedforward = arguments.parameters_of(controller).get(_FEEDFORWARD, _NO_FEEDFORWARD) != _NO_FEEDFORWARD

@@ -87,7 +87,7 @@ class AccelerationCodec:
         self._layout = struct.Struct(f'<4s8s{len(self._prefix)}s6d')
 
     def pack(self, stamp: bytes, linear: Sequence[float], angular: Sequence[float]) -> bytes:
-        """Return the message at ``stamp`` (eight bytes) with a linear and an angular acceleration, three numbers each."""
+        """Return the message at ``stamp`` (eight bytes) with a linear and an angular acceleration, (x, y, z) each."""
         return self._layout.pack(HEADER, stamp, self._prefix, *linear, *angular)
 
 

@@ -30,9 +30,10 @@ Array = NDArray[np.float64]
 
 class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
     """
-    The rows of a topic, shape (n, 3) for a vector or (n, 6) for accelerations, whose fields are attributes too: ``control.before_saturation``.
+    The rows of a topic, shape (n, 3) for a vector, whose fields are attributes too: ``control.before_saturation``.
 
-    Each attribute is a column, shape (n,); the topic's declaration names them, see ``docs/topics.md``.
+    Accelerations have the shape (n, 6). Each attribute is a column, shape (n,); the topic's declaration names them, see
+    ``docs/topics.md``.
     """
 
     fields: tuple[str, ...]
@@ -129,7 +130,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def disturbance(self) -> SignalArray:
-        """Force against u [V], displacement of the track centre [um], 0; shape (n, 3); only in a run with a disturbance."""
+        """Force against u [V], displacement of the track centre [um], 0; shape (n, 3); in a run with a disturbance."""
         return self._rows(DISTURBANCE)
 
     @functools.cached_property

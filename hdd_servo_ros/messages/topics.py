@@ -111,7 +111,7 @@ _BASE_AXES = (
     ('y', "across the arm, along the head's motion: the one that acts"),
     ('z', 'along the pivot axis'),
 )
-_BASE_ROTATIONS = (('x', 'about x'), ('y', 'about y'), ('z', 'about the pivot axis: the one that acts'))
+_BASE_TURNS = (('x', 'about x'), ('y', 'about y'), ('z', 'about the pivot axis: the one that acts'))
 
 CLOCK = LoopTopic(
     'clock',
@@ -188,7 +188,7 @@ BASE_ACCELERATION = LoopTopic(
     ACCELERATIONS,
     (
         *(Field(f'linear_{axis}', 'm/s^2', f'linear acceleration {along}', False) for axis, along in _BASE_AXES),
-        *(Field(f'angular_{axis}', 'rad/s^2', f'angular acceleration {about}', False) for axis, about in _BASE_ROTATIONS),
+        *(Field(f'angular_{axis}', 'rad/s^2', f'angular acceleration {about}', False) for axis, about in _BASE_TURNS),
     ),
     DISTURBANCE_SOURCE,
     (Reader(BASE_SENSOR),),

@@ -73,9 +73,7 @@ class RosArguments:
     def names(self, node: str) -> bool:
         """Return whether a node is named: by a section of its own in a file or by ``-p``, not by a wildcard for all."""
         full_name = f'{self.namespace.rstrip("/")}/{node}'
-        return any(
-            pattern.rsplit('/', 1)[-1] == node and _matches(pattern, full_name) for pattern, _ in self.overrides
-        )
+        return any(pattern.rsplit('/', 1)[-1] == node and _matches(pattern, full_name) for pattern, _ in self.overrides)
 
     def is_for_all(self, name: str) -> bool:
         """Return whether a parameter was given for all nodes and for none by its name."""

@@ -12,7 +12,6 @@ from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import DescriptionError
 
-
 PLAYED_TOPICS = tuple(topic for topic in OPTIONAL_TOPICS if topic.writer == DISTURBANCE_SOURCE)
 """The topics that may be played back: those of a disturbance source, which do not depend on the loop."""
 

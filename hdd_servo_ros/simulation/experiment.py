@@ -51,12 +51,11 @@ class Experiment:
         latter two are called from Python, tick by tick.
     parameters
         For each node with a block, its parameters under dotted names; what is not named keeps its default.
-        Sections of other nodes are passed over. With a section of ``disturbance_generator`` the drive is disturbed by it.
+        Sections of other nodes are passed over. A section of ``disturbance_generator`` adds that source.
     dsp
         What lies between a controller that is given as an object and the drive; a named one has it in its section.
     disturbance
-        What disturbs the drive from outside; None for nothing but the ``disturbance_generator`` of ``parameters``, if it
-        has a section there.
+        What disturbs the drive from outside; None for the ``disturbance_generator`` if it has a section, else nothing.
 
     Raises
     ------
@@ -128,7 +127,7 @@ class Experiment:
         return generator
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
-        """Refuse parameters of a node that do not go with T, by :class:`ParameterError`; what depends on no T is checked."""
+        """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
         if node == DISTURBANCE_GENERATOR and node in self._blocks:
             DisturbanceGenerator(sets[NODES[node].block_parameters], self.sample_time)
 

@@ -80,7 +80,9 @@ class Simulation:
             for name, kinds in sets.items()
         }
         self._namespace = arguments.namespace.rstrip('/')
-        self.topics = [(topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *self._optional_topics(names))]
+        self.topics = [
+            (topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *self._optional_topics(names))
+        ]
         by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')

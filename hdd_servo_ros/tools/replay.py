@@ -65,9 +65,7 @@ class Recording:
             if not node['outputs'] or not optional.issuperset(node['outputs']) or _runs_again(name)
         }
         """The nodes that run again; others that publish optional topics alone are played back."""
-        lost = [
-            name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)
-        ]
+        lost = [name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)]
         if lost:
             raise ReplayError(
                 f'{run}: {", ".join(lost)} was left out by parameter topics of bag_recorder, so it cannot be replayed'
