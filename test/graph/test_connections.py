@@ -4,18 +4,21 @@ import pytest
 
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES
 from hdd_servo_ros.graph.connections import TOPICS, inputs_of, optional_inputs_of, outputs_of
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROLLER, DISTURBANCE_SOURCE, RECORDER
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, BASE_SENSOR, CONTROLLER, DISTURBANCE_SOURCE, RECORDER
 
 EXPECTED = {
     'deterministic_timer': ([('control', 1)], [('recorded', 0)], ['clock']),
     'reference_generator': ([('clock', 0)], [], ['reference']),
-    'playback': ([('clock', 0)], [], ['disturbance']),
+    'playback': ([('clock', 0)], [], ['disturbance', 'base_acceleration']),
+    'disturbance_generator': ([('clock', 0)], [], ['disturbance', 'base_acceleration']),
     'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1)], ['head']),
     'ldv_sensor': ([('head', 0)], [], ['ldv']),
-    **dict.fromkeys(CONTROLLERS.values(), ([('reference', 0), ('ldv', 0)], [], ['control', 'estimates'])),
+    **dict.fromkeys(
+        CONTROLLERS.values(), ([('reference', 0), ('ldv', 0)], [('accelerometer', 0)], ['control', 'estimates'])
+    ),
     'bag_recorder': (
         [('clock', 0), ('reference', 0), ('head', 0), ('ldv', 0), ('control', 0), ('estimates', 0)],
-        [('disturbance', 0)],
+        [('disturbance', 0), ('base_acceleration', 0), ('accelerometer', 0)],
         ['recorded'],
     ),
 }
@@ -35,11 +38,11 @@ def test_an_unknown_node_is_refused():
 
 
 def test_every_writer_and_reader_is_a_node_or_a_role():
-    known = {*NODES, CONTROLLER, DISTURBANCE_SOURCE}
+    known = {*NODES, CONTROLLER, DISTURBANCE_SOURCE, BASE_SENSOR}
     for topic in TOPICS:
         assert topic.writer in known
         assert {reader.node for reader in topic.readers} <= known
-    assert {row.role for row in NODES.values()} <= {'', CONTROLLER, DISTURBANCE_SOURCE}
+    assert {row.role for row in NODES.values()} <= {'', CONTROLLER, DISTURBANCE_SOURCE, BASE_SENSOR}
 
 
 def test_every_topic_of_the_loop_is_recorded():

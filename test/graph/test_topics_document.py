@@ -21,7 +21,7 @@ def section(text, name):
 
 @pytest.mark.parametrize('topic', TOPICS, ids=lambda topic: topic.name)
 def test_every_field_has_its_unit_and_meaning(text, topic):
-    rows = re.findall(r'^\| (\w+) \| `(\w+)` \| (.+) \| (.+) \|$', section(text, topic.name), re.MULTILINE)
+    rows = re.findall(r'^\| ([\w.]+) \| `(\w+)` \| (.+) \| (.+) \|$', section(text, topic.name), re.MULTILINE)
     expected = [(field.name, field.unit.replace('um', 'µm') or '-', field.meaning) for field in topic.fields]
     assert [row[1:] for row in rows] == expected
 
@@ -32,12 +32,17 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         (
             'control',
             '| [/control](#control) | `geometry_msgs/Vector3Stamped` | the controller | `vcm_plant` (delay 1 tick), '
-            '`deterministic_timer` (delay 1 + lookahead ticks), `bag_recorder` |',
+            '`deterministic_timer` (delay 1 + lookahead ticks), an accelerometer (delay 1 tick), `bag_recorder` |',
         ),
         (
             'disturbance',
             '| [/disturbance](#disturbance), optional | `geometry_msgs/Vector3Stamped` | a disturbance source | '
             '`vcm_plant` (delay 1 tick), `bag_recorder` |',
+        ),
+        (
+            'base_acceleration',
+            '| [/base_acceleration](#base_acceleration), optional | `geometry_msgs/AccelStamped` | a disturbance source '
+            '| an accelerometer, `bag_recorder` |',
         ),
         (
             'recorded',

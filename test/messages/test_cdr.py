@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.messages.cdr import (
+    AccelerationCodec,
     ArrayCodec,
     ClockCodec,
     VectorCodec,
@@ -15,7 +16,7 @@ from hdd_servo_ros.messages.cdr import (
     stamp_rows,
     unpack_vector,
 )
-from hdd_servo_ros.messages.codecs import ARRAYS, CLOCKS, VECTORS
+from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, VECTORS
 from hdd_servo_ros.messages.ticks import Ticks
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -37,6 +38,19 @@ def test_vector_is_what_an_independent_deserializer_reads(frame, x, y, z):
     assert message.header.frame_id == frame
     assert (message.vector.x, message.vector.y, message.vector.z) == (x, y, z)
     assert unpack_vector(packed) == (x, y, z)
+
+
+@given(
+    frame=st.text(st.characters(codec='utf-8', exclude_characters='\x00', exclude_categories=['Cs'])),
+    values=st.lists(finite, min_size=6, max_size=6),
+)
+def test_acceleration_is_what_an_independent_deserializer_reads(frame, values):
+    packed = AccelerationCodec(frame).pack(TICKS.stamp(123_456), values[:3], values[3:])
+    message: Any = TYPES.deserialize_cdr(packed, 'geometry_msgs/msg/AccelStamped')
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (12, 345_600_000)
+    assert message.header.frame_id == frame
+    found = [getattr(part, axis) for part in (message.accel.linear, message.accel.angular) for axis in 'xyz']
+    assert found == values
 
 
 @given(names=st.lists(names, min_size=1, max_size=9))
@@ -77,6 +91,26 @@ def test_as_long_as_rclpy_makes_it_and_equal_but_for_its_padding(frame):
     assert serialization.deserialize_message(ours, Vector3Stamped) == message
 
 
+@pytest.mark.parametrize('frame', ['', 'a', 'ab', 'abc', 'abcd', 'seagate_7200_10'])
+def test_an_acceleration_is_what_rclpy_makes_and_reads(frame):
+    serialization = pytest.importorskip('rclpy.serialization')
+    from geometry_msgs.msg import AccelStamped
+
+    message = AccelStamped()
+    message.header.frame_id = frame
+    message.header.stamp.nanosec = 100_000
+    linear, angular = message.accel.linear, message.accel.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = 1.5, -2.0, 3e-9, 4.0, 5.0, -12.5
+    theirs = serialization.serialize_message(message)
+    ours = AccelerationCodec(frame).pack(TICKS.stamp(1), (1.5, -2.0, 3e-9), (4.0, 5.0, -12.5))
+    text_end = 16 + len(frame) + 1
+    assert ours[:text_end] == theirs[:text_end]
+    assert ours[-48:] == theirs[-48:]
+    assert len(ours) == len(theirs)
+    assert not any(ours[text_end:-48])
+    assert serialization.deserialize_message(ours, AccelStamped) == message
+
+
 @pytest.mark.parametrize(('labels', 'match'), [(2, 'expected one labelled dimension'), (1, 'elements and')])
 def test_an_array_of_another_layout_is_refused(labels, match):
     array = TYPES.types['std_msgs/msg/Float64MultiArray']
@@ -90,10 +124,11 @@ def test_an_array_of_another_layout_is_refused(labels, match):
 def test_rows_are_the_single_messages():
     ticks = np.array([0, 1, 9_999, 10_000, 123_456])
     values = np.random.default_rng(1).normal(size=(5, 3))
+    six = np.random.default_rng(2).normal(size=(5, 6))
     stamps = stamp_rows(ticks * TICKS.sample_time_ns)
     names = ['t', 'r', 'sigma_hat']
     made = {}
-    for codec, numbers in ((VECTORS, values), (ARRAYS, values), (CLOCKS, values[:, :0])):
+    for codec, numbers in ((VECTORS, values), (ACCELERATIONS, six), (ARRAYS, values), (CLOCKS, values[:, :0])):
         layout = row_layout(codec, 'drive', names)
         # The rows lie apart, as they do among those of other topics.
         rows = np.zeros((5, len(layout.template) + 7), np.uint8)[:, 7:]
@@ -103,5 +138,7 @@ def test_rows_are_the_single_messages():
     for row, tick in enumerate(ticks.tolist()):
         stamp = TICKS.stamp(tick)
         assert made[VECTORS][row].tobytes() == VectorCodec('drive').pack(stamp, *values[row])
+        expected = AccelerationCodec('drive').pack(stamp, six[row, :3], six[row, 3:])
+        assert made[ACCELERATIONS][row].tobytes() == expected
         assert made[ARRAYS][row].tobytes() == ArrayCodec(names).pack(values[row])
         assert made[CLOCKS][row].tobytes() == ClockCodec.pack(stamp)

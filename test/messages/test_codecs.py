@@ -26,7 +26,7 @@ def test_what_is_packed_is_read_again(topic, frame_id):
         assert (message[STAMP] == stamp.tobytes()) == codec.is_stamped
         if width:
             names, start = names_and_start(codec, message)
-            assert names == (NAMES if topic is ESTIMATES else ('x', 'y', 'z'))
+            assert names == (NAMES if topic is ESTIMATES else codec.components)
             assert np.frombuffer(message[start:]).tolist() == expected.tolist() == numbers(codec, message)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.control.pid import Pid, PidParameters
-from hdd_servo_ros.messages.topics import DISTURBANCE
+from hdd_servo_ros.messages.topics import BASE_ACCELERATION, DISTURBANCE, LoopTopic
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.compare_bags import first_difference
@@ -25,28 +25,44 @@ TICKS = 300
 class Shaker:
     """A force that is another one at every tick."""
 
+    topics: tuple[LoopTopic, ...] = (DISTURBANCE,)
+
     def rows(self, first_tick, count):
         rows = np.zeros((count, 3))
         rows[:, 0] = 1e-3 * (1 + 37 * np.arange(first_tick, first_tick + count) % 11)
-        return rows
+        return (rows,)
+
+
+class Table(Shaker):
+    """The same force on a base whose acceleration is another one at every tick and along every axis."""
+
+    topics = (DISTURBANCE, BASE_ACCELERATION)
+
+    def rows(self, first_tick, count):
+        ticks = np.arange(first_tick, first_tick + count)
+        return (*super().rows(first_tick, count), ticks[:, None] + np.arange(6.0))
 
 
 class Knock(Shaker):
     """The same, but for one tick."""
 
     def rows(self, first_tick, count):
-        rows = super().rows(first_tick, count)
+        (rows,) = super().rows(first_tick, count)
         rows[7 - first_tick] = 0.5
-        return rows
+        return (rows,)
 
 
 def record(directory, shaker):
     """Record a run of the default drive with a shaker."""
     simulation = Simulation(parse_ros_arguments(['--ros-args', '-p', 'duration:=0.03']))
     experiment = Experiment(T, disturbance=shaker)
-    topics = [*simulation.topics, (DISTURBANCE, '/disturbance')]
+    topics = [*simulation.topics, *((topic, f'/{topic.name}') for topic in shaker.topics)]
     description = simulation.description()
-    description['nodes']['/shaker'] = {'outputs': ['/disturbance'], 'offers': {}, 'parameters': {}}
+    description['nodes']['/shaker'] = {
+        'outputs': [name for _, name in topics[-len(shaker.topics) :]],
+        'offers': {},
+        'parameters': {},
+    }
     recorder = RunRecorder(str(directory), 'mcap', topics, description, separate_process=False)
     names = experiment.controller.estimate_names
     packer = Packer([topic for topic, _ in topics], T, simulation.frame_id, names)
@@ -75,7 +91,7 @@ def test_a_force_against_u_is_a_smaller_u(pieces):
     run = Experiment(T, 'open_loop', sections, disturbance=Shaker())
     rows = [run.run(sum(pieces[:i]), count) for i, count in enumerate(pieces)]
     position = np.concatenate([part.position for part in rows])
-    forces = Shaker().rows(0, 500)[:, 0]
+    forces = Shaker().rows(0, 500)[0][:, 0]
     plain = Experiment(T, 'open_loop', sections)
     voltages = plain.run(0, 500).command - forces
     drive = Experiment(T, 'open_loop', sections).plant
@@ -104,10 +120,23 @@ def test_played_back_it_is_the_same_run(shaken, tmp_path):
     assert first_difference(shaken, tmp_path / 'again') is None
     again = Run.open(tmp_path / 'again')
     assert again.description['nodes']['/playback']['outputs'] == ['/disturbance']
-    assert again.disturbance.force.tolist() == Shaker().rows(0, TICKS + 1)[:, 0].tolist()
+    assert again.disturbance.force.tolist() == Shaker().rows(0, TICKS + 1)[0][:, 0].tolist()
     # And so is one that is made from that one.
     assert simulate(tmp_path / 'third', '-p', f'playback:recorded_run:={tmp_path / "again"}') == 0
     assert first_difference(shaken, tmp_path / 'third') is None
+
+
+def test_the_acceleration_of_the_base_is_played_back_as_well(tmp_path):
+    recorded = record(tmp_path / 'table', Table())
+    assert simulate(tmp_path / 'again', '-p', f'playback:recorded_run:={recorded}') == 0
+    assert first_difference(recorded, tmp_path / 'again') is None
+    again = Run.open(tmp_path / 'again')
+    assert again.description['nodes']['/playback']['outputs'] == ['/disturbance', '/base_acceleration']
+    assert again.base_acceleration.tolist() == Table().rows(0, TICKS + 1)[1].tolist()
+    assert again.base_acceleration.angular_z.tolist() == [tick + 5.0 for tick in range(TICKS + 1)]
+    # The head does not depend on it: what acts is the force.
+    assert simulate(tmp_path / 'force', '-p', f'playback:recorded_run:={record(tmp_path / "shaker", Shaker())}') == 0
+    assert Run.open(tmp_path / 'force').head.tobytes() == again.head.tobytes()
 
 
 def test_what_is_missing_or_different_is_found(shaken, tmp_path):
@@ -146,9 +175,9 @@ def test_a_run_that_cannot_be_played_back(shaken, tmp_path, monkeypatch, capsys,
 def test_of_a_playback_all_ticks_are_there(shaken):
     playback = Playback(str(shaken))
     assert playback.topics == (DISTURBANCE,)
-    assert playback.rows(DISTURBANCE, 5, 2)[:, 0].tolist() == Shaker().rows(5, 2)[:, 0].tolist()
+    assert playback.rows(DISTURBANCE, 5, 2)[:, 0].tolist() == Shaker().rows(5, 2)[0][:, 0].tolist()
     message = playback.messages(DISTURBANCE, 5, 1)[0].tobytes()
-    assert np.frombuffer(message[-24:])[0] == Shaker().rows(5, 1)[0, 0]
+    assert np.frombuffer(message[-24:])[0] == Shaker().rows(5, 1)[0][0, 0]
     with pytest.raises(ParameterError, match='ticks 0 to 301'):
         playback.check(T, TICKS + 1)
 
@@ -156,8 +185,10 @@ def test_of_a_playback_all_ticks_are_there(shaken):
 @pytest.mark.parametrize('shape', [(9, 3), (10, 1), (10,)])
 def test_rows_of_another_shape_are_refused(shape):
     class Wrong:
+        topics: tuple[LoopTopic, ...] = (DISTURBANCE,)
+
         def rows(self, first_tick, count):
-            return np.zeros(shape)
+            return (np.zeros(shape),)
 
     with pytest.raises(ValueError, match=r'/disturbance: the rows of ticks 0 to 9 have shape .*, not \(10, 3\)'):
         Experiment(T, disturbance=Wrong()).run(0, 10)
