@@ -30,10 +30,13 @@ def read_table(parameter: str, path: str, columns: Sequence[str], least: int) ->
     """
     form = f'a CSV file with the columns {", ".join(columns)}' if len(columns) > 1 else f'a CSV file of {columns[0]}'
     rows: list[tuple[float, ...]] = []
+    may_be_names = True
     try:
         for line, words in _lines(Path(path)):
             row = _numbers(words[: len(columns)])
-            if row is None and not rows and not any(map(_is_number, words)):
+            is_names = may_be_names and not any(map(_is_number, words))
+            may_be_names = False
+            if is_names:
                 continue
             if row is None or len(row) < len(columns):
                 found = ','.join(words)

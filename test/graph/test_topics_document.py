@@ -41,8 +41,8 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         ),
         (
             'base_acceleration',
-            '| [/base_acceleration](#base_acceleration), optional | `geometry_msgs/AccelStamped` | a disturbance source '
-            '| an accelerometer, `bag_recorder` |',
+            '| [/base_acceleration](#base_acceleration), optional | `geometry_msgs/AccelStamped` | a disturbance '
+            'source | an accelerometer, `bag_recorder` |',
         ),
         (
             'recorded',

@@ -138,7 +138,7 @@ def test_rows_are_the_single_messages():
     for row, tick in enumerate(ticks.tolist()):
         stamp = TICKS.stamp(tick)
         assert made[VECTORS][row].tobytes() == VectorCodec('drive').pack(stamp, *values[row])
-        expected = AccelerationCodec('drive').pack(stamp, six[row, :3], six[row, 3:])
+        expected = AccelerationCodec('drive').pack(stamp, six[row, :3].tolist(), six[row, 3:].tolist())
         assert made[ACCELERATIONS][row].tobytes() == expected
         assert made[ARRAYS][row].tobytes() == ArrayCodec(names).pack(values[row])
         assert made[CLOCKS][row].tobytes() == ClockCodec.pack(stamp)
