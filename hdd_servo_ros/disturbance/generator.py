@@ -6,14 +6,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.disturbance.band import run_in_ticks, stationary_band
 from hdd_servo_ros.disturbance.coupling import fill_coupling
 from hdd_servo_ros.disturbance.flutter import flutter_modes, stationary_states
-from hdd_servo_ros.disturbance.kernel import (
-    DISTURBANCE as CONSTANTS,
-)
-from hdd_servo_ros.disturbance.kernel import (
-    DisturbanceArrays,
-    disturbance_rows,
-    disturbance_step,
-)
+from hdd_servo_ros.disturbance.kernel import CONSTANTS, DisturbanceArrays, disturbance_rows, disturbance_step
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.disturbance.recording import read_recording
 from hdd_servo_ros.disturbance.runout import harmonics_of, sequence_of
@@ -152,7 +145,7 @@ class DisturbanceGenerator:
         linear, angular
             Linear [m/s^2] and angular [rad/s^2] acceleration of the base along and about x, y, z.
         """
-        force, track_centre, linear, angular = disturbance_step(*self.arrays, tick)
+        force, track_centre, linear, angular = disturbance_step(tick, *self.arrays)
         return force, track_centre, (0.0, linear, 0.0), (0.0, 0.0, angular)
 
     def rows(self, first_tick: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -166,5 +159,6 @@ class DisturbanceGenerator:
             (count, 6).
         """
         disturbances, accelerations = np.zeros((count, 3)), np.zeros((count, 6))
-        disturbance_rows(first_tick, *self.arrays, disturbances, accelerations)
+        # A plain tuple: Numba does not put a named one together with a tick.
+        disturbance_rows(first_tick, tuple(self.arrays), disturbances, accelerations)
         return disturbances, accelerations

@@ -1,6 +1,6 @@
 """All sources of a tick in one compiled step, and the rows of many ticks by the same step."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ from hdd_servo_ros.disturbance.force_noise import FORCE_NOISE_LAYOUT, force_nois
 from hdd_servo_ros.disturbance.runout import RUNOUT, repeatable_runout
 from hdd_servo_ros.disturbance.shock import SHOCK, shock_mean
 from hdd_servo_ros.disturbance.vibration import VIBRATION, vibration_step
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.records import layout, record
 
-DISTURBANCE = layout(
+CONSTANTS = layout(
     ('runout', RUNOUT),
     ('flutter', FLUTTER_LAYOUT),
     ('force_noise', FORCE_NOISE_LAYOUT),
@@ -44,8 +44,9 @@ class DisturbanceArrays(NamedTuple):
     linear_samples: Array
 
 
-@compiled
+@compiled_apart
 def disturbance_step(
+    tick: int,
     constants: Array,
     harmonics: Array,
     sequence: Array,
@@ -57,7 +58,6 @@ def disturbance_step(
     linear_sections: Array,
     linear_states: Array,
     linear_samples: Array,
-    tick: int,
 ) -> tuple[float, float, float, float]:
     """
     Return what acts from a tick to the next; advances the states from the tick before.
@@ -68,7 +68,7 @@ def disturbance_step(
         Force against u [V], displacement of the track centre [um], acceleration of the base along the head's motion
         [m/s^2] and about the pivot axis [rad/s^2].
     """
-    c = record(constants, DISTURBANCE)
+    c = record(constants, CONSTANTS)
     track_centre = 0.0
     if c.runout.is_enabled != 0.0:
         track_centre += repeatable_runout(c.runout, harmonics, sequence, tick)
@@ -90,38 +90,21 @@ def disturbance_step(
 
 
 @compiled
-def disturbance_rows(
-    first_tick: int,
-    constants: Array,
-    harmonics: Array,
-    sequence: Array,
-    modes: Array,
-    mode_states: Array,
-    rotational_sections: Array,
-    rotational_states: Array,
-    rotational_samples: Array,
-    linear_sections: Array,
-    linear_states: Array,
-    linear_samples: Array,
-    disturbances: Array,
-    accelerations: Array,
-) -> None:
-    """Write what :func:`disturbance_step` returns for consecutive ticks into rows of zeros, (n, 3) and (n, 6)."""
+def disturbance_rows(first_tick: int, arrays: Any, disturbances: Array, accelerations: Array) -> None:
+    """
+    Write what :func:`disturbance_step` returns for consecutive ticks into rows of zeros.
+
+    Parameters
+    ----------
+    first_tick
+        The first tick.
+    arrays
+        The fields of :class:`DisturbanceArrays` as a plain tuple.
+    disturbances, accelerations
+        The rows, shapes (n, 3) and (n, 6).
+    """
     for row in range(len(disturbances)):
-        force, track_centre, linear, angular = disturbance_step(
-            constants,
-            harmonics,
-            sequence,
-            modes,
-            mode_states,
-            rotational_sections,
-            rotational_states,
-            rotational_samples,
-            linear_sections,
-            linear_states,
-            linear_samples,
-            first_tick + row,
-        )
+        force, track_centre, linear, angular = disturbance_step(first_tick + row, *arrays)
         disturbances[row, 0] = force
         disturbances[row, 1] = track_centre
         accelerations[row, 1] = linear

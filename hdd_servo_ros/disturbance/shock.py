@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
 from hdd_servo_ros.numerics.records import layout
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
@@ -57,7 +57,7 @@ class ShockParameters(ParameterSet):
             raise ParameterError('period', self.period, f'0, or at least the duration of {self.duration!r} s [s]')
 
 
-@compiled
+@compiled_apart
 def _impulse(shape: int, t: float, duration: float) -> float:
     """Return the integral over time of a pulse of height 1, from its beginning to ``t`` [s]."""
     t = min(max(t, 0.0), duration)

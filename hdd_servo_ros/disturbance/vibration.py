@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.disturbance.band import band_power, band_sections, filtered
 from hdd_servo_ros.disturbance.recording import INTERPOLATIONS, at_ticks
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp, log, sine_cosine_of_turns
 from hdd_servo_ros.numerics.noise import normal_pair
 from hdd_servo_ros.numerics.records import layout
@@ -222,7 +222,7 @@ def _swept_turns(c: np.record, t: float) -> float:
     return turns
 
 
-@compiled
+@compiled_apart
 def vibration_step(
     c: np.record,
     sections: NDArray[np.float64],

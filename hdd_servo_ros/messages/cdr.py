@@ -43,15 +43,9 @@ class ClockCodec:
         return HEADER + stamp
 
 
-def _frame(frame_id: str) -> bytes:
-    """Return the text of ``header.frame_id``, with the padding up to the first float64."""
-    frame = _string(frame_id)
-    return frame + bytes(_aligned(8 + len(frame), 8) - 8 - len(frame))
-
-
-class VectorCodec:
+class _StampedCodec:
     """
-    ``geometry_msgs/Vector3Stamped`` with one ``frame_id``.
+    A header with one ``frame_id``, and numbers.
 
     Parameters
     ----------
@@ -60,31 +54,29 @@ class VectorCodec:
     """
 
     stamp = STAMP
+    _width: int
+    """How many float64."""
 
     def __init__(self, frame_id: str) -> None:
-        self._prefix = _frame(frame_id)
-        self._layout = struct.Struct(f'<4s8s{len(self._prefix)}sddd')
+        frame = _string(frame_id)
+        self._prefix = frame + bytes(_aligned(8 + len(frame), 8) - 8 - len(frame))
+        self._layout = struct.Struct(f'<4s8s{len(self._prefix)}s{self._width}d')
+
+
+class VectorCodec(_StampedCodec):
+    """``geometry_msgs/Vector3Stamped`` with one ``frame_id``."""
+
+    _width = 3
 
     def pack(self, stamp: bytes, x: float, y: float, z: float) -> bytes:
         """Return the message at ``stamp`` (eight bytes) with vector (x, y, z)."""
         return self._layout.pack(HEADER, stamp, self._prefix, x, y, z)
 
 
-class AccelerationCodec:
-    """
-    ``geometry_msgs/AccelStamped`` with one ``frame_id``.
+class AccelerationCodec(_StampedCodec):
+    """``geometry_msgs/AccelStamped`` with one ``frame_id``."""
 
-    Parameters
-    ----------
-    frame_id
-        Text of ``header.frame_id``.
-    """
-
-    stamp = STAMP
-
-    def __init__(self, frame_id: str) -> None:
-        self._prefix = _frame(frame_id)
-        self._layout = struct.Struct(f'<4s8s{len(self._prefix)}s6d')
+    _width = 6
 
     def pack(self, stamp: bytes, linear: Sequence[float], angular: Sequence[float]) -> bytes:
         """Return the message at ``stamp`` (eight bytes) with a linear and an angular acceleration, (x, y, z) each."""

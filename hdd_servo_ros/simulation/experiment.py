@@ -12,7 +12,6 @@ from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
-from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
@@ -103,33 +102,27 @@ class Experiment:
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
         self.scales = sensor_scales(scales, self.ldv.parameters)
-        self._disturbance = self._generator(sections) if disturbance is None else disturbance
-        if disturbance is not None and DISTURBANCE_GENERATOR in sections:
-            raise ParameterError('disturbance', disturbance, f'None with parameters of {DISTURBANCE_GENERATOR}')
+        self._disturbance = disturbance
+        if DISTURBANCE_GENERATOR in sections:
+            if disturbance is not None:
+                raise ParameterError('disturbance', disturbance, f'None with parameters of {DISTURBANCE_GENERATOR}')
+            self._disturbance = self._block(DISTURBANCE_GENERATOR, sections)
         self._held: NDArray[np.float64] = np.zeros(2)
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
         make = resolve(NODES[name].block)
-        self._blocks[name] = make(block_parameters(name, sections.get(name, {})), self.sample_time)
-        return self._blocks[name]
-
-    def _generator(self, sections: Mapping[str, Mapping[str, object]]) -> DisturbanceGenerator | None:
-        """Return the disturbance generator if it has a section."""
-        if DISTURBANCE_GENERATOR not in sections:
-            return None
-        parameters = block_parameters(DISTURBANCE_GENERATOR, sections[DISTURBANCE_GENERATOR])
+        parameters = block_parameters(name, sections.get(name, {}))
         try:
-            generator = DisturbanceGenerator(parameters, self.sample_time)
+            self._blocks[name] = make(parameters, self.sample_time)
         except ParameterError as error:
-            raise ParameterError(f'{DISTURBANCE_GENERATOR}.{error.name}', error.value, error.allowed) from None
-        self._blocks[DISTURBANCE_GENERATOR] = generator
-        return generator
+            raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
+        return self._blocks[name]
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
-        if node == DISTURBANCE_GENERATOR and node in self._blocks:
-            DisturbanceGenerator(sets[NODES[node].block_parameters], self.sample_time)
+        if node == DISTURBANCE_GENERATOR:
+            resolve(NODES[node].block)(sets[NODES[node].block_parameters], self.sample_time)
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
@@ -161,8 +154,8 @@ class Experiment:
 
     def compile(self) -> None:
         """Compile what :meth:`run` calls, where that was never done here, and change nothing."""
-        if isinstance(self._disturbance, DisturbanceGenerator):
-            self._disturbance.rows(self._next_tick, 0)
+        if DISTURBANCE_GENERATOR in self._blocks:
+            self._blocks[DISTURBANCE_GENERATOR].rows(self._next_tick, 0)
         if self.is_compiled:
             self.run(self._next_tick, 0)
             return
