@@ -9,7 +9,7 @@ from hdd_servo_ros.disturbance.flutter import flutter_modes, stationary_states
 from hdd_servo_ros.disturbance.kernel import CONSTANTS, DisturbanceArrays, disturbance_rows, disturbance_step
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.disturbance.recording import read_recording
-from hdd_servo_ros.disturbance.runout import harmonics_of, sequence_of
+from hdd_servo_ros.disturbance.runout import harmonics_of, read_sequence, sequence_of
 from hdd_servo_ros.disturbance.shock import SHAPES, STANDARD_GRAVITY
 from hdd_servo_ros.disturbance.streams import LINEAR_VIBRATION, ROTATIONAL_VIBRATION
 from hdd_servo_ros.disturbance.vibration import VibrationParameters, fill_vibration, samples_of, sections_of
@@ -65,6 +65,7 @@ class DisturbanceGenerator:
     def __init__(self, parameters: DisturbanceParameters, sample_time: float) -> None:
         self.sample_time = sample_time
         axes = {axis: getattr(parameters.vibration, axis) for axis in _STREAMS}
+        self._recorded_sequence = read_sequence(parameters.runout.repeatable)
         self._recordings = {
             axis: read_recording(f'vibration.{axis}.recording', own.recording, _QUANTITIES[axis])
             for axis, own in axes.items()
@@ -74,6 +75,17 @@ class DisturbanceGenerator:
         self._mode_states: NDArray[np.float64] | None = None
         self.update(parameters)
 
+    def check(self, parameters: DisturbanceParameters) -> None:
+        """Refuse parameters that do not go with T: raises :class:`ParameterError`."""
+        self._sequence(parameters)
+        for axis in _STREAMS:
+            own: VibrationParameters = getattr(parameters.vibration, axis)
+            own.check_rate(f'vibration.{axis}', self.sample_time)
+
+    def _sequence(self, parameters: DisturbanceParameters) -> NDArray[np.float64]:
+        repeatable = parameters.runout.repeatable
+        return sequence_of(repeatable, parameters.spindle, self.sample_time, self._recorded_sequence)
+
     def update(self, parameters: DisturbanceParameters) -> None:
         """
         Take other parameters from the next tick on; filters keep their states where those have the same number.
@@ -81,17 +93,16 @@ class DisturbanceGenerator:
         Raises
         ------
         ParameterError
-            As the constructor does; nothing is changed then.
+            As :meth:`check` does; nothing is changed then.
         """
+        self.check(parameters)
         sample_time = self.sample_time
         constants = zeros(CONSTANTS)
         c = record(constants, CONSTANTS)
         repeatable = parameters.runout.repeatable
-        sequence = sequence_of(repeatable, parameters.spindle, sample_time)
         tables = {}
         for axis, stream in _STREAMS.items():
             own: VibrationParameters = getattr(parameters.vibration, axis)
-            own.check_rate(f'vibration.{axis}', sample_time)
             fill_vibration(getattr(c, axis), own, stream, sample_time)
             tables[axis] = (
                 sections_of(own, sample_time),
@@ -123,7 +134,7 @@ class DisturbanceGenerator:
         self.arrays = DisturbanceArrays(
             constants,
             harmonics_of(repeatable),
-            sequence,
+            self._sequence(parameters),
             modes,
             self._mode_states,
             tables['rotational'][0],

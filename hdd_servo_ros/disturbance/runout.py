@@ -16,6 +16,7 @@ from hdd_servo_ros.numerics.records import layout
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
 SEQUENCES = ('none', 'random', 'file')
+_SEQUENCE_FILE = 'runout.repeatable.sequence_file'
 
 RUNOUT = layout('is_enabled', 'turns_per_sample', 'samples_per_revolution')
 
@@ -71,27 +72,45 @@ def harmonics_of(parameters: RepeatableRunoutParameters) -> NDArray[np.float64]:
     return rows
 
 
+def read_sequence(parameters: RepeatableRunoutParameters) -> NDArray[np.float64]:
+    """Return the rows of the sequence's file [um], shape (n,); none without one; raises ParameterError."""
+    if not parameters.sequence_file:
+        return np.zeros(0)
+    rows = read_table(_SEQUENCE_FILE, parameters.sequence_file, ['displacement [um]'], 1)
+    return np.array([row[0] for row in rows])
+
+
 def sequence_of(
-    parameters: RepeatableRunoutParameters, spindle: SpindleParameters, sample_time: float
+    parameters: RepeatableRunoutParameters,
+    spindle: SpindleParameters,
+    sample_time: float,
+    recorded: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """
     Return the displacement in each sector [um], shape (sectors,); empty if there is no sequence.
 
+    Parameters
+    ----------
+    parameters, spindle
+        Parameters of runout and spindle.
+    sample_time
+        T [s].
+    recorded
+        What :func:`read_sequence` has read.
+
     Raises
     ------
     ParameterError
-        If T [s] and the spindle are not synchronous, or the file has another number of rows than there are sectors.
+        If T and the spindle are not synchronous, or the file has another number of rows than there are sectors.
     """
     if not parameters.enabled or parameters.sequence == 'none':
         return np.zeros(0)
     samples = spindle.require_synchronous(sample_time, f'runout.repeatable.sequence = {parameters.sequence}')
     if parameters.sequence == 'file':
-        name = 'runout.repeatable.sequence_file'
-        rows = read_table(name, parameters.sequence_file, ['displacement [um]'], 1)
-        if len(rows) != samples:
-            allowed = f'a CSV file with a row for each of the {samples} sectors; it has {len(rows)}'
-            raise ParameterError(name, parameters.sequence_file, allowed)
-        return np.array([row[0] for row in rows])
+        if len(recorded) != samples:
+            allowed = f'a CSV file with a row for each of the {samples} sectors; it has {len(recorded)}'
+            raise ParameterError(_SEQUENCE_FILE, parameters.sequence_file, allowed)
+        return recorded
     sequence = np.zeros(samples)
     _fill_low_pass_sequence(sequence, parameters.seed, parameters.sequence_cutoff, parameters.sequence_sigma)
     return sequence

@@ -27,8 +27,8 @@ class Kind(IntEnum):
 
 KINDS = tuple(kind.name.lower() for kind in Kind)
 SWEEPS = ('linear', 'logarithmic')
-LEAST_EDGE = 1e-6
-"""Least lower edge of a band, as part of the sampling frequency: a slower filter would have no correct digits left."""
+LEAST_EDGE = 1e-5
+"""Least edge of a band, as part of the sampling frequency: a slower filter loses digits and takes long to run in."""
 _EDGE_TOLERANCE = 1e-9
 """Samples by which start_time may be later than a tick and still be that tick's."""
 _UNIT = 'm/s^2 or rad/s^2'
@@ -137,7 +137,7 @@ class VibrationParameters(ParameterSet):
         Raises
         ------
         ParameterError
-            If a frequency in use reaches half the sampling frequency, or a band begins too low for it.
+            If a frequency in use reaches half the sampling frequency, or an edge of the band is too low for it.
         """
         used = {'random': ('high',), 'sine': ('frequency',), 'swept_sine': ('start_frequency', 'end_frequency')}
         for own in used.get(self.kind, ()) if self.enabled else ():
@@ -145,11 +145,11 @@ class VibrationParameters(ParameterSet):
             if not 2.0 * frequency * sample_time < 1.0:
                 allowed = f'below half the sampling frequency, {0.5 / sample_time:g} Hz'
                 raise ParameterError(f'{name}.{own}', frequency, allowed)
-        if self.is_random and 0.0 < self.low * sample_time < LEAST_EDGE:
-            allowed = (
-                f'0, or at least {LEAST_EDGE / sample_time:g} Hz at the sampling frequency {1.0 / sample_time:g} Hz'
-            )
-            raise ParameterError(f'{name}.low', self.low, allowed)
+        for own, none in (('low', '0, or '), ('high', '')) if self.is_random else ():
+            edge = getattr(self, own)
+            if 0.0 < edge * sample_time < LEAST_EDGE:
+                allowed = f'{none}at least {LEAST_EDGE / sample_time:g} Hz with sample_time = {sample_time!r} s'
+                raise ParameterError(f'{name}.{own}', edge, allowed)
 
 
 @dataclasses.dataclass(frozen=True)

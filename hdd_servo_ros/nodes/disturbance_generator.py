@@ -27,7 +27,7 @@ class DisturbanceGeneratorNode(CatalogueNode):
         # Compiles. Whether the given parameters go with T is decided when the run's T is known.
         self._generator = DisturbanceGenerator(DisturbanceParameters(), _DEFAULT_SAMPLE_TIME)
         self._generator.step(0)
-        self._sample_time = 0.0
+        self._is_of_run = False
         self._largest_force = self._largest_displacement = 0.0
 
     def prepare(self, run: RunPlan) -> None:
@@ -37,7 +37,7 @@ class DisturbanceGeneratorNode(CatalogueNode):
             self._generator = DisturbanceGenerator(self.parameters[DisturbanceParameters], run.sample_time)
         except ParameterError as error:
             raise RunError(f'{self.get_name()}: {error}') from None
-        self._sample_time = run.sample_time
+        self._is_of_run = True
         for step in self.plan(run.changes):
             try:
                 self._check(step.sets)
@@ -49,7 +49,7 @@ class DisturbanceGeneratorNode(CatalogueNode):
         """Refuse parameters that do not go with T, by ParameterError."""
         parameters = sets[DisturbanceParameters]
         assert isinstance(parameters, DisturbanceParameters)
-        DisturbanceGenerator(parameters, self._sample_time)
+        self._generator.check(parameters)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         force, track_centre, linear, angular = self._generator.step(tick)
@@ -61,8 +61,8 @@ class DisturbanceGeneratorNode(CatalogueNode):
         self.publish_bytes(1, self._accelerations.pack(stamp, linear, angular))
 
     def update(self) -> None:
-        # Before the run there is only a trial block, at another T.
-        if self._sample_time:
+        # Before the run the block is one of the defaults.
+        if self._is_of_run:
             self._generator.update(self.parameters[DisturbanceParameters])
 
     def diagnose(self) -> Iterable[Diagnosis]:

@@ -122,7 +122,7 @@ class Experiment:
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
         if node == DISTURBANCE_GENERATOR:
-            resolve(NODES[node].block)(sets[NODES[node].block_parameters], self.sample_time)
+            self._blocks[node].check(sets[NODES[node].block_parameters])
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""

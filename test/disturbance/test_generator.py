@@ -195,7 +195,7 @@ def test_a_change_that_is_refused_changes_nothing():
 @settings(max_examples=25)
 @given(
     st.sampled_from([1e-4, 37879e-9, 19841e-9, 2e-4]),
-    st.floats(0.1, 100.0),
+    st.floats(0.6, 100.0),
     st.integers(1, 32),
     st.integers(1, 32),
     st.floats(1e-4, 0.9),

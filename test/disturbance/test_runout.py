@@ -116,6 +116,12 @@ def test_a_sequence_from_a_file(tmp_path):
     assert track_centre(99206e-9, values, 168).tolist() == [*sequence, *sequence]
     with pytest.raises(ParameterError, match='a row for each of the 220 sectors; it has 84'):
         generator(37879e-9, {**values, 'spindle.sectors': 220})
+    # Read once: a change during a run needs no file.
+    block = generator(99206e-9, values)
+    file.unlink()
+    block.update(from_mapping(DisturbanceParameters, {**ON, **values, 'flutter.enabled': True}))
+    block.update(from_mapping(DisturbanceParameters, {**ON, **values}))
+    assert block.rows(0, 84)[0][:, 1].tolist() == sequence.tolist()
 
 
 @pytest.mark.parametrize(
