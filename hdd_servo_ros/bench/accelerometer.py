@@ -1,0 +1,211 @@
+"""Two accelerometers on the base of the drive, and the converter that reads them."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.converter import converter_codes
+from hdd_servo_ros.bench.instrument_output import OUTPUT, OVERRANGE, read_output
+from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.elementary import TWO_PI
+from hdd_servo_ros.numerics.noise import normal_pair
+from hdd_servo_ros.numerics.records import layout, record, zeros
+from hdd_servo_ros.numerics.transition import held_input_transition
+from hdd_servo_ros.parameters import ParameterSet, parameter
+
+Array = NDArray[np.float64]
+AccelerometerArrays = tuple[Array, Array, Array, Array]
+"""Constants, transition of a sensor over a sample, state, motion of the two sensors."""
+
+OUTPUTS = ('x', 'y')
+
+ACCELEROMETER = layout('lever', 'parasitic', 'gain_x', 'gain_y', 'offset', 'noise', 'seed', 'delay', ('output', OUTPUT))
+"""Lever [m]; parasitic gain [m/s^2/V]; volts per m/s^2 of each sensor; offset and noise [V]; delay [samples]."""
+
+ACCELEROMETER_STATE = layout(('x', OVERRANGE), ('y', OVERRANGE), 'x_held', 'y_held')
+
+_STATES = 4
+"""Deflection and rate of the beam, output and rate of the low pass; rates are over their natural frequency."""
+
+
+@dataclasses.dataclass(frozen=True)
+class AccelerometerParameters(ParameterSet):
+    """Parameters of :class:`Accelerometer`."""
+
+    sensitivity: float = parameter(
+        0.1, 'volts per acceleration, as the data sheet gives it', unit='V s^2/m', above=0.0, read_only=True
+    )
+    separation: float = parameter(
+        0.1,
+        'distance between the two sensors, each at half of it from the pivot axis',
+        unit='m',
+        above=0.0,
+        read_only=True,
+    )
+    bandwidth: float = parameter(1000.0, 'natural frequency of the two-pole low pass', unit='Hz', above=0.0)
+    damping_ratio: float = parameter(0.707, 'damping ratio of the low pass', above=0.0)
+    beam_frequency: float = parameter(
+        0.0, "frequency of the sensing beam's resonance in front of the low pass, 0 for none", unit='Hz', minimum=0.0
+    )
+    beam_damping_ratio: float = parameter(0.02, "damping ratio of the beam's resonance", above=0.0)
+    gain_error: float = parameter(
+        0.0, 'relative error of both gains; 0.125 reads an eighth too much', minimum=-1.0, maximum=1.0
+    )
+    gain_mismatch: float = parameter(
+        0.0, 'relative difference between the gains, half of it added to x and taken from y', minimum=-1.0, maximum=1.0
+    )
+    offset: float = parameter(0.0, 'output of both sensors at rest', unit='V')
+    noise: float = parameter(0.0125, 'rms noise of each sensor in a sample, white', unit='m/s^2', minimum=0.0)
+    seed: int = parameter(1, 'seed of the noise', minimum=0, maximum=2**53)
+    parasitic_gain: float = parameter(
+        0.0,
+        "acceleration that the actuator's reaction makes at a sensor per volt of control: added at x, taken from y",
+        unit='m/s^2/V',
+    )
+    delay: int = parameter(0, 'samples by which the reading comes late', unit='samples', minimum=0, maximum=1)
+    output_range: float = parameter(
+        10.0, 'largest magnitude of either output, 0 for none; an output beyond it saturates', unit='V', minimum=0.0
+    )
+    adc_bits: int = parameter(16, 'resolution of the converter, 0 for an ideal one', unit='bit', minimum=0, maximum=32)
+    adc_range: float = parameter(10.0, 'the converter covers -adc_range to +adc_range', unit='V', above=0.0)
+
+
+@compiled
+def accelerometer_step(
+    constants: Array,
+    transition: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    linear: float,
+    angular: float,
+    control: float,
+) -> tuple[float, float]:
+    """Return the two outputs [V] at ``tick``; see :meth:`Accelerometer.step`."""
+    c = record(constants, ACCELEROMETER)
+    s = record(state, ACCELEROMETER_STATE)
+    difference = c.lever * angular + c.parasitic * control
+    _move(transition, motion, 0, linear + difference)
+    _move(transition, motion, 1, linear - difference)
+    deviate_x, deviate_y = normal_pair(np.int64(c.seed), 0, tick)
+    x = read_output(c.output, s.x, tick, c.gain_x * motion[0, 2] + c.offset + c.noise * deviate_x)
+    y = read_output(c.output, s.y, tick, c.gain_y * motion[1, 2] + c.offset + c.noise * deviate_y)
+    seen_x, seen_y = x, y
+    if c.delay > 0.0:
+        seen_x, seen_y = s.x_held, s.y_held
+    s.x_held, s.y_held = x, y
+    return seen_x, seen_y
+
+
+@compiled
+def _move(transition: Array, motion: Array, sensor: int, acceleration: float) -> None:
+    """Advance a sensor over a sample in which it is accelerated [m/s^2]."""
+    q0, q1, q2, q3 = motion[sensor, 0], motion[sensor, 1], motion[sensor, 2], motion[sensor, 3]
+    for i in range(_STATES):
+        motion[sensor, i] = (
+            transition[i, 0] * q0
+            + transition[i, 1] * q1
+            + transition[i, 2] * q2
+            + transition[i, 3] * q3
+            + transition[i, 4] * acceleration
+        )
+
+
+class Accelerometer:
+    """
+    Two linear accelerometers on the base, from whose difference the rotation follows.
+
+    They stand on both sides of the pivot axis along the arm's direction, and both sense across the arm: x reads
+    a + alpha d/2, y reads a - alpha d/2, with the linear acceleration a, the angular acceleration alpha and the
+    distance d. The reaction of the actuator on the base, a parasitic path from control to sensor, acts like a rotation.
+
+    Each reading passes the resonance of the sensing beam, if there is one, and a two-pole low pass, both exactly for an
+    acceleration that is held over a sample, as the drive takes it; then come gain, offset, noise, range and converter.
+    What is drawn for a tick is a function of the seed and the tick alone.
+
+    Parameters
+    ----------
+    parameters
+        Sensors and converter.
+    sample_time
+        T [s].
+    """
+
+    def __init__(self, parameters: AccelerometerParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state = zeros(ACCELEROMETER_STATE)
+        self.motion: Array = np.zeros((len(OUTPUTS), _STATES))
+        self.update(parameters)
+
+    def update(self, parameters: AccelerometerParameters) -> None:
+        """Take other parameters from the next tick on; counts and the sensors' motion go on."""
+        self.parameters = parameters
+        constants = zeros(ACCELEROMETER)
+        c = record(constants, ACCELEROMETER)
+        c.lever = 0.5 * parameters.separation
+        c.parasitic = parameters.parasitic_gain
+        c.gain_x = parameters.sensitivity * (1.0 + parameters.gain_error + 0.5 * parameters.gain_mismatch)
+        c.gain_y = parameters.sensitivity * (1.0 + parameters.gain_error - 0.5 * parameters.gain_mismatch)
+        c.offset = parameters.offset
+        c.noise = parameters.noise * parameters.sensitivity
+        c.seed = float(parameters.seed)
+        c.delay = float(parameters.delay)
+        c.output.range = parameters.output_range
+        c.output.step, c.output.lowest, c.output.highest = converter_codes(parameters.adc_bits, parameters.adc_range)
+        self.arrays: AccelerometerArrays = (
+            constants,
+            _transition(parameters, self.sample_time),
+            self.state,
+            self.motion,
+        )
+
+    @property
+    def saturated_samples(self) -> dict[str, int]:
+        """How many samples of each output so far were clipped, by its range or by the converter."""
+        state = record(self.state, ACCELEROMETER_STATE)
+        return {name: int(state[name].samples) for name in OUTPUTS}
+
+    def saturation_warnings(self) -> dict[str, str]:
+        """Return, for each output that has been clipped, what a user should be told."""
+        state = record(self.state, ACCELEROMETER_STATE)
+        ends = [end for end in (self.parameters.output_range, self.parameters.adc_range) if end > 0.0]
+        volts = min(ends)
+        return {
+            name: f'output {name} saturates at tick {int(state[name].first_tick)}: it ends at {volts:g} V, '
+            f'{volts / self.parameters.sensitivity:g} m/s^2; further samples are counted, not logged'
+            for name in OUTPUTS
+            if state[name].samples
+        }
+
+    def step(self, tick: int, linear: float, angular: float, control: float) -> tuple[float, float]:
+        """
+        Return the outputs x and y [V] at a tick.
+
+        Parameters
+        ----------
+        tick
+            The tick k.
+        linear, angular
+            Acceleration of the base across the arm [m/s^2] and about the pivot axis [rad/s^2], held since the tick
+            before.
+        control
+            Drive voltage held since the tick before [V].
+        """
+        return accelerometer_step(*self.arrays, tick, linear, angular, control)
+
+
+def _transition(parameters: AccelerometerParameters, sample_time: float) -> Array:
+    """Return the transition of a sensor over a sample, shape (4, 5); its last column is that of the acceleration."""
+    low_pass = TWO_PI * parameters.bandwidth
+    beam = TWO_PI * parameters.beam_frequency
+    has_beam = float(beam > 0.0)
+    dynamics = [
+        [0.0, beam, 0.0, 0.0],
+        [-beam, -2.0 * parameters.beam_damping_ratio * beam, 0.0, 0.0],
+        [0.0, 0.0, 0.0, low_pass],
+        [has_beam * low_pass, 0.0, -low_pass, -2.0 * parameters.damping_ratio * low_pass],
+    ]
+    inputs = [0.0, beam, 0.0, (1.0 - has_beam) * low_pass]
+    transition, response = held_input_transition(dynamics, inputs, sample_time)
+    return np.array([[*row, gain] for row, gain in zip(transition, response, strict=True)])

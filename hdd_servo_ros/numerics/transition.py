@@ -1,0 +1,75 @@
+"""
+The transition of a linear system over a sample, for constants that a run depends on.
+
+Plain arithmetic in a fixed order: a library's matrix exponential differs in the last bits from machine to machine, and
+with it every run that uses it.
+"""
+
+from collections.abc import Sequence
+
+_TERMS = 18
+"""Terms of the series; with a norm of 1/2 the first one left out is below 1e-22."""
+_LARGEST_NORM = 0.5
+
+Matrix = list[list[float]]
+
+
+def held_input_transition(
+    dynamics: Sequence[Sequence[float]], inputs: Sequence[float], time_step: float
+) -> tuple[Matrix, list[float]]:
+    """
+    Return how x' = A x + b u moves over a sample in which u is held.
+
+    Parameters
+    ----------
+    dynamics
+        A, shape (n, n) [1/s].
+    inputs
+        b, shape (n,) [1/s].
+    time_step
+        T [s].
+
+    Returns
+    -------
+    transition, response
+        exp(A T), shape (n, n), and what u = 1 adds to each state by the end of the sample, shape (n,).
+    """
+    order = len(dynamics)
+    augmented = [[time_step * value for value in (*row, b)] for row, b in zip(dynamics, inputs, strict=True)]
+    augmented.append([0.0] * (order + 1))
+    exponential = _exponential(augmented)
+    return [row[:order] for row in exponential[:order]], [row[order] for row in exponential[:order]]
+
+
+def _exponential(matrix: Matrix) -> Matrix:
+    """Return the exponential of a matrix: its series after halving, then squaring as often."""
+    halvings = 0
+    norm = max(sum(abs(value) for value in row) for row in matrix)
+    while norm > _LARGEST_NORM:
+        norm *= 0.5
+        halvings += 1
+    scaled = [[value / 2.0**halvings for value in row] for row in matrix]
+    size = range(len(matrix))
+    identity = [[float(i == j) for j in size] for i in size]
+    # From the innermost bracket of 1 + A/1 (1 + A/2 (1 + ...)) outwards.
+    result = identity
+    for term in range(_TERMS, 0, -1):
+        product = _product(scaled, result)
+        result = [[identity[i][j] + product[i][j] / term for j in size] for i in size]
+    for _ in range(halvings):
+        result = _product(result, result)
+    return result
+
+
+def _product(left: Matrix, right: Matrix) -> Matrix:
+    size = range(len(left))
+    product = []
+    for i in size:
+        row = []
+        for j in size:
+            total = 0.0
+            for k in size:
+                total += left[i][k] * right[k][j]
+            row.append(total)
+        product.append(row)
+    return product
