@@ -5,14 +5,44 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.controller import Controller
-from hdd_servo_ros.control.feedforward_parameters import FeedforwardModelParameters
+from hdd_servo_ros.control.feedforward import AccelerometerScales
+from hdd_servo_ros.control.feedforward_parameters import FeedforwardModelParameters, FeedforwardParameters
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.transition import held_input_transition
 
 _PULSE = 1e-3
 """Height of the pulse [V]: small, so that what adapts in the controller hardly does."""
+
+
+def feedforward_knowledge(
+    parameters: FeedforwardParameters,
+    controller: Controller,
+    dsp: DspParameters,
+    accelerometer: AccelerometerParameters,
+    sample_time: float,
+) -> tuple[NDArray[np.float64], AccelerometerScales]:
+    """
+    Return what a feedforward has to know beside its parameters: the path, and how it reads the sensors.
+
+    Parameters
+    ----------
+    parameters
+        The feedforward's; scales that they do not give are those of the sensors.
+    controller
+        A controller at rest, made for this alone; it is stepped.
+    dsp, accelerometer
+        What lies behind the controller, and the sensors.
+    sample_time
+        T [s].
+    """
+    model = parameters.model
+    scales = AccelerometerScales(
+        model.sensitivity or accelerometer.sensitivity, model.separation or accelerometer.separation
+    )
+    return feedforward_path(controller, dsp, model, sample_time, parameters.path_length), scales
 
 
 def feedforward_path(

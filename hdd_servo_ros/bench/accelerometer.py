@@ -1,13 +1,14 @@
 """Two accelerometers on the base of the drive, and the converter that reads them."""
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.instrument_output import OUTPUT, OVERRANGE, read_output
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI
 from hdd_servo_ros.numerics.noise import normal_pair
 from hdd_servo_ros.numerics.records import layout, record, zeros
@@ -71,7 +72,7 @@ class AccelerometerParameters(ParameterSet):
     adc_range: float = parameter(10.0, 'the converter covers -adc_range to +adc_range', unit='V', above=0.0)
 
 
-@compiled
+@compiled_apart
 def accelerometer_step(
     constants: Array,
     transition: Array,
@@ -166,11 +167,18 @@ class Accelerometer:
         state = record(self.state, ACCELEROMETER_STATE)
         return {name: int(state[name].samples) for name in OUTPUTS}
 
+    @property
+    def largest_output(self) -> float:
+        """The magnitude that no unsaturated output exceeds [V]."""
+        p = self.parameters
+        highest = converter_codes(p.adc_bits, p.adc_range)
+        of_converter = highest[0] * highest[2] if p.adc_bits else math.inf
+        return min(of_converter, p.output_range or math.inf)
+
     def saturation_warnings(self) -> dict[str, str]:
         """Return, for each output that has been clipped, what a user should be told."""
         state = record(self.state, ACCELEROMETER_STATE)
-        ends = [end for end in (self.parameters.output_range, self.parameters.adc_range) if end > 0.0]
-        volts = min(ends)
+        volts = self.largest_output
         return {
             name: f'output {name} saturates at tick {int(state[name].first_tick)}: it ends at {volts:g} V, '
             f'{volts / self.parameters.sensitivity:g} m/s^2; further samples are counted, not logged'

@@ -162,6 +162,16 @@ class Feedforward:
         """How often the supervisor has switched the feedforward off."""
         return int(record(self._named.state, STATE).switched_off)
 
+    @property
+    def error_rms(self) -> float:
+        """Rms of the error [um], averaged as the supervisor does."""
+        return float(record(self.estimates, ESTIMATES).ff_rms)
+
+    @property
+    def error_rms_without(self) -> float:
+        """Rms of the error as it would be without feedforward [um]."""
+        return float(record(self.estimates, ESTIMATES).ff_rms_without)
+
     def step(self, error: float, x_volts: float, y_volts: float) -> float:
         """
         Return u_ff of this tick [V].
@@ -174,6 +184,22 @@ class Feedforward:
             Outputs of the accelerometers [V]. If an input is not finite, neither is u_ff.
         """
         return feedforward_step(*self.arrays, error, x_volts, y_volts)
+
+    def compensate(
+        self, error: float, x_volts: float, y_volts: float, u: float, unsaturated: float, feedback: float
+    ) -> tuple[float, float, float]:
+        """
+        Return a controller's output of this tick with u_ff added [V].
+
+        Parameters
+        ----------
+        error, x_volts, y_volts
+            As of :meth:`step`.
+        u, unsaturated, feedback
+            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V]; the feedback part stays.
+        """
+        u_ff = self.step(error, x_volts, y_volts)
+        return u + u_ff, unsaturated + u_ff, feedback
 
 
 def _cosine_transform(count: int) -> Array:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import layout, record
 
@@ -116,7 +116,7 @@ class FeedforwardArrays(NamedTuple):
     estimates: Array
 
 
-@compiled
+@compiled_apart
 def feedforward_step(
     constants: Array,
     state: Array,
@@ -180,7 +180,7 @@ def _push(lines: Array, row: int, place: int, length: int, value: float) -> None
     lines[row, place + length] = value
 
 
-@compiled
+@compiled_apart
 def _convolved(path: Array, lines: Array, row: int, place: int) -> float:
     """Return the sum of path[i] times the value of i samples ago; four sums, since each addition waits for the last."""
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0

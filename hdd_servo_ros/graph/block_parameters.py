@@ -5,6 +5,7 @@ from typing import Any
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
@@ -41,6 +42,24 @@ def input_parameters(node: str, values: Mapping[str, object]) -> ControllerInput
     given = {name: value for name, value in values.items() if name in own}
     parameters: ControllerInputParameters = _constructed(ControllerInputParameters, node, given)
     return parameters
+
+
+def feedforward_parameters(node: str, values: Mapping[str, object]) -> FeedforwardParameters:
+    """
+    Return the parameters of a controller's feedforward, from all that a file says of its node.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused, or the controller does not follow the reference and so has no error to reduce.
+    """
+    own = {declaration.name for declaration in declarations(ControllerFeedforwardParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    output: ControllerFeedforwardParameters = _constructed(ControllerFeedforwardParameters, node, given)
+    if output.feedforward.is_used and not NODES[node].follows_reference:
+        allowed = 'none, since this controller does not follow the reference'
+        raise ParameterError(f'{node}.feedforward.method', output.feedforward.method, allowed)
+    return output.feedforward
 
 
 def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:

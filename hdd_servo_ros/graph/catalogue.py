@@ -17,6 +17,7 @@ from typing import Any
 
 CONTROLLER = 'controller'
 DISTURBANCE_SOURCE = 'disturbance source'
+BASE_SENSOR = 'accelerometer'
 """The roles of these names in :mod:`hdd_servo_ros.messages.topics`."""
 
 
@@ -118,6 +119,7 @@ _EVERY_CONTROLLER = (
     *_EVERY_NODE,
     'bench.dsp:ControllerInputParameters',
     'bench.dsp:ControllerOutputParameters',
+    'control.feedforward_parameters:ControllerFeedforwardParameters',
 )
 
 _NODE_ROWS = (
@@ -162,6 +164,14 @@ _NODE_ROWS = (
         (*_EVERY_NODE, 'bench.ldv:LdvParameters'),
         node='nodes.ldv_sensor:LdvSensor',
         block='bench.ldv:Ldv',
+    ),
+    NodeRow(
+        'accelerometer',
+        'Two accelerometers on the base of the drive: publishes their output voltages on /accelerometer.',
+        (*_EVERY_NODE, 'bench.accelerometer:AccelerometerParameters'),
+        node='nodes.accelerometer:AccelerometerNode',
+        block='bench.accelerometer:Accelerometer',
+        role=BASE_SENSOR,
     ),
     NodeRow(
         'adaptive_nn_controller',

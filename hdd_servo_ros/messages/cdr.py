@@ -91,6 +91,14 @@ def unpack_vector(message: bytes) -> tuple[float, float, float]:
     return _VECTOR.unpack_from(message, -24)
 
 
+_ACCELERATIONS = struct.Struct('<dddddd')
+
+
+def unpack_accelerations(message: bytes) -> tuple[float, float, float, float, float, float]:
+    """Return linear x, y, z and angular x, y, z of an ``AccelStamped``: its last 48 bytes."""
+    return _ACCELERATIONS.unpack_from(message, len(message) - 48)
+
+
 class ArrayCodec:
     """
     ``std_msgs/Float64MultiArray`` of one dimension whose label names the elements.

@@ -191,7 +191,7 @@ BASE_ACCELERATION = LoopTopic(
         *(Field(f'angular_{axis}', 'rad/s^2', f'angular acceleration {about}', False) for axis, about in _BASE_TURNS),
     ),
     DISTURBANCE_SOURCE,
-    (Reader(BASE_SENSOR),),
+    (Reader(BASE_SENSOR, delay=1),),
     'acceleration of the base of the drive, held over [kT, (k+1)T)',
     is_optional=True,
 )
@@ -215,7 +215,7 @@ OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER)
 ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
 SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
 """The topics that carry signals."""
-KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE)
+KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER)
 """The topics that the compiled kernel writes or reads, in the order of its rows."""
 
 RECORDED = LoopTopic(

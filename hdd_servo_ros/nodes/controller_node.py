@@ -4,20 +4,26 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
+from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
+from hdd_servo_ros.control.feedforward import Feedforward
+from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.block_parameters import block_parameters, sensor_scales
-from hdd_servo_ros.graph.catalogue import NODES, resolve
+from hdd_servo_ros.graph.block_parameters import block_parameters, feedforward_parameters, sensor_scales
+from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.parameters import ParameterSet, with_tuples
+from hdd_servo_ros.parameters import ParameterSet, to_mapping, with_tuples
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -61,6 +67,9 @@ class ControllerNode(CatalogueNode):
         self._drive: PlantParameters | None = None
         self._sensor: LdvParameters | None = None
         self._loop: LoopSurroundings | None = None
+        self._accelerometer: AccelerometerParameters | None = None
+        self._feedforward: Feedforward | None = None
+        feedforward_parameters(name, to_mapping(self.parameters[ControllerFeedforwardParameters]))
 
     def last_tick_needed(self, sample_time: float) -> int:
         if not isinstance(self._controller, HasPlan):
@@ -82,8 +91,28 @@ class ControllerNode(CatalogueNode):
         self._loop = None
         if self._drive is not None:
             self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, self._scales)
+        self._accelerometer = block_parameters_of(run, BASE_SENSOR)
+        self._prepare_feedforward(run.sample_time)
         for warning in self._warnings():
             self.get_logger().warning(warning)
+
+    def _prepare_feedforward(self, sample_time: float) -> None:
+        parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
+        names = self._controller.estimate_names
+        if parameters.is_used:
+            knowledge = self._feedforward_knowledge(parameters, sample_time)
+            self._feedforward = Feedforward(parameters, sample_time, *knowledge)
+            names = (*names, *self._feedforward.estimate_names)
+        self._estimates = ArrayCodec(names)
+
+    def _feedforward_knowledge(self, parameters: FeedforwardParameters, sample_time: float) -> Any:
+        if self._accelerometer is None:
+            raise RunError(
+                f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is refused: none, since '
+                f'there is no {BASE_SENSOR} in this run'
+            )
+        fresh = self._make(self.parameters[self._kind], sample_time)
+        return feedforward_knowledge(parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time)
 
     def _sensor_scales(self) -> SensorScales:
         """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
@@ -107,9 +136,15 @@ class ControllerNode(CatalogueNode):
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         displacement, velocity, _ = unpack_vector(messages[1])
         controller = self._controller
-        u, unsaturated, feedback = self._dsp.step(
-            *controller.step(self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[0])))
-        )
+        inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[0]))
+        law = controller.step(inputs)
+        estimates = controller.estimates
+        feedforward = self._feedforward
+        if feedforward is not None:
+            output_1, output_2, _ = unpack_vector(messages[2])
+            law = feedforward.compensate(inputs.position - inputs.desired_position, output_1, output_2, *law)
+            estimates = np.concatenate([estimates, feedforward.estimates])
+        u, unsaturated, feedback = self._dsp.step(*law)
         try:
             self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
         except NotFiniteError:
@@ -117,12 +152,16 @@ class ControllerNode(CatalogueNode):
             if fault:
                 raise RunError(fault) from None
             raise
-        self.publish_bytes(1, self._estimates.pack_array(controller.estimates))
+        self.publish_bytes(1, self._estimates.pack_array(estimates))
 
     def update(self) -> None:
         self._controller.update(self.parameters[self._kind])
         self._dsp.update(self.parameters[ControllerOutputParameters].dsp)
         self._tell_limit()
+        if self._feedforward is not None:
+            parameters = self.parameters[ControllerFeedforwardParameters].feedforward
+            knowledge = self._feedforward_knowledge(parameters, self._feedforward.sample_time)
+            self._feedforward.update(parameters, *knowledge)
 
     def _tell_limit(self) -> None:
         if isinstance(self._controller, KnowsOutputLimit):
@@ -138,6 +177,21 @@ class ControllerNode(CatalogueNode):
         else:
             level = ERROR if count > _OFTEN * ticks else WARN
             yield Diagnosis('control', level, f'at its limit in {count} of {ticks} ticks', values)
+        if self._feedforward is not None:
+            yield _diagnosis_of(self._feedforward)
+
+
+def _diagnosis_of(feedforward: Feedforward) -> Diagnosis:
+    values = {
+        'rms error [um]': feedforward.error_rms,
+        'rms error without feedforward, estimated [um]': feedforward.error_rms_without,
+        'times switched off, in all': feedforward.times_switched_off,
+    }
+    if not feedforward.parameters.enabled:
+        return Diagnosis('feedforward', OK, 'not enabled', values)
+    if feedforward.is_switched_off:
+        return Diagnosis('feedforward', WARN, 'switched off, since the error is smaller without it', values)
+    return Diagnosis('feedforward', OK, 'acts', values)
 
 
 def run_plain_controller(name: str, arguments: Sequence[str] | None) -> int:

@@ -7,7 +7,8 @@ from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
+from hdd_servo_ros.nodes.saturation import SaturationLog
+from hdd_servo_ros.ros.diagnosis import Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
@@ -20,8 +21,7 @@ class LdvSensor(CatalogueNode):
         self._ldv = self.trial(Ldv, LdvParameters)
         self._ldv.step(0, 0.0, 0.0)
         self._lowest, self._highest = self._ldv.parameters.levels()
-        self._told: set[str] = set()
-        self._diagnosed = self._ldv.saturated_samples
+        self._saturation = SaturationLog(self)
 
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
@@ -32,26 +32,11 @@ class LdvSensor(CatalogueNode):
         x, v = self._ldv.step(tick, position, velocity)
         lowest, highest = self._lowest, self._highest
         if not (lowest < x < highest and lowest < v < highest):
-            self._warn()
+            self._saturation.warn(self._ldv)
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, 0.0), x, v, 0.0)
 
-    def _warn(self) -> None:
-        for output, warning in self._ldv.saturation_warnings().items():
-            if output not in self._told:
-                self._told.add(output)
-                self.get_logger().warning(warning)
-
     def diagnose(self) -> Iterable[Diagnosis]:
-        counts = self._ldv.saturated_samples
-        new = {name: count - self._diagnosed[name] for name, count in counts.items()}
-        self._diagnosed = counts
-        values = {f'{name}: samples beyond the range, in all': count for name, count in counts.items()}
-        values['dropped samples, in all'] = self._ldv.dropped_samples
-        if any(new.values()):
-            beyond = ', '.join(f'{name} in {count} samples' for name, count in new.items() if count)
-            yield Diagnosis('range', WARN, f'beyond the output range: {beyond}', values)
-        else:
-            yield Diagnosis('range', OK, 'inside the output range', values)
+        yield self._saturation.diagnose(self._ldv, {'dropped samples, in all': self._ldv.dropped_samples})
 
     def update(self) -> None:
         self._ldv.update(self.parameters[LdvParameters])

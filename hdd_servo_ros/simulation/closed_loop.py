@@ -5,10 +5,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.accelerometer import AccelerometerArrays, accelerometer_step
 from hdd_servo_ros.bench.dsp import DspArrays, dsp_step
 from hdd_servo_ros.bench.ldv import LdvArrays, fill_ldv_deviates, ldv_output
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerArrays, signal_analyzer_step
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnArrays, adaptive_nn_step
+from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
+from hdd_servo_ros.control.feedforward_kernel import feedforward_step
 from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
 from hdd_servo_ros.control.pid import PidArrays, pid_step
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
@@ -29,6 +32,8 @@ class Controllers(NamedTuple):
     signal_analyzer: SignalAnalyzerArrays
 
 
+LINEAR_Y, ANGULAR_Z = 1, 5
+"""The columns of the base's acceleration that the accelerometers sense."""
 ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(Controllers._fields))
 
 
@@ -42,6 +47,9 @@ def closed_loop(
     displacement_scale: float,
     velocity_scale: float,
     controllers: Controllers,
+    accelerometer: AccelerometerArrays,
+    has_feedforward: bool,
+    feedforward: FeedforwardArrays,
     dsp: DspArrays,
     held: NDArray[np.float64],
     deviates: NDArray[np.float64],
@@ -51,7 +59,8 @@ def closed_loop(
     Run consecutive ticks from ``first_tick`` on and write one row per tick.
 
     At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
-    vibrometer reads it, the controller responds, and the DSP makes u_k of it. The kernel calls the very kernels that
+    vibrometer reads it, the accelerometers read what has moved the base over the last sample, the controller responds,
+    the feedforward is added, and the DSP makes u_k of it. The kernel calls the very kernels that
     the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the vibrometer's noise,
     which is a function of the tick, is drawn for all ticks beforehand.
 
@@ -67,18 +76,25 @@ def closed_loop(
         What scales the vibrometer's outputs for the controller [um/V], [um/s/V].
     controllers
         The ``arrays`` of the controllers; the last one of each is its estimates.
+    accelerometer, has_feedforward, feedforward, dsp
+        The ``arrays`` of the blocks around the controller. The accelerometers take part if there are rows for them,
+        the feedforward if that is said.
     held
-        Array of two elements, what acts on the drive until the next tick: u and the disturbance [V].
+        Array of four elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
+        [m/s^2] and angular [rad/s^2] acceleration of the base.
     deviates
         Room for the deviates of the vibrometer's noise, shape (n, 2).
     signals
         :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: an array per topic, one row per tick.
     """
-    reference_rows, head_rows, ldv_rows, control_rows, estimate_rows, disturbance_rows = signals
+    reference_rows, head_rows, ldv_rows, control_rows, estimate_rows, disturbance_rows, base_rows, sensor_rows = signals
     # What depends on the tick alone comes first: the compiler makes such a short loop work on several ticks at once.
     fill_ldv_deviates(ldv[0], first_tick, deviates)
     # A node that a run may do without is a branch on what stays the same for all ticks, as the disturbance's rows are.
     is_disturbed = len(disturbance_rows) > 0
+    is_shaken = len(base_rows) > 0
+    has_accelerometer = len(sensor_rows) > 0
+    output_1, output_2 = 0.0, 0.0
     for row in range(len(head_rows)):
         tick = first_tick + row
         x_d, dx_d, ddx_d = reference_step(*reference, tick)
@@ -112,9 +128,25 @@ def closed_loop(
         else:
             u, unsaturated, feedback = open_loop_step(*controllers.open_loop, *inputs)
             estimates = controllers.open_loop[-1]
+        if has_accelerometer:
+            output_1, output_2 = accelerometer_step(*accelerometer, tick, held[2], held[3], held[0])
+            sensor_rows[row, 0] = output_1
+            sensor_rows[row, 1] = output_2
+            sensor_rows[row, 2] = 0.0
+        for i in range(len(estimates)):
+            estimate_rows[row, i] = estimates[i]
+        if has_feedforward:
+            u_ff = feedforward_step(*feedforward, inputs[1] - x_d, output_1, output_2)
+            u += u_ff
+            unsaturated += u_ff
+            for i in range(len(feedforward[-1])):
+                estimate_rows[row, len(estimates) + i] = feedforward[-1][i]
         u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)
         held[0] = u
         held[1] = disturbance_rows[row, 0] if is_disturbed else 0.0
+        if is_shaken:
+            held[2] = base_rows[row, LINEAR_Y]
+            held[3] = base_rows[row, ANGULAR_Z]
         reference_rows[row, 0] = x_d
         reference_rows[row, 1] = dx_d
         reference_rows[row, 2] = ddx_d
@@ -127,5 +159,3 @@ def closed_loop(
         control_rows[row, 0] = u
         control_rows[row, 1] = unsaturated
         control_rows[row, 2] = feedback
-        for i in range(len(estimates)):
-            estimate_rows[row, i] = estimates[i]

@@ -2,28 +2,39 @@
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
+from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.control.feedforward import AccelerometerScales, Feedforward
+from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
+from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.drive.plant import Plant
-from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
+from hdd_servo_ros.graph.block_parameters import (
+    block_parameters,
+    dsp_parameters,
+    feedforward_parameters,
+    input_parameters,
+    sensor_scales,
+)
+from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
-from hdd_servo_ros.graph.catalogue import NODES, resolve
 from hdd_servo_ros.graph.controller_loader import load_controller, refuse_former_object
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.signals import SignalRows
-from hdd_servo_ros.messages.topics import DISTURBANCE, SIGNAL_TOPICS
+from hdd_servo_ros.messages.topics import ACCELEROMETER, BASE_ACCELERATION, DISTURBANCE, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.signals.reference import Reference
-from hdd_servo_ros.simulation.closed_loop import Controllers, closed_loop
+from hdd_servo_ros.simulation.closed_loop import ANGULAR_Z, LINEAR_Y, Controllers, closed_loop
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 
 
@@ -33,6 +44,19 @@ def _arrays_of_default(node: str) -> tuple[NDArray[np.float64], ...]:
     row = NODES[node]
     arrays: tuple[NDArray[np.float64], ...] = resolve(row.block)(row.block_parameters(), 1e-4).arrays
     return arrays
+
+
+@functools.cache
+def _default_accelerometer() -> Accelerometer:
+    """Return accelerometers that do not run."""
+    return Accelerometer(AccelerometerParameters(), 1e-4)
+
+
+@functools.cache
+def _arrays_of_no_feedforward() -> FeedforwardArrays:
+    """Return the arrays of a feedforward that does not run."""
+    parameters = FeedforwardParameters(method='fixed')
+    return Feedforward(parameters, 1e-4, np.zeros(parameters.path_length), AccelerometerScales(1.0, 1.0)).arrays
 
 
 class Experiment:
@@ -81,20 +105,27 @@ class Experiment:
         self._kind: int | None = None
         self.controller: Controller
         scales = ControllerInputParameters()
+        feedforward = FeedforwardParameters()
+        self._make_law: Callable[[Any, float], Controller]
         if isinstance(controller, str) and controller in Controllers._fields:
             self._kind = Controllers._fields.index(controller)
             node = CONTROLLER_NODES[controller]
             self.controller = self._block(node, sections)
+            parameters_of_law = block_parameters(node, sections.get(node, {}))
+            self._make_law = resolve(NODES[node].block)
             dsp = dsp_parameters(node, sections.get(node, {}))
             scales = input_parameters(node, sections.get(node, {}))
+            feedforward = feedforward_parameters(node, sections.get(node, {}))
         elif isinstance(controller, str):
             outside = load_controller(controller)
             own = sections.get(outside.node, {})
             parameters_of_law = block_parameters(outside.node, own)
             outside.trial(parameters_of_law, sample_time)
             self.controller = self._blocks[outside.node] = outside.make(parameters_of_law, sample_time)
+            self._make_law = outside.make
             dsp = dsp_parameters(outside.node, own)
             scales = input_parameters(outside.node, own)
+            feedforward = feedforward_parameters(outside.node, own)
         else:
             refuse_former_object(controller)
             self.controller = controller
@@ -107,7 +138,14 @@ class Experiment:
             if disturbance is not None:
                 raise ParameterError('disturbance', disturbance, f'None with parameters of {DISTURBANCE_GENERATOR}')
             self._disturbance = self._block(DISTURBANCE_GENERATOR, sections)
-        self._held: NDArray[np.float64] = np.zeros(2)
+        self.accelerometer: Accelerometer | None = None
+        if feedforward.is_used or BASE_SENSOR in sections:
+            self.accelerometer = self._block(BASE_SENSOR, sections)
+        self.feedforward: Feedforward | None = None
+        if feedforward.is_used:
+            knowledge = self._knowledge_of(feedforward, parameters_of_law)
+            self.feedforward = Feedforward(feedforward, sample_time, *knowledge)
+        self._held: NDArray[np.float64] = np.zeros(4)
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
@@ -118,6 +156,16 @@ class Experiment:
         except ParameterError as error:
             raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
         return self._blocks[name]
+
+    def _knowledge_of(
+        self, feedforward: FeedforwardParameters, law: Any
+    ) -> tuple[NDArray[np.float64], AccelerometerScales]:
+        """Return what the feedforward has to know of loop and sensors, for a controller with these parameters."""
+        assert self.accelerometer is not None
+        fresh = self._make_law(law, self.sample_time)
+        return feedforward_knowledge(
+            feedforward, fresh, self.dsp.parameters, self.accelerometer.parameters, self.sample_time
+        )
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
@@ -133,6 +181,16 @@ class Experiment:
             self.dsp.update(sets[ControllerOutputParameters].dsp)
             if isinstance(self.controller, KnowsOutputLimit):
                 self.controller.limit_output(self.dsp.limit)
+        if self.feedforward is not None and ControllerFeedforwardParameters in sets:
+            parameters = sets[ControllerFeedforwardParameters].feedforward
+            law = sets[NODES[node].block_parameters]
+            self.feedforward.update(parameters, *self._knowledge_of(parameters, law))
+
+    @property
+    def estimate_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``/estimates``: those of the controller, then those of the feedforward."""
+        own = () if self.feedforward is None else self.feedforward.estimate_names
+        return (*self.controller.estimate_names, *own)
 
     def warnings(self) -> tuple[str, ...]:
         """Return what a user should be told of the controller before a run."""
@@ -146,6 +204,14 @@ class Experiment:
                 self.scales,
             ),
         )
+
+    def saturation_warnings(self) -> dict[tuple[str, str], str]:
+        """Return, for each instrument's node and output that has been clipped, what a user should be told."""
+        warnings = {('ldv_sensor', output): text for output, text in self.ldv.saturation_warnings().items()}
+        if self.accelerometer is not None:
+            own = self.accelerometer.saturation_warnings()
+            warnings.update(((BASE_SENSOR, output), text) for output, text in own.items())
+        return warnings
 
     @property
     def is_compiled(self) -> bool:
@@ -169,9 +235,11 @@ class Experiment:
     def empty_rows(self, first_tick: int, count: int) -> SignalRows:
         """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
         optional = () if self._disturbance is None else self._disturbance.topics
+        if self.accelerometer is not None:
+            optional = (*optional, ACCELEROMETER)
         drive = self.plant.parameters
         units = Units(drive.length_unit, drive.control_unit)
-        names = self.controller.estimate_names
+        names = self.estimate_names
         return SignalRows.empty(first_tick, count, self.sample_time, names, optional, units)
 
     def run(self, first_tick: int, count: int, rows: SignalRows | None = None) -> SignalRows:
@@ -221,12 +289,20 @@ class Experiment:
                 self.ldv.arrays,
                 *self.scales,
                 self._controllers(),
+                (self.accelerometer or _default_accelerometer()).arrays,
+                self.feedforward is not None,
+                _arrays_of_no_feedforward() if self.feedforward is None else self.feedforward.arrays,
                 self.dsp.arrays,
                 self._held,
                 np.empty((len(rows), 2)),
                 rows.kernel_arrays,
             )
         return rows
+
+    def _estimates(self) -> NDArray[np.float64]:
+        """Return what ``/estimates`` carries after a step."""
+        own = self.controller.estimates
+        return own if self.feedforward is None else np.concatenate([own, self.feedforward.estimates])
 
     def _controllers(self) -> Controllers:
         """Return the arrays of all built-in controllers, of which one runs."""
@@ -240,19 +316,29 @@ class Experiment:
     def _run_from_python(self, rows: SignalRows) -> None:
         signals = [rows[topic.name] for topic in SIGNAL_TOPICS if topic.name in rows]
         forces = rows.disturbance.force if DISTURBANCE.name in rows else np.zeros(len(rows))
+        base = rows[BASE_ACCELERATION.name] if BASE_ACCELERATION.name in rows else np.zeros((len(rows), 6))
         for row in range(len(rows)):
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
-            head = self.plant.output() if tick == 0 else self.plant.step(tick, *self._held.tolist())
+            control, force, linear, angular = self._held.tolist()
+            head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force)
             ldv = self.ldv.step(tick, head[0], head[1])
-            control = self.dsp.step(*self.controller.step(self.scales.inputs(tick, *ldv, *reference)))
-            self._held[:] = control[0], forces[row]
+            outputs = (0.0, 0.0)
+            if self.accelerometer is not None:
+                outputs = self.accelerometer.step(tick, linear, angular, control)
+                rows[ACCELEROMETER.name][row] = (*outputs, 0.0)
+            inputs = self.scales.inputs(tick, *ldv, *reference)
+            law = self.controller.step(inputs)
+            if self.feedforward is not None:
+                law = self.feedforward.compensate(inputs.position - inputs.desired_position, *outputs, *law)
+            commanded = self.dsp.step(*law)
+            self._held[:] = commanded[0], forces[row], base[row, LINEAR_Y], base[row, ANGULAR_Z]
             rows.reference[row] = reference
             rows.head[row] = head
             rows.ldv[row] = (*ldv, 0.0)
-            rows.control[row] = control
-            rows['estimates'][row] = self.controller.estimates
-            if not math.isfinite(sum(head) + sum(control)):
+            rows.control[row] = commanded
+            rows['estimates'][row] = self._estimates()
+            if not math.isfinite(sum(head) + sum(commanded)):
                 # Nothing after it means anything, and the controller must not be asked what to make of it.
                 for signal in signals:
                     signal[row + 1 :] = math.nan

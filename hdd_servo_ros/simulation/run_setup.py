@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
+from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
 from hdd_servo_ros.graph.catalogue import (
     CONTROLLERS,
     NODES,
@@ -44,6 +45,10 @@ CHUNK = 4096
 """Ticks that are computed, packed and written in one piece."""
 PYTHON_CHUNK = 256
 """The same with a controller that is called from Python: signals are looked at between two pieces."""
+
+
+_AROUND_A_CONTROLLER = (ControllerInputParameters, ControllerOutputParameters, ControllerFeedforwardParameters)
+"""Parameters of a controller's node that blocks of the loop are made from, beside those of its law."""
 
 
 class Simulation:
@@ -101,7 +106,7 @@ class Simulation:
             name: {
                 key: value
                 for kind, values in sets[name].items()
-                if kind in (NODES[name].block_parameters, ControllerInputParameters, ControllerOutputParameters)
+                if kind in (NODES[name].block_parameters, *_AROUND_A_CONTROLLER)
                 for key, value in to_mapping(values).items()
             }
             for name in names

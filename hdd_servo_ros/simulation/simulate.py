@@ -62,10 +62,10 @@ class SimulatedRun:
             )
         topics = [] if self.recorder is None else self.recorder.topics
         self._packer = Packer(
-            topics, simulation.timer.sample_time, simulation.frame_id, self._experiment.controller.estimate_names
+            topics, simulation.timer.sample_time, simulation.frame_id, self._experiment.estimate_names
         )
         self.sums = RunSums(self._metadata(), self._transient())
-        self._warned: frozenset[str] = frozenset()
+        self._warned: frozenset[tuple[str, str]] = frozenset()
         self._started = time.monotonic()
 
     def run(self, requests: Interrupts, progress: Progress | None) -> Outcome:
@@ -110,10 +110,10 @@ class SimulatedRun:
         return outcome, rows
 
     def _warn_of_saturation(self) -> None:
-        """Warn of vibrometer outputs that have saturated since, as the node does."""
-        warnings = self._experiment.ldv.saturation_warnings()
+        """Warn of instrument outputs that have saturated since, as the nodes do."""
+        warnings = self._experiment.saturation_warnings()
         for output in sorted(warnings.keys() - self._warned):
-            print(f'simulate: warning: ldv_sensor: {warnings[output]}', file=sys.stderr)
+            print(f'simulate: warning: {output[0]}: {warnings[output]}', file=sys.stderr)
         self._warned = frozenset(warnings)
 
     def _transient(self) -> float:
