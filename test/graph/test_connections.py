@@ -13,6 +13,7 @@ EXPECTED = {
     'disturbance_generator': ([('clock', 0)], [], ['disturbance', 'base_acceleration']),
     'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1)], ['head']),
     'ldv_sensor': ([('head', 0)], [], ['ldv']),
+    'accelerometer': ([('control', 1)], [('base_acceleration', 1)], ['accelerometer']),
     **dict.fromkeys(
         CONTROLLERS.values(), ([('reference', 0), ('ldv', 0)], [('accelerometer', 0)], ['control', 'estimates'])
     ),

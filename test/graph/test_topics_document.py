@@ -32,7 +32,7 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         (
             'control',
             '| [/control](#control) | `geometry_msgs/Vector3Stamped` | the controller | `vcm_plant` (delay 1 tick), '
-            '`deterministic_timer` (delay 1 + lookahead ticks), an accelerometer (delay 1 tick), `bag_recorder` |',
+            '`deterministic_timer` (delay 1 + lookahead ticks), `accelerometer` (delay 1 tick), `bag_recorder` |',
         ),
         (
             'disturbance',
@@ -42,7 +42,7 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         (
             'base_acceleration',
             '| [/base_acceleration](#base_acceleration), optional | `geometry_msgs/AccelStamped` | a disturbance '
-            'source | an accelerometer, `bag_recorder` |',
+            'source | `accelerometer` (delay 1 tick), `bag_recorder` |',
         ),
         (
             'recorded',

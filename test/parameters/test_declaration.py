@@ -34,6 +34,21 @@ PURE_NUMBERS = {
     'network.width',
     'width.factor',
     'compensator.width',
+    'damping_ratio',
+    'beam_damping_ratio',
+    'gain_error',
+    'gain_mismatch',
+    'feedforward.initial_gain',
+    'feedforward.step_size',
+    'feedforward.leakage',
+    'feedforward.weight_limit',
+    'feedforward.model.imbalance',
+    'feedforward.iir.step_size',
+    'feedforward.iir.pole_radius',
+    'feedforward.network.step_size',
+    'feedforward.network.leakage',
+    'feedforward.supervisor.tolerance',
+    'feedforward.supervisor.gain_wanted',
 }
 """Ratios, exponents and what has several units in one list; their descriptions say so."""
 
