@@ -12,7 +12,16 @@ import numba
 
 PACKAGE = Path(__file__).parent.parent
 
-_SOURCES = ('bench', 'control', 'drive', 'messages/controller_inputs.py', 'numerics', 'signals', 'simulation')
+_SOURCES = (
+    'bench',
+    'control',
+    'disturbance',
+    'drive',
+    'messages/controller_inputs.py',
+    'numerics',
+    'signals',
+    'simulation',
+)
 """
 What compiled code depends on: each folder with a kernel as a whole, since kernels take constants from the files beside
 them, and sources without a kernel whose types kernels take. A test compares this with the sources.
