@@ -8,9 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from hdd_servo_ros.analysis.metrics import repeatable_parts
 from hdd_servo_ros.analysis.misregistration import misregistration
 
-SYNCHRONISM = 1e-4
-"""By which part of itself a revolution may differ from a whole number of samples; T is a whole number of ns."""
-
 
 @dataclasses.dataclass(frozen=True)
 class RunoutParts:
@@ -78,29 +75,3 @@ def runout_parts(error: ArrayLike, sectors: int) -> RunoutParts:
         non_repeatable_peak_to_peak=float(np.ptp(rest)),
         non_repeatable_three_sigma=3.0 * float(np.sqrt(variance)),
     )
-
-
-def refuse_asynchronous(revolutions_per_minute: float, sectors: int, sample_time: float) -> None:
-    """
-    Check that a revolution takes ``sectors`` samples: T = 60/(rpm N).
-
-    Parameters
-    ----------
-    revolutions_per_minute
-        Speed of the spindle [1/min].
-    sectors
-        Servo sectors N per revolution.
-    sample_time
-        T [s].
-
-    Raises
-    ------
-    ValueError
-        If it does not, within :data:`SYNCHRONISM`.
-    """
-    needed = 60.0 / (revolutions_per_minute * sectors) if revolutions_per_minute > 0.0 and sectors > 0 else 0.0
-    if not abs(sample_time - needed) <= SYNCHRONISM * sample_time:
-        raise ValueError(
-            f'T = {1e6 * sample_time:.6g} us is not synchronous with the spindle: {sectors} sectors at '
-            f'{revolutions_per_minute:g} rpm need T = {1e6 * needed:.6g} us'
-        )

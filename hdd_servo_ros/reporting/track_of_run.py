@@ -4,15 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.off_track import shock_times
-from hdd_servo_ros.analysis.runout import refuse_asynchronous, runout_parts
+from hdd_servo_ros.analysis.runout import runout_parts
+from hdd_servo_ros.disturbance.spindle import SpindleParameters
+from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
+from hdd_servo_ros.messages.topics import BASE_ACCELERATION
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
-GENERATOR = 'disturbance_generator'
-BASE_ACCELERATION = 'base_acceleration'
 DEFAULT_PITCH = 1.016
 """Track pitch of a run that does not say its own [um]: the 25000 tracks per inch of the thesis."""
-_LINEAR_Y = 1
-"""Column of `/base_acceleration` with the acceleration along the head's motion."""
 
 
 def track_pitch(run: RecordedRun) -> float | None:
@@ -28,28 +28,35 @@ def track_pitch(run: RecordedRun) -> float | None:
 def why_no_sectors(run: RecordedRun) -> str:
     """Return why a run has no whole number of samples per revolution, empty if it has."""
     try:
-        speed, sectors = (run.parameter(GENERATOR, f'spindle.{name}') for name in ('revolutions_per_minute', 'sectors'))
+        spindle = _spindle_of(run)
     except LookupError:
-        return f'run.yaml has no spindle of {GENERATOR}'
-    if not sectors:
-        return f'{GENERATOR} has spindle.sectors = 0'
+        return f'run.yaml has no spindle of {DISTURBANCE_GENERATOR}'
+    if not spindle.sectors:
+        return f'{DISTURBANCE_GENERATOR} has spindle.sectors = 0'
     try:
-        refuse_asynchronous(float(speed), int(sectors), run.sample_time)
-    except ValueError as error:
+        spindle.require_synchronous(run.sample_time, 'runout')
+    except ParameterError as error:
         return str(error)
     return ''
 
 
+def _spindle_of(run: RecordedRun) -> SpindleParameters:
+    """Return the spindle of a run; raises LookupError if it has none."""
+    names = ('revolutions_per_minute', 'sectors')
+    speed, sectors = (run.parameter(DISTURBANCE_GENERATOR, f'spindle.{name}') for name in names)
+    return SpindleParameters(revolutions_per_minute=float(speed), sectors=int(sectors))
+
+
 def sectors_of(run: RecordedRun) -> int:
     """Return the samples, and servo sectors, per revolution; 0 if :func:`why_no_sectors`."""
-    return 0 if why_no_sectors(run) else int(run.parameter(GENERATOR, 'spindle.sectors'))
+    return 0 if why_no_sectors(run) else _spindle_of(run).sectors
 
 
 def shocks_of(run: RecordedRun) -> NDArray[np.float64]:
     """Return the times at which shocks of the base begin [s]; none without `/base_acceleration`."""
-    if BASE_ACCELERATION not in run:
+    if BASE_ACCELERATION.name not in run:
         return np.empty(0)
-    return np.asarray(run.time[0] + shock_times(run[BASE_ACCELERATION][:, _LINEAR_Y], run.sample_time))
+    return np.asarray(run.time[0] + shock_times(run.base_acceleration.linear_y, run.sample_time))
 
 
 def non_repeatable(signal: NDArray[np.float64], sectors: int) -> NDArray[np.float64]:

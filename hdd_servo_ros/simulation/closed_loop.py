@@ -15,6 +15,7 @@ from hdd_servo_ros.control.feedforward_kernel import feedforward_step
 from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
 from hdd_servo_ros.control.pid import PidArrays, pid_step
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
+from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.signals.reference import ReferenceArrays, reference_step
 
@@ -32,7 +33,7 @@ class Controllers(NamedTuple):
     signal_analyzer: SignalAnalyzerArrays
 
 
-LINEAR_Y, ANGULAR_Z = 1, 5
+LINEAR_Y, ANGULAR_Z = (BASE_ACCELERATION.field_names.index(name) for name in ('linear_y', 'angular_z'))
 """The columns of the base's acceleration that the accelerometers sense."""
 ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(Controllers._fields))
 

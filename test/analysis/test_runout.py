@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hdd_servo_ros.analysis.runout import refuse_asynchronous, runout_parts
+from hdd_servo_ros.analysis.runout import runout_parts
 
 SECTORS = 84
 
@@ -54,11 +54,3 @@ def test_a_repeating_signal_is_all_rpe_from_the_sector_of_its_first_sample(secto
 def test_too_little_is_rejected(samples, sectors, message):
     with pytest.raises(ValueError, match=message):
         runout_parts(np.zeros(samples), sectors)
-
-
-def test_a_sample_time_that_does_not_fit_the_spindle_is_rejected():
-    refuse_asynchronous(7200.0, 84, 99.206e-6)
-    with pytest.raises(ValueError, match=r'T = 100 us .* 84 sectors at 7200 rpm need T = 99\.2063 us'):
-        refuse_asynchronous(7200.0, 84, 1e-4)
-    with pytest.raises(ValueError, match='not synchronous'):
-        refuse_asynchronous(0.0, 84, 1e-4)

@@ -1,5 +1,7 @@
 """The accelerometers against scipy's discretisation of the same filters, and each error by itself."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -7,7 +9,7 @@ from scipy import signal
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 
 SAMPLE_TIME = 1e-4
-PERFECT = {'noise': 0.0, 'adc_bits': 0, 'output_range': 0.0}
+PERFECT: dict[str, Any] = {'noise': 0.0, 'adc_bits': 0, 'output_range': 0.0}
 
 
 def readings(accelerometer, linear, angular=None, control=None):
@@ -23,7 +25,7 @@ def readings(accelerometer, linear, angular=None, control=None):
 def filtered(acceleration, bandwidth, damping=0.707, beam=0.0, sample_time=SAMPLE_TIME):
     """The same acceleration behind the same filters, by scipy."""
     low = 2.0 * np.pi * bandwidth
-    numerator, denominator = [low**2], [1.0, 2.0 * damping * low, low**2]
+    numerator, denominator = [low**2], np.array([1.0, 2.0 * damping * low, low**2])
     if beam:
         w = 2.0 * np.pi * beam
         numerator, denominator = [low**2 * w**2], np.polymul(denominator, [1.0, 2.0 * 0.02 * w, w**2])

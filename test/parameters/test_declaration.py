@@ -35,6 +35,7 @@ PURE_NUMBERS = {
     'width.factor',
     'compensator.width',
     'damping_ratio',
+    'runout.repeatable.sequence_cutoff',
     'beam_damping_ratio',
     'gain_error',
     'gain_mismatch',

@@ -20,6 +20,8 @@ PID = {'proportional_gain': 0.626, 'integral_gain': 62.0, 'derivative_gain': 1.3
 class Shaker:
     """Vibration of 12.5 rad/s^2 from 10 to 500 Hz, and a track centre with runout and white flutter."""
 
+    topics = (DISTURBANCE,)
+
     def __init__(self, ticks: int, vibration: float = 12.5, runout: float = 0.030, flutter: float = 0.004) -> None:
         rng = np.random.default_rng(5)
         self.disturbance = np.zeros((ticks, 3))
@@ -31,7 +33,7 @@ class Shaker:
 
     def rows(self, first_tick, count):
         """Return the rows of consecutive ticks."""
-        return self.disturbance[first_tick : first_tick + count]
+        return (self.disturbance[first_tick : first_tick + count],)
 
 
 def shaken_run(directory, duration_ticks, *, sectors=SECTORS, pitch=1.016, **sizes):

@@ -98,7 +98,8 @@ def test_another_pitch(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('sectors', 'reason'), [(0, 'spindle.sectors = 0'), (100, '100 sectors at 7200 rpm need T = 83.3333 us')]
+    ('sectors', 'reason'),
+    [(0, 'spindle.sectors = 0'), (100, 'sectors = 100 with sample_time = 8.3333e-05 s at 7200 1/min')],
 )
 def test_without_whole_revolutions_there_is_no_rpe(tmp_path, sectors, reason):
     run = shaken_run(tmp_path / 'run', 10 * SECTORS, sectors=sectors)
