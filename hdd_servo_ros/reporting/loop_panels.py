@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.signals import TimedSignals
-from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
+from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.reporting.decimation import rows_to_draw
 from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, changes_at_all
@@ -17,6 +17,8 @@ TIME_LABEL = 'time [s]'
 _SAMPLES_IN_FULL = 500
 """Rows at the start, about the largest error and at the end that are drawn one by one."""
 _ESTIMATES = 8
+FEEDFORWARD = 'u_ff'
+"""The estimate that is the feedforward from the accelerometers."""
 
 
 class Lines:
@@ -107,6 +109,9 @@ def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | Non
         total = lines.over_time('total', signals.command, COLOURS[2])
         feedback = lines.over_time('feedback part', signals.feedback, COLOURS[3])
         add('control', 'Control', f'control [{volt}]', [total, feedback], largest_first=True)
+    if DISTURBANCE.name in signals and signals.disturbance.force.any():
+        forces = _forces(signals, lines)
+        add('disturbance', 'Disturbance', f'force [{volt}]', forces, largest_first=True)
     estimates = _estimates(signals, lines) if ESTIMATES.name in signals else []
     if estimates:
         add('estimates', 'Estimates', 'over largest magnitude', estimates)
@@ -119,6 +124,14 @@ ERROR_TITLE = 'Tracking error, x - x_d'
 def error_label(units: Units) -> str:
     """Return what is written at an axis of errors."""
     return f'error [{shown(units.error)}]'
+
+
+def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:
+    """Return the force against u, and the feedforward that is to cancel it."""
+    forces = [lines.over_time('force against u', signals.disturbance.force, COLOURS[4])]
+    if ESTIMATES.name in signals and FEEDFORWARD in signals.estimates:
+        forces.append(lines.over_time('feedforward', signals.estimates[FEEDFORWARD], COLOURS[5]))
+    return forces
 
 
 def _estimates(signals: TimedSignals, lines: Lines) -> list[Trace]:
