@@ -10,6 +10,7 @@ from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.feedforward import AccelerometerScales
 from hdd_servo_ros.control.feedforward_parameters import FeedforwardModelParameters, FeedforwardParameters
+from hdd_servo_ros.control.observer import Observer
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.transition import held_input_transition
 
@@ -23,6 +24,7 @@ def feedforward_knowledge(
     dsp: DspParameters,
     accelerometer: AccelerometerParameters,
     sample_time: float,
+    observer: Observer | None = None,
 ) -> tuple[NDArray[np.float64], AccelerometerScales]:
     """
     Return what a feedforward has to know beside its parameters: the path, and how it reads the sensors.
@@ -37,12 +39,14 @@ def feedforward_knowledge(
         What lies behind the controller, and the sensors.
     sample_time
         T [s].
+    observer
+        What gives the controller its velocity, at rest and made for this alone; None for a sensor that does.
     """
     model = parameters.model
     scales = AccelerometerScales(
         model.sensitivity or accelerometer.sensitivity, model.separation or accelerometer.separation
     )
-    return feedforward_path(controller, dsp, model, sample_time, parameters.path_length), scales
+    return feedforward_path(controller, dsp, model, sample_time, parameters.path_length, observer), scales
 
 
 def feedforward_path(
@@ -51,6 +55,7 @@ def feedforward_path(
     model: FeedforwardModelParameters,
     sample_time: float,
     length: int,
+    observer: Observer | None = None,
 ) -> NDArray[np.float64]:
     """
     Return the response of the error to a pulse of the feedforward, one sample long, in the closed loop.
@@ -70,6 +75,8 @@ def feedforward_path(
         T [s].
     length
         Number of samples p.
+    observer
+        What gives the controller its velocity, at rest; it is stepped. None for the drive's own velocity.
 
     Returns
     -------
@@ -87,10 +94,13 @@ def feedforward_path(
         sample_time,
     )
     path = np.zeros(length)
-    position, travel = 0.0, 0.0
+    position, travel, held = 0.0, 0.0, 0.0
     for tick in range(length):
         path[tick] = position / _PULSE
-        inputs = ControllerInputs(tick, position, travel / sample_time, 0.0, 0.0, 0.0, 0.0, 0.0)
+        velocity = travel / sample_time
+        if observer is not None:
+            _, velocity = observer.step(position, held)
+        inputs = ControllerInputs(tick, position, velocity, 0.0, 0.0, 0.0, 0.0, 0.0)
         u, unsaturated, feedback = controller.step(inputs)
         pulse = _PULSE if tick == 0 else 0.0
         held, _, _ = delayed.step(u + pulse, unsaturated + pulse, feedback)

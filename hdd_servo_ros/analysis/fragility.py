@@ -10,6 +10,7 @@ from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LoopMargins
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.control.controller import Controller, WarnsBeforeRun
+from hdd_servo_ros.control.observer import ObserverParameters
 from hdd_servo_ros.control.pid import Pid
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
@@ -40,11 +41,13 @@ class LoopSurroundings:
     """The vibrometer; an ideal sensor if None."""
     scales: SensorScales | None = None
     """By which the controller reads it; the sensor's own if None."""
+    observer: ObserverParameters | None = None
+    """With the servo sensor, what gives the controller its velocity."""
 
     @functools.cached_property
     def margins(self) -> LoopMargins:
         """The linear loop around this drive."""
-        return LoopMargins(self.plant, self.sample_time, self.sensor, self.scales)
+        return LoopMargins(self.plant, self.sample_time, self.sensor, self.scales, self.observer)
 
     def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:
         """Return the loop with an adaptive NN controller whose estimates are frozen; ``delay`` replaces the own one."""

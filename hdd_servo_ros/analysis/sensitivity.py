@@ -3,13 +3,16 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdd_servo_ros.analysis.sampled_drive import SampledDrive, has_presliding_spring, sampled_drive
+from hdd_servo_ros.analysis.sampled_observer import SampledObserver
 from hdd_servo_ros.analysis.sampled_sensor import SampledSensor
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.observer import ObserverParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 
@@ -163,6 +166,9 @@ class LoopMargins:
         The vibrometer; an ideal sensor if not given.
     scales
         By which the controller reads the sensor; the sensor's own if not given.
+    observer
+        Of a run with the servo sensor, what gives the velocity; without ``sensor``. It counts as a part of the
+        controller, as the command that it takes is the controller's own.
 
     Attributes
     ----------
@@ -179,6 +185,7 @@ class LoopMargins:
         sample_time: float,
         sensor: LdvParameters | None = None,
         scales: SensorScales | None = None,
+        observer: ObserverParameters | None = None,
     ) -> None:
         self.sample_time = sample_time
         self.rigid_gain = plant.rigid_gain
@@ -186,13 +193,18 @@ class LoopMargins:
         self._bare = tuple(sampled_drive(plant, sample_time, presliding) for presliding in states)
         found = None if sensor is None else SampledSensor(sensor, sample_time, scales)
         self._sensor = None if found is None or found.is_ideal else found
-        self.drives = tuple(drive if self._sensor is None else self._sensor.after(drive) for drive in self._bare)
+        self._observer = None if observer is None else SampledObserver(observer, sample_time)
+        seen_by = self._sensor or self._observer
+        self.drives = tuple(drive if seen_by is None else seen_by.after(drive) for drive in self._bare)
         self.frequencies = frequency_grid(sample_time, self._bare)
         self.on_circle = _on_circle(self.frequencies, sample_time)
         self.responses = tuple(self._response(drive, self.frequencies) for drive in self._bare)
 
     def _response(self, drive: SampledDrive, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
         response = drive.response(frequencies)
+        if self._observer is not None:
+            of_position, _ = self._observer.responses(frequencies)
+            return np.asarray(response[:, :1] * np.stack([np.ones_like(of_position), of_position], axis=1))
         if self._sensor is None:
             return response
         return np.asarray((self._sensor.response(frequencies) @ response[:, :, None])[:, :, 0])
@@ -202,7 +214,15 @@ class LoopMargins:
     ) -> NDArray[np.complex128]:
         """Return L of a controller on the drive ``drives[index]`` at frequencies [Hz], shape (len(frequencies),)."""
         law = controller.response(frequencies, self.sample_time)
-        return np.asarray((law * self._response(self._bare[index], frequencies)).sum(axis=1))
+        loop = (law * self._response(self._bare[index], frequencies)).sum(axis=1)
+        return np.asarray(loop / self._through(law, frequencies))
+
+    def _own_command(self, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return what the velocity that the controller takes owes to its own command, shape (n, 2) as the responses."""
+        own = np.zeros((len(frequencies), 2), dtype=np.complex128)
+        if self._observer is not None:
+            own[:, 1] = self._observer.responses(frequencies)[1]
+        return own
 
     def peak_sensitivity(self, controller: LinearController, limit: float = math.inf) -> float:
         """
@@ -226,7 +246,8 @@ class LoopMargins:
         peak = 0.0
         for drive, response, found in zip(self._bare, self.responses, poles, strict=True):
             # Not a number stays one, and is not within any limit.
-            peak = float(np.maximum(peak, self._peak_of(controller, (law * response).sum(axis=1), drive, found, limit)))
+            on_grid = self._sensitivity(law, response, self.frequencies)
+            peak = float(np.maximum(peak, self._peak_of(controller, on_grid, drive, found, limit)))
             if peak > limit:
                 break
         return peak
@@ -234,7 +255,7 @@ class LoopMargins:
     def _peak_of(
         self,
         controller: LinearController,
-        loop: NDArray[np.complex128],
+        values: NDArray[np.float64],
         drive: SampledDrive,
         poles: NDArray[np.complex128],
         limit: float,
@@ -242,14 +263,13 @@ class LoopMargins:
         """
         Return the peak of one drive: on the grid, around the closed loop's own resonances, and next to the best.
 
-        ``loop`` is L on the grid.
+        ``values`` are |S| on the grid.
         """
 
         def sensitivity(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
             law = controller.response(frequencies, self.sample_time)
-            return np.asarray(1.0 / np.abs(1.0 + (law * self._response(drive, frequencies)).sum(axis=1)))
+            return self._sensitivity(law, self._response(drive, frequencies), frequencies)
 
-        values = np.asarray(1.0 / np.abs(1.0 + loop))
         around = _around_poles(poles, self.sample_time)
         near = sensitivity(around)
         on_grid, in_near = int(np.argmax(values)), int(np.argmax(near)) if len(around) else -1
@@ -268,6 +288,26 @@ class LoopMargins:
             best, peak = frequencies[at], values[at]
             low, high = frequencies[max(at - 1, 0)], frequencies[min(at + 1, len(frequencies) - 1)]
         return float(peak)
+
+    def _sensitivity(
+        self, law: NDArray[np.complex128], response: NDArray[np.complex128], frequencies: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """
+        Return |S| of the loop from position to position.
+
+        With -u = C_x x + C_v (F x + G u) the controller is (C_x + C_v F)/(1 + C_v G).
+        """
+        loop = (law * response).sum(axis=1)
+        if self._observer is None:
+            return np.asarray(1.0 / np.abs(1.0 + loop))
+        through = self._through(law, frequencies)
+        return np.asarray(np.abs(through / (through + loop)))
+
+    def _through(self, law: NDArray[np.complex128], frequencies: NDArray[np.float64]) -> Any:
+        """Return 1 + C_v G, through which the controller's own command passes the observer; 1 without one."""
+        if self._observer is None:
+            return 1.0
+        return 1.0 + (law * self._own_command(frequencies)).sum(axis=1)
 
     def peak_sensitivities(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
         """
@@ -303,6 +343,9 @@ class LoopMargins:
             matrices = np.array([controller.closed_loop(drive) for controller in controllers])
             radii = np.abs(_eigenvalues(matrices)).max(axis=1)
             differences = 1.0 + gains @ (laws * response).sum(axis=2)
+            if self._observer is not None:
+                own = gains @ (laws * self._own_command(self.frequencies)).sum(axis=2)
+                differences = 1.0 + (differences - 1.0) / (1.0 + own)
             on_grid = (differences.real**2 + differences.imag**2).min(axis=1) ** -0.5
             peaks = np.maximum(peaks, np.where(radii < 1.0, on_grid, np.inf))
         return peaks

@@ -6,6 +6,7 @@ from typing import Any
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
+from hdd_servo_ros.control.observer import ControllerObserverParameters, ObserverParameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
@@ -60,6 +61,14 @@ def feedforward_parameters(node: str, values: Mapping[str, object]) -> Feedforwa
         allowed = 'none, since this controller does not follow the reference'
         raise ParameterError(f'{node}.feedforward.method', output.feedforward.method, allowed)
     return output.feedforward
+
+
+def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverParameters:
+    """Return the parameters of a controller's observer, from all that a file says of its node."""
+    own = {declaration.name for declaration in declarations(ControllerObserverParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    found: ControllerObserverParameters = _constructed(ControllerObserverParameters, node, given)
+    return found.observer
 
 
 def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:

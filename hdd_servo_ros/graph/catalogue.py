@@ -17,6 +17,7 @@ from typing import Any
 
 CONTROLLER = 'controller'
 DISTURBANCE_SOURCE = 'disturbance source'
+POSITION_SENSOR = 'position sensor'
 BASE_SENSOR = 'accelerometer'
 """The roles of these names in :mod:`hdd_servo_ros.messages.topics`."""
 
@@ -54,6 +55,8 @@ class NodeRow:
         Value of the parameter ``controller`` that stands for it; empty for what is not a built-in controller.
     follows_reference
         For a controller: whether the head is to follow the reference, so that the run has a tracking error.
+    needs_ldv
+        For a controller: whether it cannot do without the vibrometer.
     """
 
     name: str
@@ -64,6 +67,7 @@ class NodeRow:
     role: str = ''
     short_name: str = ''
     follows_reference: bool = True
+    needs_ldv: bool = False
 
     @property
     def module(self) -> str:
@@ -120,6 +124,7 @@ _EVERY_CONTROLLER = (
     'bench.dsp:ControllerInputParameters',
     'bench.dsp:ControllerOutputParameters',
     'control.feedforward_parameters:ControllerFeedforwardParameters',
+    'control.observer:ControllerObserverParameters',
 )
 
 _NODE_ROWS = (
@@ -164,6 +169,16 @@ _NODE_ROWS = (
         (*_EVERY_NODE, 'bench.ldv:LdvParameters'),
         node='nodes.ldv_sensor:LdvSensor',
         block='bench.ldv:Ldv',
+        role=POSITION_SENSOR,
+    ),
+    NodeRow(
+        'servo_sensor',
+        'Decodes the servo sectors of a drive, in place of the vibrometer: publishes position error and position on '
+        '/pes.',
+        (*_EVERY_NODE, 'bench.servo_sensor:ServoSensorParameters'),
+        node='nodes.servo_sensor:ServoSensorNode',
+        block='bench.servo_sensor:ServoSensor',
+        role=POSITION_SENSOR,
     ),
     NodeRow(
         'accelerometer',
@@ -208,6 +223,7 @@ _NODE_ROWS = (
         role=CONTROLLER,
         short_name='signal_analyzer',
         follows_reference=False,
+        needs_ldv=True,
     ),
     NodeRow(
         'bag_recorder',
@@ -222,6 +238,9 @@ NODES = {row.name: row for row in _NODE_ROWS}
 
 CONTROLLERS = {row.short_name: row.name for row in _NODE_ROWS if row.short_name}
 """Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
+
+SENSORS = {'ldv': 'ldv_sensor', 'servo': 'servo_sensor'}
+"""Values of the parameter ``sensor`` of `rig` and `simulate`, and the node each stands for."""
 
 _RIG_PARAMETERS = ('graph.rig_parameters:RigParameters',)
 
@@ -309,8 +328,10 @@ def nodes_of_run(by_role: Mapping[str, str]) -> tuple[str, ...]:
     Parameters
     ----------
     by_role
-        Names of the nodes that fill the roles of this run.
+        Names of the nodes that fill the roles of this run; the vibrometer is the position sensor unless it says
+        otherwise.
     """
+    by_role = {POSITION_SENSOR: SENSORS['ldv'], **by_role}
     order = dict.fromkeys(row.role or row.name for row in NODES.values())
     roles = {row.role for row in NODES.values()} - by_role.keys()
     return tuple(by_role.get(item, item) for item in order if item not in roles)

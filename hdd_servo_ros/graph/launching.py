@@ -120,7 +120,8 @@ def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return every node of the graph as a process of its own."""
     controller = value(context, 'controller')
     node = CONTROLLERS.get(controller, 'outside_controller')
-    roles = roles_of_run(node, parse_ros_arguments(['--ros-args', *_ros_arguments(context)]))
+    arguments = parse_ros_arguments(['--ros-args', *_ros_arguments(context)])
+    roles = roles_of_run(node, arguments, str(arguments.parameters_of('rig').get('sensor', 'ldv')))
     names = [name for name in nodes_of_run(roles) if name != RECORDER or value(context, 'record') == 'true']
     end = EndOfRun(len(names))
     named = {'outside_controller': [controller]}

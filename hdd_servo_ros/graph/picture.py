@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, NODES
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES
 from hdd_servo_ros.graph.connections import TOPICS, readers_of, shown_delay
 from hdd_servo_ros.messages.topics import RECORDER, LoopTopic, Reader
 
@@ -17,7 +17,10 @@ _FONT = 'font-family="sans-serif" font-size="12"'
 
 def columns() -> tuple[str, ...]:
     """Return the nodes and roles of the picture from left to right: in the order of a tick, the recorder last."""
-    ordered = dict.fromkeys(row.role or row.name for row in NODES.values() if row.name != RECORDER)
+    named = {name for topic in TOPICS for name in (topic.writer, *(reader.node for reader in topic.readers))}
+    ordered = dict.fromkeys(
+        row.name if row.name in named else row.role or row.name for row in NODES.values() if row.name != RECORDER
+    )
     ordered.update(dict.fromkeys(topic.writer for topic in TOPICS if topic.writer != RECORDER))
     return (*ordered, RECORDER)
 
@@ -62,7 +65,8 @@ def _color(topic: LoopTopic) -> str:
 
 def _box(name: str) -> str:
     left = _x(name) - _BOX_WIDTH // 2
-    is_optional = name not in NODES and name != CONTROLLER
+    written = [topic for topic in TOPICS if topic.writer == name]
+    is_optional = name != RECORDER and bool(written) and all(topic.is_optional for topic in written)
     style = (
         f'fill="#fff" stroke="{_OPTIONAL}" stroke-dasharray="5 4"' if is_optional else 'fill="#eef4fb" stroke="#456"'
     )

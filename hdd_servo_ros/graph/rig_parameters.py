@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, SENSORS
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
 
@@ -20,6 +20,12 @@ class RigParameters(ParameterSet):
         True,
         'whether the nodes of `rig` hand each other their messages, which are then published over DDS only while '
         'another process subscribes to them; `simulate` has no DDS',
+        read_only=True,
+    )
+    sensor: str = parameter(
+        'ldv',
+        'what measures the head: ldv, the vibrometer, or servo, the servo sectors (node servo_sensor)',
+        choices=tuple(SENSORS),
         read_only=True,
     )
     plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)

@@ -1,6 +1,7 @@
 """Which nodes fill the roles of a run: its controller, and the nodes that its arguments ask for."""
 
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, DISTURBANCE_SOURCE
+from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, DISTURBANCE_SOURCE, NODES, POSITION_SENSOR, SENSORS
+from hdd_servo_ros.messages.topics import LDV
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import RosArguments
 
@@ -11,7 +12,7 @@ _FEEDFORWARD, _NO_FEEDFORWARD = 'feedforward.method', 'none'
 """The parameter of a controller that may need the acceleration of the base, and its value for one that does not."""
 
 
-def roles_of_run(controller: str, arguments: RosArguments) -> dict[str, str]:
+def roles_of_run(controller: str, arguments: RosArguments, sensor: str = 'ldv') -> dict[str, str]:
     """
     Return the name of the node that fills each role of a run.
 
@@ -24,13 +25,19 @@ def roles_of_run(controller: str, arguments: RosArguments) -> dict[str, str]:
         Name of the controller's node.
     arguments
         The command line.
+    sensor
+        Value of the parameter ``sensor`` of `rig` and `simulate`.
 
     Raises
     ------
     ParameterError
-        If a recorded disturbance and generated ones are asked for at once.
+        If a controller needs the vibrometer and another sensor is asked for. If a recorded disturbance and generated ones are asked for at once.
     """
     roles = {CONTROLLER: controller}
+    if sensor != 'ldv':
+        if controller in NODES and NODES[controller].needs_ldv:
+            raise ParameterError('sensor', sensor, f'ldv, since {controller} measures /{LDV.name}')
+        roles[POSITION_SENSOR] = SENSORS[sensor]
     recorded_run = arguments.parameters_of(PLAYBACK).get(RECORDED_RUN)
     if recorded_run:
         roles[DISTURBANCE_SOURCE] = PLAYBACK

@@ -15,11 +15,11 @@ class ControllerInputs(NamedTuple):
     position: float
     """Measured head position [um]: the sensor's displacement output, times the sensor's own scale."""
     velocity: float
-    """Measured head velocity [um/s]: the sensor's velocity output, times the sensor's own scale."""
+    """Measured head velocity [um/s]: the sensor's velocity output, times the sensor's own scale; or the observer's."""
     displacement_volts: float
-    """Displacement output of the sensor [V]."""
+    """Displacement output of the sensor [V]; with the servo sensor, which has no voltages, the position [um]."""
     velocity_volts: float
-    """Velocity output of the sensor [V]."""
+    """Velocity output of the sensor [V]; with the servo sensor the velocity [um/s]."""
     desired_position: float
     """Reference x_d [um]."""
     desired_velocity: float
@@ -39,6 +39,11 @@ class SensorScales(NamedTuple):
     """Head displacement per volt [um/V]."""
     velocity: float
     """Head velocity per volt [um/s/V]."""
+
+    @classmethod
+    def none(cls) -> 'SensorScales':
+        """Return the scales of a sensor that gives position and velocity as they are."""
+        return cls(1.0, 1.0)
 
     def inputs(
         self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float

@@ -19,9 +19,11 @@ from hdd_servo_ros.messages.topics import (
     HEAD,
     KERNEL_TOPICS,
     LDV,
+    PES,
     REFERENCE,
     SIGNAL_TOPICS,
     LoopTopic,
+    topics_of_run,
 )
 from hdd_servo_ros.messages.units import Units
 
@@ -120,8 +122,13 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def ldv(self) -> SignalArray:
-        """Displacement and velocity output of the vibrometer [V], 0; shape (n, 3)."""
+        """Displacement and velocity output of the vibrometer [V], 0; shape (n, 3); not in a run with `/pes`."""
         return self._rows(LDV)
+
+    @functools.cached_property
+    def pes(self) -> SignalArray:
+        """Decoded position error and position [um], number of the sector; shape (n, 3); only with `servo_sensor`."""
+        return self._rows(PES)
 
     @functools.cached_property
     def control(self) -> SignalArray:
@@ -280,8 +287,8 @@ class SignalRows(Signals):
     ) -> 'SignalRows':
         """Return rows for ``count`` ticks, to be filled; of the optional topics, rows for those named."""
         arrays = {}
-        for topic in SIGNAL_TOPICS:
-            if not topic.is_optional or topic in optional:
+        for topic in topics_of_run(optional):
+            if topic in SIGNAL_TOPICS:
                 width = topic.codec.width
                 arrays[topic.name] = np.empty((count, len(estimate_names) if width is None else width))
         return cls(first_tick, sample_time, arrays, estimate_names, units)

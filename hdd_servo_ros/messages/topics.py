@@ -6,6 +6,7 @@ live view and ``docs/topics.md`` follow from these declarations. No ROS import.
 """
 
 import dataclasses
+from collections.abc import Collection
 
 from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, COUNTS, VECTORS, Codec
 from hdd_servo_ros.messages.units import Units
@@ -14,6 +15,8 @@ CONTROLLER = 'controller'
 """Role of the node that closes the loop, whichever controller that is."""
 DISTURBANCE_SOURCE = 'disturbance source'
 """Role of a node that disturbs the drive."""
+POSITION_SENSOR = 'position sensor'
+"""Role of the node that measures the head's position: the vibrometer or the servo sensor."""
 BASE_SENSOR = 'accelerometer'
 """Role of a node that measures the acceleration of the base."""
 RECORDER = 'bag_recorder'
@@ -85,6 +88,9 @@ class LoopTopic:
         In a few words.
     is_optional
         Whether a run may be without it.
+    replaced_by
+        Name of the optional topic that takes its place in a run in which a node publishes that; empty for none. The
+        readers of this topic then wait for the other one instead.
     """
 
     name: str
@@ -94,6 +100,7 @@ class LoopTopic:
     readers: tuple[Reader, ...]
     meaning: str
     is_optional: bool = False
+    replaced_by: str = ''
 
     @property
     def type_name(self) -> str:
@@ -142,7 +149,7 @@ HEAD = LoopTopic(
         Field('friction', 'V', 'pivot friction'),
     ),
     'vcm_plant',
-    (Reader('ldv_sensor'),),
+    (Reader('ldv_sensor'), Reader('servo_sensor')),
     'ground truth of the drive',
 )
 LDV = LoopTopic(
@@ -155,6 +162,7 @@ LDV = LoopTopic(
     'ldv_sensor',
     (Reader(CONTROLLER),),
     'outputs of the laser Doppler vibrometer',
+    replaced_by='pes',
 )
 CONTROL = LoopTopic(
     'control',
@@ -179,7 +187,7 @@ DISTURBANCE = LoopTopic(
         Field('track_centre', 'um', 'displacement of the track centre'),
     ),
     DISTURBANCE_SOURCE,
-    (Reader('vcm_plant', delay=1),),
+    (Reader('vcm_plant', delay=1), Reader('servo_sensor')),
     'what disturbs the drive from outside',
     is_optional=True,
 )
@@ -208,15 +216,44 @@ ACCELEROMETER = LoopTopic(
     is_optional=True,
 )
 
+PES = LoopTopic(
+    'pes',
+    VECTORS,
+    (
+        Field('error', 'um', 'decoded position error: that from the nearest track centre, within half a track'),
+        Field('position', 'um', 'decoded position with the track number, as the controller takes it'),
+        Field('sector', '', 'number of the servo sector', False),
+    ),
+    'servo_sensor',
+    (Reader(CONTROLLER),),
+    'what the servo sectors tell of the position, in place of /ldv',
+    is_optional=True,
+)
+
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
-"""The topics of every run, in the order in which data flows through a tick."""
-OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER)
+"""The topics of every run with the vibrometer, in the order in which data flows through a tick."""
+OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
 """The topics of the runs in which a node publishes them: loop topics then like the others."""
 ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
 SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
 """The topics that carry signals."""
-KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER)
+KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
 """The topics that the compiled kernel writes or reads, in the order of its rows."""
+
+
+def topics_of_run(optional: Collection[LoopTopic]) -> tuple[LoopTopic, ...]:
+    """
+    Return the topics of a run, in the order of the recorder.
+
+    Parameters
+    ----------
+    optional
+        The optional topics that nodes of this run publish.
+    """
+    present = {topic.name for topic in optional}
+    required = (topic for topic in LOOP_TOPICS if topic.replaced_by not in present)
+    return (*required, *(topic for topic in OPTIONAL_TOPICS if topic.name in present))
+
 
 RECORDED = LoopTopic(
     'recorded',

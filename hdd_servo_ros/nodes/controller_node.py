@@ -15,12 +15,14 @@ from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
+from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, feedforward_parameters, sensor_scales
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
+from hdd_servo_ros.messages.topics import ACCELEROMETER, LDV, PES, REFERENCE
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterSet, to_mapping, with_tuples
@@ -39,7 +41,7 @@ def block_parameters_of(run: RunPlan, name: str) -> Any:
 
 class ControllerNode(CatalogueNode):
     """
-    Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`.
+    Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`, or `/pes` in place of that.
 
     Between the controller's law and `/control` lies the DSP's output (:class:`~hdd_servo_ros.bench.dsp.Dsp`), whose
     parameters every controller node has.
@@ -55,6 +57,7 @@ class ControllerNode(CatalogueNode):
     def __init__(self, name: str, make: Callable[[Any, float], Controller] | None = None) -> None:
         super().__init__(name)
         row = NODES[name]
+        self._row_name = name
         self._kind: type[ParameterSet] = row.block_parameters
         self._make: Callable[[Any, float], Controller] = make or resolve(row.block)
         self._controller = self.trial(self._make, self._kind)
@@ -69,6 +72,11 @@ class ControllerNode(CatalogueNode):
         self._loop: LoopSurroundings | None = None
         self._accelerometer: AccelerometerParameters | None = None
         self._feedforward: Feedforward | None = None
+        self._observer: Observer | None = None
+        # Compiles, and refuses a model for which there are no gains.
+        Observer(self.parameters[ControllerObserverParameters].observer, 1e-4).step(0.0, 0.0)
+        self._held = 0.0
+        self._offsets: dict[str, int] = {}
         feedforward_parameters(name, to_mapping(self.parameters[ControllerFeedforwardParameters]))
 
     def last_tick_needed(self, sample_time: float) -> int:
@@ -82,19 +90,34 @@ class ControllerNode(CatalogueNode):
         self._codec = VectorCodec(run.frame_id)
         self._controller = self._make(self.parameters[self._kind], run.sample_time)
         self._drive = block_parameters_of(run, 'vcm_plant')
-        self._sensor = block_parameters_of(run, 'ldv_sensor')
-        self._scales = self._sensor_scales()
+        self._offsets = {port.topic.name: offset for offset, port in enumerate(self.inputs)}
+        self._observer = None
+        if PES.name in self._offsets:
+            self._prepare_observer(run.sample_time)
+        else:
+            self._sensor = block_parameters_of(run, 'ldv_sensor')
+            self._scales = self._sensor_scales()
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
         self._tell_limit()
         delay = self._dsp.parameters.computation_delay
         self._loop = None
         if self._drive is not None:
-            self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, self._scales)
+            scales = None if self._observer is not None else self._scales
+            observer = None if self._observer is None else self._observer.parameters
+            self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
         self._prepare_feedforward(run.sample_time)
         for warning in self._warnings():
             self.get_logger().warning(warning)
+
+    def _prepare_observer(self, sample_time: float) -> None:
+        if NODES[self._row_name].needs_ldv:
+            raise RunError(f'{self.get_name()}: /{PES.name} is refused: /{LDV.name}, which this controller measures')
+        self._sensor = None
+        self._scales = SensorScales.none()
+        self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
+        self._held = 0.0
 
     def _prepare_feedforward(self, sample_time: float) -> None:
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
@@ -103,6 +126,8 @@ class ControllerNode(CatalogueNode):
             knowledge = self._feedforward_knowledge(parameters, sample_time)
             self._feedforward = Feedforward(parameters, sample_time, *knowledge)
             names = (*names, *self._feedforward.estimate_names)
+        if self._observer is not None:
+            names = (*names, *self._observer.estimate_names)
         self._estimates = ArrayCodec(names)
 
     def _feedforward_knowledge(self, parameters: FeedforwardParameters, sample_time: float) -> Any:
@@ -112,7 +137,12 @@ class ControllerNode(CatalogueNode):
                 f'there is no {BASE_SENSOR} in this run'
             )
         fresh = self._make(self.parameters[self._kind], sample_time)
-        return feedforward_knowledge(parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time)
+        observer = None
+        if self._observer is not None:
+            observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
+        return feedforward_knowledge(
+            parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time, observer
+        )
 
     def _sensor_scales(self) -> SensorScales:
         """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
@@ -134,17 +164,24 @@ class ControllerNode(CatalogueNode):
         return fragility.warnings(self._controller, self._loop)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
-        displacement, velocity, _ = unpack_vector(messages[1])
-        controller = self._controller
-        inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[0]))
+        controller, observer, offsets = self._controller, self._observer, self._offsets
+        if observer is None:
+            displacement, velocity, _ = unpack_vector(messages[offsets[LDV.name]])
+        else:
+            _, displacement, _ = unpack_vector(messages[offsets[PES.name]])
+            _, velocity = observer.step(displacement, self._held)
+        inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[offsets[REFERENCE.name]]))
         law = controller.step(inputs)
         estimates = controller.estimates
         feedforward = self._feedforward
         if feedforward is not None:
-            output_1, output_2, _ = unpack_vector(messages[2])
+            output_1, output_2, _ = unpack_vector(messages[offsets[ACCELEROMETER.name]])
             law = feedforward.compensate(inputs.position - inputs.desired_position, output_1, output_2, *law)
             estimates = np.concatenate([estimates, feedforward.estimates])
+        if observer is not None:
+            estimates = np.concatenate([estimates, observer.estimates])
         u, unsaturated, feedback = self._dsp.step(*law)
+        self._held = u
         try:
             self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
         except NotFiniteError:
@@ -158,6 +195,8 @@ class ControllerNode(CatalogueNode):
         self._controller.update(self.parameters[self._kind])
         self._dsp.update(self.parameters[ControllerOutputParameters].dsp)
         self._tell_limit()
+        if self._observer is not None:
+            self._observer.update(self.parameters[ControllerObserverParameters].observer)
         if self._feedforward is not None:
             parameters = self.parameters[ControllerFeedforwardParameters].feedforward
             knowledge = self._feedforward_knowledge(parameters, self._feedforward.sample_time)

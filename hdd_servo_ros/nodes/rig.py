@@ -43,7 +43,8 @@ class Rig:
             # Before names are refused, for it may bring parameters of its own.
             custom = load_controller(controller)
         refuse_unknown(given.unknown, given.as_mapping())
-        names = nodes_of_run(roles_of_run(CONTROLLERS[controller] if custom is None else custom.node, arguments))
+        node = CONTROLLERS[controller] if custom is None else custom.node
+        names = nodes_of_run(roles_of_run(node, arguments, self.parameters.sensor))
         self.nodes: list[LoopNode] = [make_node(names[0])]
         timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
         # Before the other nodes: it gets ready while they are made.

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
+from hdd_servo_ros.graph.block_parameters import (
+    block_parameters,
+    dsp_parameters,
+    input_parameters,
+    observer_parameters,
+    sensor_scales,
+)
 from hdd_servo_ros.messages.topics import ESTIMATES
 from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
     from hdd_servo_ros.analysis.fragility import LoopSurroundings
     from hdd_servo_ros.analysis.sensitivity import LinearController
 
-PLANT, SENSOR = 'vcm_plant', 'ldv_sensor'
+PLANT, SENSOR, SERVO_SENSOR = 'vcm_plant', 'ldv_sensor', 'servo_sensor'
 CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller'}
 """Controllers with a linear loop, and their nodes."""
 SAMPLES = 48
@@ -59,7 +65,7 @@ def why_no_sensitivity(run: RecordedRun) -> str:
     if node == 'adaptive_nn_controller' and ESTIMATES.name not in run:
         return f'the bag holds no /{ESTIMATES.name}'
     changed = {change.node.rpartition('/')[2] for change in run.parameter_changes if change.name != 'reset_count'}
-    changed &= {PLANT, SENSOR, node}
+    changed &= {PLANT, SENSOR, SERVO_SENSOR, node}
     return f'parameters of {" and ".join(sorted(changed))} were changed during the run' if changed else ''
 
 
@@ -107,6 +113,7 @@ def loop_surroundings(run: RecordedRun, node: str) -> 'LoopSurroundings':
         dsp_parameters(node, own).computation_delay,
         sensor,
         None if sensor is None else sensor_scales(input_parameters(node, own), sensor),
+        observer_parameters(node, own) if SERVO_SENSOR in nodes else None,
     )
 
 

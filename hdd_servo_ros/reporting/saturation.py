@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
 from hdd_servo_ros.messages.signals import Signals
-from hdd_servo_ros.messages.topics import CONTROL, LDV
+from hdd_servo_ros.messages.topics import CONTROL, LDV, PES
 from hdd_servo_ros.parameters import declarations, from_mapping
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -88,7 +88,8 @@ def saturated_rows(signals: Signals, description: Mapping[str, Any]) -> dict[str
 
 def saturation_of(run: RecordedRun) -> dict[str, NDArray[np.int64]] | None:
     """Return :func:`saturated_rows` of a run, None if its bag or its ``run.yaml`` do not tell."""
-    if not run.description or LDV.name not in run or CONTROL.name not in run:
+    has_sensor = LDV.name in run or PES.name in run
+    if not run.description or not has_sensor or CONTROL.name not in run:
         return None
     return saturated_rows(run, run.description)
 

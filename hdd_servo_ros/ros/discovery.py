@@ -48,7 +48,8 @@ class Discovery:
         Raises
         ------
         RunError
-            If the run cannot start: sample times differ, or a topic has two publishers.
+            If the run cannot start: sample times differ, a topic has two publishers, or one is published beside the
+            topic that takes its place.
         """
         member = self._member
         timer = member.timer()
@@ -59,7 +60,8 @@ class Discovery:
         known = list(member.known_nodes(now))
         for node in member.nodes:
             for port in node.inputs:
-                yield from self._missing_for_input(node, port, known, now)
+                if not _is_replaced(node, port, known):
+                    yield from self._missing_for_input(node, port, known, now)
             for port in node.optional_inputs:
                 announced = _announced_publishers(port.name, known)
                 if announced and port.subscription.get_publisher_count() == 0:
@@ -139,6 +141,19 @@ def _announced_publishers(topic: str, known: NamedMetadata) -> list[str]:
     if len(announced) > 1:
         raise RunError(f'{topic}: {len(announced)} publishers, one is allowed: {", ".join(announced)}')
     return announced
+
+
+def _is_replaced(node: LoopNode, port: Input, known: NamedMetadata) -> bool:
+    """Return whether a node publishes what takes an input's place; :class:`RunError` if one publishes the input too."""
+    for other in node.optional_inputs:
+        if other.topic.name == port.topic.replaced_by:
+            replacing, replaced = _announced_publishers(other.name, known), _announced_publishers(port.name, known)
+            if replacing and replaced:
+                raise RunError(
+                    f'{other.name} is published by {replacing[0]} and {port.name} by {replaced[0]}: a run has one of them'
+                )
+            return bool(replacing)
+    return False
 
 
 def _is_recorded(known: NamedMetadata) -> bool:

@@ -39,7 +39,8 @@ class LoopNode(ParameterNode):
     inputs, outputs
         Loop topics that it reads and writes.
     optional_inputs
-        Loop topics that it also reads in a run in which some node publishes them; decided when the run starts.
+        Loop topics that it also reads in a run in which some node publishes them; decided when the run starts. One
+        that replaces an input is then read in place of it.
 
     Raises
     ------
@@ -181,7 +182,9 @@ class LoopNode(ParameterNode):
         self.last_tick = run.last_tick
         self._ticks = run.ticks
         self._stamps = run.ticks.stamps
-        self.inputs += tuple(port for port in self.optional_inputs if run.publisher_of(port.name) is not None)
+        added = tuple(port for port in self.optional_inputs if run.publisher_of(port.name) is not None)
+        present = {port.topic.name for port in added}
+        self.inputs = (*(port for port in self.inputs if port.topic.replaced_by not in present), *added)
         self._messages = [b''] * len(self.inputs)
         for port in (*self.inputs, *self.optional_inputs):
             port.begin(run.ticks)

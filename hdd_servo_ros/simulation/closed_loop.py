@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.accelerometer import AccelerometerArrays, accelerometer_step
 from hdd_servo_ros.bench.dsp import DspArrays, dsp_step
 from hdd_servo_ros.bench.ldv import LdvArrays, fill_ldv_deviates, ldv_output
+from hdd_servo_ros.bench.servo_sensor import ServoSensorArrays, servo_sensor_step
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerArrays, signal_analyzer_step
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnArrays, adaptive_nn_step
 from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
 from hdd_servo_ros.control.feedforward_kernel import feedforward_step
+from hdd_servo_ros.control.observer import ObserverArrays, observer_step
 from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
 from hdd_servo_ros.control.pid import PidArrays, pid_step
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
@@ -47,6 +49,8 @@ def closed_loop(
     ldv: LdvArrays,
     displacement_scale: float,
     velocity_scale: float,
+    servo: ServoSensorArrays,
+    observer: ObserverArrays,
     controllers: Controllers,
     accelerometer: AccelerometerArrays,
     has_feedforward: bool,
@@ -60,7 +64,7 @@ def closed_loop(
     Run consecutive ticks from ``first_tick`` on and write one row per tick.
 
     At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
-    vibrometer reads it, the accelerometers read what has moved the base over the last sample, the controller responds,
+    vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the controller responds,
     the feedforward is added, and the DSP makes u_k of it. The kernel calls the very kernels that
     the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the vibrometer's noise,
     which is a function of the tick, is drawn for all ticks beforehand.
@@ -74,7 +78,10 @@ def closed_loop(
     reference, plant, ldv, dsp
         The ``arrays`` of the blocks: constants, and states, which are advanced.
     displacement_scale, velocity_scale
-        What scales the vibrometer's outputs for the controller [um/V], [um/s/V].
+        What scales the vibrometer's outputs for the controller [um/V], [um/s/V]; 1 with the servo sensor.
+    servo, observer
+        The ``arrays`` of the servo sensor and of the observer that gives the velocity; they take the vibrometer's place
+        if there are rows for `/pes`, and there are none for `/ldv` then.
     controllers
         The ``arrays`` of the controllers; the last one of each is its estimates.
     accelerometer, has_feedforward, feedforward, dsp
@@ -88,9 +95,12 @@ def closed_loop(
     signals
         :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: an array per topic, one row per tick.
     """
-    reference_rows, head_rows, ldv_rows, control_rows, estimate_rows, disturbance_rows, base_rows, sensor_rows = signals
+    reference_rows, head_rows, ldv_rows, control_rows, estimate_rows = signals[:5]
+    disturbance_rows, base_rows, sensor_rows, pes_rows = signals[5:]
     # What depends on the tick alone comes first: the compiler makes such a short loop work on several ticks at once.
-    fill_ldv_deviates(ldv[0], first_tick, deviates)
+    has_servo = len(pes_rows) > 0
+    if not has_servo:
+        fill_ldv_deviates(ldv[0], first_tick, deviates)
     # A node that a run may do without is a branch on what stays the same for all ticks, as the disturbance's rows are.
     is_disturbed = len(disturbance_rows) > 0
     is_shaken = len(base_rows) > 0
@@ -103,9 +113,20 @@ def closed_loop(
             position, velocity, friction = plant_output(*plant)
         else:
             position, velocity, friction = plant_step(*plant, tick, held[0], held[1])
-        displacement_volts, velocity_volts = ldv_output(
-            *ldv, tick, position, velocity, deviates[row, 0], deviates[row, 1]
-        )
+        if has_servo:
+            track_centre = disturbance_rows[row, 1] if is_disturbed else 0.0
+            error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_centre)
+            _, velocity_volts = observer_step(*observer, displacement_volts, held[0])
+            pes_rows[row, 0] = error
+            pes_rows[row, 1] = displacement_volts
+            pes_rows[row, 2] = sector
+        else:
+            displacement_volts, velocity_volts = ldv_output(
+                *ldv, tick, position, velocity, deviates[row, 0], deviates[row, 1]
+            )
+            ldv_rows[row, 0] = displacement_volts
+            ldv_rows[row, 1] = velocity_volts
+            ldv_rows[row, 2] = 0.0
         # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
         inputs = (
             tick,
@@ -142,6 +163,11 @@ def closed_loop(
             unsaturated += u_ff
             for i in range(len(feedforward[-1])):
                 estimate_rows[row, len(estimates) + i] = feedforward[-1][i]
+        if has_servo:
+            observed = observer[-1]
+            first = estimate_rows.shape[1] - len(observed)
+            for i in range(len(observed)):
+                estimate_rows[row, first + i] = observed[i]
         u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)
         held[0] = u
         held[1] = disturbance_rows[row, 0] if is_disturbed else 0.0
@@ -154,9 +180,6 @@ def closed_loop(
         head_rows[row, 0] = position
         head_rows[row, 1] = velocity
         head_rows[row, 2] = friction
-        ldv_rows[row, 0] = displacement_volts
-        ldv_rows[row, 1] = velocity_volts
-        ldv_rows[row, 2] = 0.0
         control_rows[row, 0] = u
         control_rows[row, 1] = unsaturated
         control_rows[row, 2] = feedback

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,24 +13,28 @@ from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
+from hdd_servo_ros.bench.servo_sensor import ServoSensor, ServoSensorArrays, ServoSensorParameters
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
 from hdd_servo_ros.control.feedforward import AccelerometerScales, Feedforward
 from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
+from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverArrays, ObserverParameters
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import (
     block_parameters,
     dsp_parameters,
     feedforward_parameters,
     input_parameters,
+    observer_parameters,
     sensor_scales,
 )
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
+from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, SENSORS, resolve
 from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
 from hdd_servo_ros.graph.controller_loader import load_controller, refuse_former_object
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
+from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.signals import SignalRows
-from hdd_servo_ros.messages.topics import ACCELEROMETER, BASE_ACCELERATION, DISTURBANCE, SIGNAL_TOPICS
+from hdd_servo_ros.messages.topics import ACCELEROMETER, BASE_ACCELERATION, DISTURBANCE, PES, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.signals.reference import Reference
@@ -53,6 +57,18 @@ def _default_accelerometer() -> Accelerometer:
 
 
 @functools.cache
+def _arrays_of_no_servo_sensor() -> ServoSensorArrays:
+    """Return the arrays of a servo sensor that does not run."""
+    return ServoSensor(ServoSensorParameters(), 1e-4).arrays
+
+
+@functools.cache
+def _arrays_of_no_observer() -> ObserverArrays:
+    """Return the arrays of an observer that does not run."""
+    return Observer(ObserverParameters(method='difference'), 1e-4).arrays
+
+
+@functools.cache
 def _arrays_of_no_feedforward() -> FeedforwardArrays:
     """Return the arrays of a feedforward that does not run."""
     parameters = FeedforwardParameters(method='fixed')
@@ -61,7 +77,7 @@ def _arrays_of_no_feedforward() -> FeedforwardArrays:
 
 class Experiment:
     """
-    The closed loop of one reference, drive, vibrometer and controller.
+    The closed loop of one reference, drive, sensor and controller.
 
     Parameters
     ----------
@@ -79,6 +95,8 @@ class Experiment:
         What lies between a controller that is given as an object and the drive; a named one has it in its section.
     disturbance
         What disturbs the drive from outside; None for the ``disturbance_generator`` if it has a section, else nothing.
+    sensor
+        ``'ldv'`` or ``'servo'``; with the latter the vibrometer rests, and an observer gives the velocity.
 
     Raises
     ------
@@ -95,17 +113,25 @@ class Experiment:
         parameters: Mapping[str, Mapping[str, object]] | None = None,
         dsp: DspParameters | None = None,
         disturbance: DisturbanceSource | None = None,
+        sensor: str = 'ldv',
     ) -> None:
         self.sample_time = sample_time
         self._blocks: dict[str, Any] = {}
         sections = parameters or {}
         self.reference: Reference = self._block('reference_generator', sections)
         self.plant: Plant = self._block('vcm_plant', sections)
-        self.ldv: Ldv = self._block('ldv_sensor', sections)
+        if sensor not in SENSORS:
+            raise ParameterError('sensor', sensor, f'one of {", ".join(SENSORS)}')
+        self.ldv: Ldv = self._block('ldv_sensor', sections if sensor == 'ldv' else {})
+        self.servo: ServoSensor | None = None
+        if sensor == 'servo':
+            self.servo = self._block('servo_sensor', sections)
+            del self._blocks['ldv_sensor']
         self._kind: int | None = None
         self.controller: Controller
         scales = ControllerInputParameters()
         feedforward = FeedforwardParameters()
+        observer = ObserverParameters()
         self._make_law: Callable[[Any, float], Controller]
         if isinstance(controller, str) and controller in Controllers._fields:
             self._kind = Controllers._fields.index(controller)
@@ -116,6 +142,9 @@ class Experiment:
             dsp = dsp_parameters(node, sections.get(node, {}))
             scales = input_parameters(node, sections.get(node, {}))
             feedforward = feedforward_parameters(node, sections.get(node, {}))
+            observer = observer_parameters(node, sections.get(node, {}))
+            if self.servo is not None and NODES[node].needs_ldv:
+                raise ParameterError('sensor', sensor, f'ldv, which {node} measures')
         elif isinstance(controller, str):
             outside = load_controller(controller)
             own = sections.get(outside.node, {})
@@ -126,13 +155,15 @@ class Experiment:
             dsp = dsp_parameters(outside.node, own)
             scales = input_parameters(outside.node, own)
             feedforward = feedforward_parameters(outside.node, own)
+            observer = observer_parameters(outside.node, own)
         else:
             refuse_former_object(controller)
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
-        self.scales = sensor_scales(scales, self.ldv.parameters)
+        self.scales = sensor_scales(scales, self.ldv.parameters) if self.servo is None else SensorScales.none()
+        self.observer = None if self.servo is None else Observer(observer, sample_time)
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
             if disturbance is not None:
@@ -163,8 +194,9 @@ class Experiment:
         """Return what the feedforward has to know of loop and sensors, for a controller with these parameters."""
         assert self.accelerometer is not None
         fresh = self._make_law(law, self.sample_time)
+        observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
         return feedforward_knowledge(
-            feedforward, fresh, self.dsp.parameters, self.accelerometer.parameters, self.sample_time
+            feedforward, fresh, self.dsp.parameters, self.accelerometer.parameters, self.sample_time, observer
         )
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
@@ -181,6 +213,8 @@ class Experiment:
             self.dsp.update(sets[ControllerOutputParameters].dsp)
             if isinstance(self.controller, KnowsOutputLimit):
                 self.controller.limit_output(self.dsp.limit)
+        if self.observer is not None and ControllerObserverParameters in sets:
+            self.observer.update(sets[ControllerObserverParameters].observer)
         if self.feedforward is not None and ControllerFeedforwardParameters in sets:
             parameters = sets[ControllerFeedforwardParameters].feedforward
             law = sets[NODES[node].block_parameters]
@@ -188,9 +222,9 @@ class Experiment:
 
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        """Names of the columns of ``/estimates``: those of the controller, then those of the feedforward."""
-        own = () if self.feedforward is None else self.feedforward.estimate_names
-        return (*self.controller.estimate_names, *own)
+        """Names of the columns of ``/estimates``: those of the controller, of the feedforward, of the observer."""
+        blocks = (self.controller, self.feedforward, self.observer)
+        return tuple(name for block in blocks if block is not None for name in block.estimate_names)
 
     def warnings(self) -> tuple[str, ...]:
         """Return what a user should be told of the controller before a run."""
@@ -200,14 +234,19 @@ class Experiment:
                 self.plant.parameters,
                 self.sample_time,
                 self.dsp.parameters.computation_delay,
-                self.ldv.parameters,
-                self.scales,
+                self.ldv.parameters if self.observer is None else None,
+                self.scales if self.observer is None else None,
+                None if self.observer is None else self.observer.parameters,
             ),
         )
 
     def saturation_warnings(self) -> dict[tuple[str, str], str]:
         """Return, for each instrument's node and output that has been clipped, what a user should be told."""
         warnings = {('ldv_sensor', output): text for output, text in self.ldv.saturation_warnings().items()}
+        if self.servo is not None:
+            warnings.update(
+                (('servo_sensor', output), text) for output, text in self.servo.saturation_warnings().items()
+            )
         if self.accelerometer is not None:
             own = self.accelerometer.saturation_warnings()
             warnings.update(((BASE_SENSOR, output), text) for output, text in own.items())
@@ -229,7 +268,11 @@ class Experiment:
         plant = Plant(self.plant.parameters, self.sample_time)
         plant.output()
         plant.step(1, 0.0)
-        Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
+        if self.servo is None or self.observer is None:
+            Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
+        else:
+            ServoSensor(self.servo.parameters, self.sample_time).step(0, 0.0)
+            Observer(self.observer.parameters, self.sample_time).step(0.0, 0.0)
         Dsp(self.dsp.parameters, self.sample_time).step(0.0, 0.0, 0.0)
 
     def empty_rows(self, first_tick: int, count: int) -> SignalRows:
@@ -237,6 +280,8 @@ class Experiment:
         optional = () if self._disturbance is None else self._disturbance.topics
         if self.accelerometer is not None:
             optional = (*optional, ACCELEROMETER)
+        if self.servo is not None:
+            optional = (*optional, PES)
         drive = self.plant.parameters
         units = Units(drive.length_unit, drive.control_unit)
         names = self.estimate_names
@@ -288,6 +333,8 @@ class Experiment:
                 self.plant.arrays,
                 self.ldv.arrays,
                 *self.scales,
+                _arrays_of_no_servo_sensor() if self.servo is None else self.servo.arrays,
+                _arrays_of_no_observer() if self.observer is None else self.observer.arrays,
                 self._controllers(),
                 (self.accelerometer or _default_accelerometer()).arrays,
                 self.feedforward is not None,
@@ -301,8 +348,8 @@ class Experiment:
 
     def _estimates(self) -> NDArray[np.float64]:
         """Return what ``/estimates`` carries after a step."""
-        own = self.controller.estimates
-        return own if self.feedforward is None else np.concatenate([own, self.feedforward.estimates])
+        blocks = (self.controller, self.feedforward, self.observer)
+        return np.concatenate([block.estimates for block in blocks if block is not None])
 
     def _controllers(self) -> Controllers:
         """Return the arrays of all built-in controllers, of which one runs."""
@@ -313,21 +360,35 @@ class Experiment:
         )
         return Controllers._make(arrays)
 
+    def _measure(
+        self, rows: SignalRows, row: int, tick: int, head: Sequence[float], control: float, track_centre: float
+    ) -> tuple[float, float]:
+        """Return what the sensor gives the controller, and write its row."""
+        if self.servo is None or self.observer is None:
+            ldv = self.ldv.step(tick, head[0], head[1])
+            rows.ldv[row] = (*ldv, 0.0)
+            return ldv
+        decoded = self.servo.step(tick, head[0], track_centre)
+        rows.pes[row] = decoded
+        _, velocity = self.observer.step(decoded[1], control)
+        return decoded[1], velocity
+
     def _run_from_python(self, rows: SignalRows) -> None:
         signals = [rows[topic.name] for topic in SIGNAL_TOPICS if topic.name in rows]
         forces = rows.disturbance.force if DISTURBANCE.name in rows else np.zeros(len(rows))
+        centres = rows.disturbance.track_centre if DISTURBANCE.name in rows else np.zeros(len(rows))
         base = rows[BASE_ACCELERATION.name] if BASE_ACCELERATION.name in rows else np.zeros((len(rows), 6))
         for row in range(len(rows)):
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
             control, force, linear, angular = self._held.tolist()
             head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force)
-            ldv = self.ldv.step(tick, head[0], head[1])
+            measured = self._measure(rows, row, tick, head, control, float(centres[row]))
             outputs = (0.0, 0.0)
             if self.accelerometer is not None:
                 outputs = self.accelerometer.step(tick, linear, angular, control)
                 rows[ACCELEROMETER.name][row] = (*outputs, 0.0)
-            inputs = self.scales.inputs(tick, *ldv, *reference)
+            inputs = self.scales.inputs(tick, *measured, *reference)
             law = self.controller.step(inputs)
             if self.feedforward is not None:
                 law = self.feedforward.compensate(inputs.position - inputs.desired_position, *outputs, *law)
@@ -335,7 +396,6 @@ class Experiment:
             self._held[:] = commanded[0], forces[row], base[row, LINEAR_Y], base[row, ANGULAR_Z]
             rows.reference[row] = reference
             rows.head[row] = head
-            rows.ldv[row] = (*ldv, 0.0)
             rows.control[row] = commanded
             rows['estimates'][row] = self._estimates()
             if not math.isfinite(sum(head) + sum(commanded)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
+from hdd_servo_ros.control.observer import ControllerObserverParameters
 from hdd_servo_ros.graph.catalogue import (
     CONTROLLERS,
     NODES,
@@ -26,7 +27,7 @@ from hdd_servo_ros.graph.roles import PLAYBACK, roles_of_run
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import LOOP_TOPICS, OPTIONAL_TOPICS, LoopTopic
+from hdd_servo_ros.messages.topics import OPTIONAL_TOPICS, LoopTopic, topics_of_run
 from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
@@ -47,7 +48,12 @@ PYTHON_CHUNK = 256
 """The same with a controller that is called from Python: signals are looked at between two pieces."""
 
 
-_AROUND_A_CONTROLLER = (ControllerInputParameters, ControllerOutputParameters, ControllerFeedforwardParameters)
+_AROUND_A_CONTROLLER = (
+    ControllerInputParameters,
+    ControllerOutputParameters,
+    ControllerFeedforwardParameters,
+    ControllerObserverParameters,
+)
 """Parameters of a controller's node that blocks of the loop are made from, beside those of its law."""
 
 
@@ -72,7 +78,7 @@ class Simulation:
         arguments.check_nodes(names_with_parameters())
         self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
         controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
-        names = nodes_of_run(roles_of_run(controller, arguments))
+        names = nodes_of_run(roles_of_run(controller, arguments, self.rig.sensor))
         playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
         self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
         sets = {name: self._sets(arguments, name) for name in names}
@@ -86,7 +92,7 @@ class Simulation:
         }
         self._namespace = arguments.namespace.rstrip('/')
         self.topics = [
-            (topic, self._full_name(topic, arguments)) for topic in (*LOOP_TOPICS, *self._optional_topics(names))
+            (topic, self._full_name(topic, arguments)) for topic in topics_of_run(tuple(self._optional_topics(names)))
         ]
         by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
@@ -113,7 +119,13 @@ class Simulation:
         }
         self.schedule = self._plan(sets, mappings)
         disturbance = None if self.playback is None else _PlayedDisturbance(self.playback)
-        self.experiment = Experiment(self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance)
+        self.experiment = Experiment(
+            self.timer.sample_time,
+            self.rig.controller,
+            blocks,
+            disturbance=disturbance,
+            sensor=self.rig.sensor,
+        )
         for name, step in self.schedule:
             try:
                 self.experiment.check_change(name, step.sets)

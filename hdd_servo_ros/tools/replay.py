@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalogue import NODES, SENSORS
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -148,6 +148,8 @@ class Recording:
             content[f'{self.namespace}/{PLAYBACK}'] = {'ros__parameters': played}
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
         rig = {'controller': self.metadata.get('controller_class', self.metadata['controller']), 'plot': False}
+        if any(name.rsplit('/', 1)[-1] == SENSORS['servo'] for name in self.nodes):
+            rig['sensor'] = 'servo'
         return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
 
     def remaps(self) -> list[str]:

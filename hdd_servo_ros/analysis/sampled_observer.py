@@ -1,0 +1,60 @@
+"""The servo sensor and its observer in the loop, as a linear filter of the head's position and the command."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive
+from hdd_servo_ros.control.observer import ObserverParameters, filter_matrices
+
+Array = NDArray[np.float64]
+
+
+class SampledObserver:
+    """
+    What a controller takes for the velocity, as a linear filter of measured position and held command.
+
+    The position is the true one: noise, quantisation and nonlinearity of the sensor and missing sectors are left out.
+
+    Parameters
+    ----------
+    parameters
+        The observer.
+    sample_time
+        T [s].
+    """
+
+    def __init__(self, parameters: ObserverParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        matrices = filter_matrices(parameters, sample_time)
+        self._transition, self._input, self._gains = matrices.transition, matrices.response[:, None], matrices.gains
+        self._kept = np.eye(2) - self._gains[:, None] @ np.array([[1.0, 0.0]])
+
+    def responses(self, frequencies: ArrayLike) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """
+        Return the velocity over the position [1/s], and over the command that is held from its tick on [um/s/V].
+
+        Parameters
+        ----------
+        frequencies
+            Where [Hz].
+        """
+        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)[:, None, None]
+        remembered = np.eye(2) - self._kept @ self._transition / z
+        inputs = np.concatenate([self._gains[:, None] + 0.0 * z, self._kept @ self._input / z], axis=2)
+        velocity = np.linalg.solve(remembered, inputs)[:, 1] / self.sample_time
+        return velocity[:, 0], velocity[:, 1]
+
+    def after(self, drive: SampledDrive) -> SampledDrive:
+        """Return a drive with this observer: its outputs are the position and the velocity that the controller takes."""
+        n = len(drive.a)
+        position = drive.c[:1]
+        corrected = np.hstack([self._gains[:, None] @ position, self._kept])
+        a = np.zeros((n + 2, n + 2))
+        a[:n, :n] = drive.a
+        a[n:] = self._transition @ corrected
+        c = np.zeros((2, n + 2))
+        c[0, :n] = position
+        c[1] = corrected[1] / self.sample_time
+        return dataclasses.replace(drive, a=a, b=np.vstack([drive.b, self._input]), c=c)

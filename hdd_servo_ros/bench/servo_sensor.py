@@ -1,0 +1,214 @@
+"""The servo sensor: the position as a drive decodes it from the bursts and track numbers of its servo sectors."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.instrument_output import OVERRANGE
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
+from hdd_servo_ros.numerics.elementary import sine_cosine_of_turns
+from hdd_servo_ros.numerics.noise import normal_pair, uniform_pair
+from hdd_servo_ros.numerics.records import layout, record, zeros
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+Array = NDArray[np.float64]
+ServoSensorArrays = tuple[Array, Array, Array]
+"""Constants, which sectors are missing, state."""
+
+SERVO_SENSOR = layout(
+    'pitch', 'sectors', 'noise', 'seed', 'nonlinearity', 'step', 'lowest', 'highest', 'missing_probability'
+)
+SERVO_SENSOR_STATE = layout(('fraction', OVERRANGE), 'error', 'position', 'missing_sectors')
+
+NOISE_STREAM, MISSING_STREAM = 40, 41
+"""Streams of the counter-based noise, apart from those of the other instruments and of the disturbances."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MissingSectorParameters(ParameterSet):
+    """Sectors that cannot be read: the last decoded values are held."""
+
+    sectors: tuple[int, ...] = parameter((), 'numbers of the sectors that are missing in every revolution', minimum=0)
+    probability: float = parameter(
+        0.0, 'probability with which any further sector is missing, drawn by seed', minimum=0.0, maximum=1.0
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class ServoSensorParameters(ParameterSet):
+    """Parameters of :class:`ServoSensor`; every sample is a servo sector."""
+
+    track_pitch: float = parameter(
+        1.016, 'distance between two track centres; 1.016 um are 25 000 tracks per inch', unit='um', above=0.0
+    )
+    sectors: int = parameter(
+        0,
+        'servo sectors of a revolution, by which they are numbered; 0 numbers them on without end',
+        minimum=0,
+        maximum=1_000_000,
+        read_only=True,
+    )
+    noise: float = parameter(0.003, 'rms noise of the fraction in a sector, white', unit='um', minimum=0.0)
+    seed: int = parameter(1, 'seed of noise and missing sectors', minimum=0, maximum=2**53)
+    bits: int = parameter(
+        12,
+        'resolution of the fraction of a track: 2^bits codes per pitch, 0 for an ideal one',
+        unit='bit',
+        minimum=0,
+        maximum=32,
+    )
+    nonlinearity: float = parameter(
+        0.0,
+        'amplitude of the sinusoidal error of the fraction, which is zero at the track centre and half way between two',
+        unit='% of pitch',
+        minimum=-15.0,
+        maximum=15.0,
+    )
+    missing: MissingSectorParameters = group(MissingSectorParameters)
+
+    def check_together(self) -> None:
+        """Check that the numbers of the missing sectors are such, and that one is left."""
+        missing = self.missing.sectors
+        if missing and not self.sectors:
+            raise ParameterError('missing.sectors', missing, 'empty with sectors = 0: no revolution is known')
+        if missing and max(missing) >= self.sectors:
+            raise ParameterError('missing.sectors', missing, f'below sectors, which is {self.sectors}')
+        if missing and len(set(missing)) == self.sectors:
+            raise ParameterError('missing.sectors', missing, f'fewer than all {self.sectors} sectors')
+
+
+@compiled
+def _is_missing(c: np.record, missing: Array, sector: int, tick: int) -> bool:
+    """Return whether the sector of a tick cannot be read."""
+    if sector < len(missing) and missing[sector] != 0.0:
+        return True
+    return c.missing_probability > 0.0 and (
+        uniform_pair(np.int64(c.seed), MISSING_STREAM, tick)[0] < c.missing_probability
+    )
+
+
+@compiled_apart
+def servo_sensor_step(
+    constants: Array, missing: Array, state: Array, tick: int, head: float, track_centre: float
+) -> tuple[float, float, float]:
+    """Return error [um], position [um] and sector number at ``tick``; see :meth:`ServoSensor.step`."""
+    c = record(constants, SERVO_SENSOR)
+    s = record(state, SERVO_SENSOR_STATE)
+    sectors = int(c.sectors)
+    sector = tick % sectors if sectors > 0 else tick
+    # At tick 0 there is nothing to hold: the sector from which the drive has found its track was read.
+    if tick > 0 and _is_missing(c, missing, sector, tick):
+        s.missing_sectors += 1.0
+        return s.error, s.position, float(sector)
+    pitch = c.pitch
+    distance = head - track_centre
+    if not abs(distance) < math.inf:
+        return distance, distance, float(sector)
+    track = np.floor(distance / pitch + 0.5)
+    fraction = distance - track * pitch
+    if c.nonlinearity != 0.0:
+        fraction += c.nonlinearity * sine_cosine_of_turns(fraction / pitch)[0]
+    if c.noise > 0.0:
+        fraction += c.noise * normal_pair(np.int64(c.seed), NOISE_STREAM, tick)[0]
+    if abs(fraction) > 0.5 * pitch:
+        if s.fraction.samples == 0.0:
+            s.fraction.first_tick = float(tick)
+        s.fraction.samples += 1.0
+    if c.step > 0.0:
+        code = np.floor(fraction / c.step + 0.5)
+        fraction = min(max(code, c.lowest), c.highest) * c.step
+    else:
+        fraction = min(max(fraction, -0.5 * pitch), 0.5 * pitch)
+    s.error = fraction
+    s.position = track * pitch + fraction
+    return s.error, s.position, float(sector)
+
+
+class ServoSensor:
+    """
+    The position sensor of a drive: servo sectors with track number and bursts, one per sample.
+
+    The head's distance from the centre of track 0, which runout and flutter displace, is split into the number of the
+    nearest track and a fraction within half a track on either side. Onto the fraction come, in this order, the
+    nonlinearity a p sin(2 pi x/p) of the burst pattern with pitch p, white noise, the limits of half a track and the
+    quantisation. The position is track number times pitch plus fraction: with a reference on a track centre, x_d = n p,
+    position - x_d is the position error signal. The track number is always read right.
+
+    Of a missing sector the last values are held. What is drawn for a tick is a function of the seed and the tick alone.
+    There is no velocity.
+
+    Parameters
+    ----------
+    parameters
+        Tracks, sectors and errors.
+    sample_time
+        T [s]; for likeness with the other blocks, every sample is a sector.
+    """
+
+    def __init__(self, parameters: ServoSensorParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state = zeros(SERVO_SENSOR_STATE)
+        self.update(parameters)
+
+    def update(self, parameters: ServoSensorParameters) -> None:
+        """Take other parameters from the next tick on; counts and held values stay."""
+        self.parameters = parameters
+        constants = zeros(SERVO_SENSOR)
+        c = record(constants, SERVO_SENSOR)
+        c.pitch = parameters.track_pitch
+        c.sectors = float(parameters.sectors)
+        c.noise = parameters.noise
+        c.seed = float(parameters.seed)
+        c.nonlinearity = 0.01 * parameters.nonlinearity * parameters.track_pitch
+        if parameters.bits:
+            # As many codes on both sides of the track centre, itself one of them.
+            c.step = parameters.track_pitch / 2.0**parameters.bits
+            c.highest = 2.0 ** (parameters.bits - 1)
+            c.lowest = -c.highest
+        c.missing_probability = parameters.missing.probability
+        missing = np.zeros(max(parameters.missing.sectors, default=-1) + 1)
+        missing[list(parameters.missing.sectors)] = 1.0
+        self.arrays: ServoSensorArrays = (constants, missing, self.state)
+
+    @property
+    def saturated_samples(self) -> dict[str, int]:
+        """How many fractions so far were clipped to half a track."""
+        return {'fraction': int(record(self.state, SERVO_SENSOR_STATE).fraction.samples)}
+
+    @property
+    def missing_sectors(self) -> int:
+        """How many sectors so far could not be read."""
+        return int(record(self.state, SERVO_SENSOR_STATE).missing_sectors)
+
+    def saturation_warnings(self) -> dict[str, str]:
+        """Return what a user should be told once a fraction has been clipped."""
+        found = record(self.state, SERVO_SENSOR_STATE).fraction
+        if not found.samples:
+            return {}
+        text = (
+            f'the fraction of a track is beyond half the pitch, {0.5 * self.parameters.track_pitch:g} um, at tick '
+            f'{int(found.first_tick)}; further samples are counted, not logged'
+        )
+        return {'fraction': text}
+
+    def step(self, tick: int, head: float, track_centre: float = 0.0) -> tuple[float, float, float]:
+        """
+        Return what the servo sector of a tick tells.
+
+        Parameters
+        ----------
+        tick
+            The tick k.
+        head
+            Head position [um].
+        track_centre
+            Displacement of the track centres at this tick [um].
+
+        Returns
+        -------
+        error, position, sector
+            Distance from the nearest track centre [um], position with the track number [um], number of the sector.
+        """
+        return servo_sensor_step(*self.arrays, tick, head, track_centre)

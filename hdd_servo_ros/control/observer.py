@@ -1,0 +1,181 @@
+"""Velocity for a controller from measured positions alone: a Kalman filter, or filtered differences."""
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from hdd_servo_ros.numerics.compiled import compiled_apart
+from hdd_servo_ros.numerics.elementary import TWO_PI, exp
+from hdd_servo_ros.numerics.records import layout, record, zeros
+from hdd_servo_ros.numerics.transition import held_input_transition
+from hdd_servo_ros.parameters import ParameterSet, group, parameter
+
+Array = NDArray[np.float64]
+ObserverArrays = tuple[Array, Array, Array]
+"""Constants, state, estimates."""
+
+METHODS = ('kalman', 'difference')
+DIGITS = 12
+"""Significant digits to which the gains are rounded: those of LAPACK differ in the last bits between machines."""
+
+OBSERVER = layout('a11', 'a12', 'a21', 'a22', 'b1', 'b2', 'gain_1', 'gain_2', 'per_second')
+"""Transition of (position, velocity times T) over a sample, its response to u, filter gains, and 1/T [1/s]."""
+OBSERVER_STATE = layout('position', 'travel', 'has_started')
+ESTIMATE_NAMES = ('observed_position', 'observed_velocity')
+ESTIMATES = layout(*ESTIMATE_NAMES)
+
+
+@dataclasses.dataclass(frozen=True)
+class ObserverParameters(ParameterSet):
+    """Parameters of :class:`Observer`."""
+
+    method: str = parameter(
+        'kalman',
+        'kalman: steady-state Kalman filter on the rigid drive with its command; difference: filtered differences of '
+        'the position',
+        choices=METHODS,
+    )
+    bandwidth: float = parameter(
+        2000.0,
+        'kalman: natural frequency of its poles for a free body and short T, which stands for the ratio of the noises; '
+        'difference: corner frequency of the first-order low pass',
+        unit='Hz',
+        above=0.0,
+    )
+    gain: float = parameter(4.0968e7, 'acceleration of the head per volt, of the model', unit='um/s^2/V', minimum=0.0)
+    stiffness: float = parameter(
+        0.02168, "stiffness of the pivot's friction in presliding, of the model", unit='V/um', minimum=0.0
+    )
+    viscous_coefficient: float = parameter(6.9e-6, 'viscous friction, of the model', unit='V s/um', minimum=0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerObserverParameters(ParameterSet):
+    """Parameters of every controller node for the sensor that has no velocity output."""
+
+    observer: ObserverParameters = group(ObserverParameters)
+
+
+@compiled_apart
+def observer_step(
+    constants: Array, state: Array, estimates: Array, position: float, control: float
+) -> tuple[float, float]:
+    """Return the estimated position [um] and velocity [um/s]; see :meth:`Observer.step`."""
+    c = record(constants, OBSERVER)
+    s = record(state, OBSERVER_STATE)
+    if s.has_started != 0.0:
+        predicted = c.a11 * s.position + c.a12 * s.travel + c.b1 * control
+        travel = c.a21 * s.position + c.a22 * s.travel + c.b2 * control
+        innovation = position - predicted
+        s.position = predicted + c.gain_1 * innovation
+        s.travel = travel + c.gain_2 * innovation
+    else:
+        s.position, s.travel, s.has_started = position, 0.0, 1.0
+    found = record(estimates, ESTIMATES)
+    found.observed_position = s.position
+    found.observed_velocity = s.travel * c.per_second
+    return found.observed_position, found.observed_velocity
+
+
+class Observer:
+    """
+    Velocity from positions that are measured once per sample, and from the command that is held between them.
+
+    ``kalman`` is the steady-state Kalman filter of the rigid drive m x'' + c x' + s x = u, exactly discretised, with u
+    held. Its process noise is a white force, its measurement noise white with the density 1/w^4 of the acceleration's;
+    the continuous filter of a free body then has its poles at w exp(+-135 degrees), w = 2 pi bandwidth. The gains come
+    from the discrete algebraic Riccati equation. ``difference`` is the difference of two positions over T behind a
+    first-order low pass with the pole exp(-w T), and takes no command.
+
+    At the first sample the head rests where it is measured.
+
+    Parameters
+    ----------
+    parameters
+        Method, bandwidth, model.
+    sample_time
+        T [s].
+
+    Attributes
+    ----------
+    estimates
+        Estimated position [um] and velocity [um/s].
+    """
+
+    estimate_names = ESTIMATE_NAMES
+
+    def __init__(self, parameters: ObserverParameters, sample_time: float) -> None:
+        self.sample_time = sample_time
+        self.state = zeros(OBSERVER_STATE)
+        self.estimates = zeros(ESTIMATES)
+        self.update(parameters)
+
+    def update(self, parameters: ObserverParameters) -> None:
+        """Take other parameters from the next tick on; position and velocity stay."""
+        self.parameters = parameters
+        constants = zeros(OBSERVER)
+        c = record(constants, OBSERVER)
+        matrices = filter_matrices(parameters, self.sample_time)
+        (c.a11, c.a12), (c.a21, c.a22) = matrices.transition
+        c.b1, c.b2 = matrices.response
+        c.gain_1, c.gain_2 = matrices.gains
+        c.per_second = 1.0 / self.sample_time
+        self.arrays: ObserverArrays = (constants, self.state, self.estimates)
+
+    def step(self, position: float, control: float) -> tuple[float, float]:
+        """
+        Return the estimated position [um] and velocity [um/s] at a tick.
+
+        Parameters
+        ----------
+        position
+            Measured at this tick [um].
+        control
+            Drive voltage held since the tick before [V].
+        """
+        return observer_step(*self.arrays, position, control)
+
+
+@dataclasses.dataclass(frozen=True)
+class FilterMatrices:
+    """
+    An observer as x^-_k = A x_{k-1} + B u_{k-1}, x_k = x^-_k + L (y_k - C x^-_k), C = (1, 0).
+
+    The states are the position [um] and the velocity times T [um].
+    """
+
+    transition: Array
+    response: Array
+    gains: Array
+
+
+def filter_matrices(parameters: ObserverParameters, sample_time: float) -> FilterMatrices:
+    """Return the matrices of an observer at T [s]."""
+    frequency = TWO_PI * parameters.bandwidth
+    if parameters.method == 'difference':
+        smoothing = 1.0 - exp(-frequency * sample_time)
+        # The state is the last position itself, so that the innovation is the difference.
+        return FilterMatrices(np.diag([1.0, 1.0 - smoothing]), np.zeros(2), np.array([1.0, smoothing]))
+    gain, rate = parameters.gain, 1.0 / sample_time
+    dynamics = [
+        [0.0, rate],
+        [-gain * parameters.stiffness * sample_time, -gain * parameters.viscous_coefficient],
+    ]
+    transition, response = (
+        np.array(found) for found in held_input_transition(dynamics, [0.0, gain * sample_time], sample_time)
+    )
+    # White acceleration, of density w^4 T over that of the measurement, integrated twice over a sample; as T is small
+    # against the drive's own time constants, it acts like on a free body.
+    density = (frequency * sample_time) ** 4
+    process = density * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+    shown = np.array([[1.0, 0.0]])
+    covariance = solve_discrete_are(transition.T, shown.T, process, np.eye(1))
+    gains = covariance[:, 0] / (covariance[0, 0] + 1.0)
+    return FilterMatrices(transition, response, np.array([_rounded(gain) for gain in gains]))
+
+
+def _rounded(value: float) -> float:
+    return float(f'{value:.{DIGITS - 1}e}') if math.isfinite(value) else value
