@@ -40,14 +40,14 @@ class SampledObserver:
         frequencies
             Where [Hz].
         """
-        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)[:, None, None]
+        z = np.exp(2j * np.pi * np.asarray(frequencies, float) * self.sample_time)[:, None, None]
         remembered = np.eye(2) - self._kept @ self._transition / z
         inputs = np.concatenate([self._gains[:, None] + 0.0 * z, self._kept @ self._input / z], axis=2)
-        velocity = np.linalg.solve(remembered, inputs)[:, 1] / self.sample_time
+        velocity = np.asarray(np.linalg.solve(remembered, inputs)[:, 1], dtype=np.complex128) / self.sample_time
         return velocity[:, 0], velocity[:, 1]
 
     def after(self, drive: SampledDrive) -> SampledDrive:
-        """Return a drive with this observer: its outputs are the position and the velocity that the controller takes."""
+        """Return a drive with this observer: its outputs are position and velocity as the controller takes them."""
         n = len(drive.a)
         position = drive.c[:1]
         corrected = np.hstack([self._gains[:, None] @ position, self._kept])

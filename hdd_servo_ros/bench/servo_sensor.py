@@ -30,7 +30,9 @@ NOISE_STREAM, MISSING_STREAM = 40, 41
 class MissingSectorParameters(ParameterSet):
     """Sectors that cannot be read: the last decoded values are held."""
 
-    sectors: tuple[int, ...] = parameter((), 'numbers of the sectors that are missing in every revolution', minimum=0)
+    sectors: tuple[int, ...] = parameter(
+        (), 'numbers of the sectors that are missing in every revolution', minimum=0, element=int
+    )
     probability: float = parameter(
         0.0, 'probability with which any further sector is missing, drawn by seed', minimum=0.0, maximum=1.0
     )
@@ -84,9 +86,8 @@ def _is_missing(c: np.record, missing: Array, sector: int, tick: int) -> bool:
     """Return whether the sector of a tick cannot be read."""
     if sector < len(missing) and missing[sector] != 0.0:
         return True
-    return c.missing_probability > 0.0 and (
-        uniform_pair(np.int64(c.seed), MISSING_STREAM, tick)[0] < c.missing_probability
-    )
+    probability: float = c.missing_probability
+    return probability > 0.0 and uniform_pair(np.int64(c.seed), MISSING_STREAM, tick)[0] < probability
 
 
 @compiled_apart

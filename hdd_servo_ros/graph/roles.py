@@ -31,7 +31,8 @@ def roles_of_run(controller: str, arguments: RosArguments, sensor: str = 'ldv') 
     Raises
     ------
     ParameterError
-        If a controller needs the vibrometer and another sensor is asked for. If a recorded disturbance and generated ones are asked for at once.
+        If a controller needs the vibrometer and another sensor is asked for, or a recorded disturbance and generated
+        ones are asked for at once.
     """
     roles = {CONTROLLER: controller}
     if sensor != 'ldv':

@@ -18,6 +18,10 @@ CONTROL_OUTPUT = 'control'
 """Name of the command among the saturated signals."""
 
 
+FRACTION = 'fraction of a track'
+"""Name of the servo sensor's fraction among them."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Ranges:
     """
@@ -27,6 +31,8 @@ class Ranges:
     ----------
     ldv
         Lowest and highest voltage that an output of the vibrometer can show [V]; None if its parameters are not known.
+    half_track
+        Largest magnitude of the fraction that the servo sensor decodes [um]; None if its parameters are not known.
     control_step
         By how much the command before saturation may exceed the command without being clipped [V], since rounding to
         the converter's step is no saturation; None if the parameters are not known.
@@ -34,19 +40,22 @@ class Ranges:
 
     ldv: tuple[float, float] | None = None
     control_step: float | None = None
+    half_track: float | None = None
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> 'Ranges':
         """Return the ranges by the content of ``run.yaml``."""
-        ldv, control_step = None, None
+        ldv, control_step, half_track = None, None, None
         for name, node in description.get('nodes', {}).items():
             parameters = node.get('parameters', {})
             if name.rpartition('/')[2] == 'ldv_sensor':
                 known = {declaration.name for declaration in declarations(LdvParameters)} & parameters.keys()
                 ldv = from_mapping(LdvParameters, {key: parameters[key] for key in known}).levels()
+            elif name.rpartition('/')[2] == 'servo_sensor':
+                half_track = 0.5 * parameters['track_pitch']
             elif 'dsp.dac_bits' in parameters:
                 control_step, _, _ = converter_codes(parameters['dsp.dac_bits'], parameters['dsp.dac_range'])
-        return cls(ldv, control_step)
+        return cls(ldv, control_step, half_track)
 
     def saturated_rows(self, signals: Signals) -> dict[str, NDArray[np.int64]]:
         """Return the rows in which a signal is clipped, for each signal that is clipped at all."""
@@ -58,6 +67,8 @@ class Ranges:
             if volts.min() <= lowest or volts.max() >= highest:
                 for index, output in enumerate(OUTPUTS):
                     clipped[f'{output} output'] = (volts[:, index] <= lowest) | (volts[:, index] >= highest)
+        if self.half_track is not None and PES.name in signals:
+            clipped[FRACTION] = np.abs(signals.pes.error) >= self.half_track
         if self.control_step is not None and CONTROL.name in signals:
             wanted, given = signals.control.before_saturation, signals.command
             excess = wanted - given
@@ -81,7 +92,8 @@ def saturated_rows(signals: Signals, description: Mapping[str, Any]) -> dict[str
     Returns
     -------
     dict
-        Of the vibrometer's displacement and velocity output and of the drive voltage, where any was clipped: the rows.
+        Of the vibrometer's displacement and velocity output, of the servo sensor's fraction and of the drive voltage,
+        where any was clipped: the rows.
     """
     return Ranges.of(description).saturated_rows(signals)
 

@@ -149,9 +149,8 @@ def _is_replaced(node: LoopNode, port: Input, known: NamedMetadata) -> bool:
         if other.topic.name == port.topic.replaced_by:
             replacing, replaced = _announced_publishers(other.name, known), _announced_publishers(port.name, known)
             if replacing and replaced:
-                raise RunError(
-                    f'{other.name} is published by {replacing[0]} and {port.name} by {replaced[0]}: a run has one of them'
-                )
+                publishers = f'{other.name} is published by {replacing[0]} and {port.name} by {replaced[0]}'
+                raise RunError(f'{publishers}: a run has one of them')
             return bool(replacing)
     return False
 

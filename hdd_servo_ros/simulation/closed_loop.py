@@ -64,8 +64,8 @@ def closed_loop(
     Run consecutive ticks from ``first_tick`` on and write one row per tick.
 
     At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
-    vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the controller responds,
-    the feedforward is added, and the DSP makes u_k of it. The kernel calls the very kernels that
+    vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the
+    controller responds, the feedforward is added, and the DSP makes u_k of it. The kernel calls the very kernels that
     the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the vibrometer's noise,
     which is a function of the tick, is drawn for all ticks beforehand.
 

@@ -162,7 +162,7 @@ class Checks(TrackChecks):
         return self._compare(f'largest |{signal}|', value, at_most, unit, signal, values, rows)
 
     def unsaturated(self, after: float = 0.0) -> Checks:
-        """Assert that from a time on neither an output of the vibrometer nor the drive voltage was clipped."""
+        """Assert that from a time on neither an output of the sensor nor the drive voltage was clipped."""
         __tracebackhide__ = True
         # Late: it brings the instruments' parameters with it.
         from hdd_servo_ros.reporting.saturation import saturated_rows
@@ -171,7 +171,11 @@ class Checks(TrackChecks):
         for name, rows in saturated_rows(run, run.description).items():
             late = rows[rows >= first]
             if len(late):
-                signals = {'displacement output': 'ldv.displacement', 'velocity output': 'ldv.velocity'}
+                signals = {
+                    'displacement output': 'ldv.displacement',
+                    'velocity output': 'ldv.velocity',
+                    'fraction of a track': 'pes.error',
+                }
                 values, unit = self._signal(signals.get(name, 'command'))
                 plot = self._plot(f'{name} clipped', name, unit, values, None, int(late[0]))
                 raise CheckFailed(
