@@ -11,6 +11,7 @@ from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 
 T = 1e-4
 LAW = LinearController(0.15, 1.2e-4, 10.0, bandwidth=4000.0)
@@ -50,8 +51,6 @@ def test_peak_sensitivity_is_that_of_a_loop_stepped_from_tick_to_tick(parameters
         ),
         T,
     )
-    from hdd_servo_ros.messages.controller_inputs import ControllerInputs
-
     # Stepped before, so that the first sample starts nothing.
     observer = Observer(parameters, T)
     observer.step(0.0, 0.0)
@@ -67,9 +66,8 @@ def test_peak_sensitivity_is_that_of_a_loop_stepped_from_tick_to_tick(parameters
         state = drive.a @ state + drive.b[:, 0] * held
     wanted = np.abs(np.fft.rfft(seen)).max()
     sliding = LoopMargins(PlantParameters(), T, observer=parameters)
-    sliding.drives, sliding._bare, sliding.responses = (
-        found[-1:] for found in (margins.drives, margins._bare, margins.responses)
-    )
+    sliding.drives, sliding._bare = margins.drives[-1:], margins._bare[-1:]
+    sliding.responses = margins.responses[-1:]
     assert sliding.peak_sensitivity(law) == pytest.approx(wanted, rel=2e-3)
     assert sliding.peak_sensitivities([law, law])[1] == pytest.approx(wanted, rel=1e-2)
 

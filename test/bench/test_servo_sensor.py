@@ -1,6 +1,7 @@
 """The servo sensor against what is computed here from its definition, each error by itself."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hdd_servo_ros.bench.servo_sensor import MissingSectorParameters, ServoSenso
 from hdd_servo_ros.parameters import ParameterError
 
 PITCH = 0.254
-PERFECT = {'track_pitch': PITCH, 'noise': 0.0, 'bits': 0}
+PERFECT: dict[str, Any] = {'track_pitch': PITCH, 'noise': 0.0, 'bits': 0}
 
 
 def sensor(**changes):

@@ -1,5 +1,7 @@
 """The observer against a time-varying Kalman filter, scipy's discretisation, and its own definition."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -9,7 +11,7 @@ from hdd_servo_ros.control.observer import DIGITS, Observer, ObserverParameters,
 from hdd_servo_ros.parameters import ParameterError
 
 SAMPLE_TIMES = [1e-4, 37.879e-6]
-FREE = {'stiffness': 0.0, 'viscous_coefficient': 0.0}
+FREE: dict[str, Any] = {'stiffness': 0.0, 'viscous_coefficient': 0.0}
 
 
 def drive(parameters, sample_time):

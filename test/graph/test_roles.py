@@ -2,9 +2,9 @@
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, DISTURBANCE_SOURCE
+from hdd_servo_ros.graph.catalogue import CONTROLLER, DISTURBANCE_SOURCE, nodes_of_run
 from hdd_servo_ros.graph.roles import roles_of_run
-from hdd_servo_ros.messages.topics import BASE_SENSOR
+from hdd_servo_ros.messages.topics import BASE_SENSOR, POSITION_SENSOR
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 
@@ -64,3 +64,18 @@ def test_a_recorded_and_a_generated_disturbance_are_refused():
         ParameterError, match=r"playback:recorded_run = 'runs/shaken' is refused: empty with parameters"
     ):
         roles(words)
+
+
+def test_the_servo_sensor_takes_the_place_of_the_vibrometer():
+    arguments = parse_ros_arguments([])
+    assert nodes_of_run(roles_of_run('pid_controller', arguments)) == nodes_of_run({CONTROLLER: 'pid_controller'})
+    found = roles_of_run('pid_controller', arguments, 'servo')
+    assert found == {CONTROLLER: 'pid_controller', POSITION_SENSOR: 'servo_sensor'}
+    names = nodes_of_run(found)
+    assert 'ldv_sensor' not in names
+    assert names.index('vcm_plant') + 1 == names.index('servo_sensor')
+
+
+def test_a_controller_that_measures_ldv_refuses_the_servo_sensor():
+    with pytest.raises(ParameterError, match=r"sensor = 'servo' is refused: ldv, since signal_analyzer measures /ldv"):
+        roles_of_run('signal_analyzer', parse_ros_arguments([]), 'servo')

@@ -37,7 +37,7 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         (
             'disturbance',
             '| [/disturbance](#disturbance), optional | `geometry_msgs/Vector3Stamped` | a disturbance source | '
-            '`vcm_plant` (delay 1 tick), `bag_recorder` |',
+            '`vcm_plant` (delay 1 tick), `servo_sensor`, `bag_recorder` |',
         ),
         (
             'base_acceleration',
