@@ -11,7 +11,7 @@ from hdd_servo_ros.numerics.compiled import compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
 from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.numerics.transition import held_input_transition
-from hdd_servo_ros.parameters import ParameterSet, group, parameter
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
 Array = NDArray[np.float64]
 ObserverArrays = tuple[Array, Array, Array]
@@ -43,7 +43,8 @@ class ObserverParameters(ParameterSet):
         'kalman: natural frequency of its poles for a free body and short T, which stands for the ratio of the noises; '
         'difference: corner frequency of the first-order low pass',
         unit='Hz',
-        above=0.0,
+        minimum=10.0,
+        maximum=1e7,
     )
     gain: float = parameter(4.0968e7, 'acceleration of the head per volt, of the model', unit='um/s^2/V', minimum=0.0)
     stiffness: float = parameter(
@@ -153,7 +154,14 @@ class FilterMatrices:
 
 
 def filter_matrices(parameters: ObserverParameters, sample_time: float) -> FilterMatrices:
-    """Return the matrices of an observer at T [s]."""
+    """
+    Return the matrices of an observer at T [s].
+
+    Raises
+    ------
+    ParameterError
+        If the Riccati equation has no solution in floating-point numbers: far too low a bandwidth for a stiff model.
+    """
     frequency = TWO_PI * parameters.bandwidth
     if parameters.method == 'difference':
         smoothing = 1.0 - exp(-frequency * sample_time)
@@ -172,7 +180,11 @@ def filter_matrices(parameters: ObserverParameters, sample_time: float) -> Filte
     density = (frequency * sample_time) ** 4
     process = density * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
     shown = np.array([[1.0, 0.0]])
-    covariance = solve_discrete_are(transition.T, shown.T, process, np.eye(1))
+    try:
+        covariance = solve_discrete_are(transition.T, shown.T, process, np.eye(1))
+    except np.linalg.LinAlgError:
+        allowed = f'higher: there is no filter for this model, at T = {sample_time!r} s, with so little process noise'
+        raise ParameterError('observer.bandwidth', parameters.bandwidth, allowed) from None
     gains = covariance[:, 0] / (covariance[0, 0] + 1.0)
     return FilterMatrices(transition, response, np.array([_rounded(gain) for gain in gains]))
 
