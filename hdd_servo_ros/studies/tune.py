@@ -52,6 +52,7 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
 from hdd_servo_ros.messages.signals import SignalRows
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.run_sums import RunSums
@@ -133,6 +134,9 @@ def _tune(options: argparse.Namespace) -> int:
         raise ArgumentError(f'--seconds {options.seconds:g} is no more than the {TRANSIENT:g} s that do not count')
     overshoot = _overshoot(options.overshoot)
     sections = read_parameter_files(options.params_file)
+    sensor = sections.get('rig', {}).get('sensor', 'ldv')
+    if sensor != 'ldv':
+        raise ParameterError('rig:sensor', sensor, 'ldv: the rule tunes for the velocity output of the vibrometer')
     if options.same_peak:
         _print_section('pid_controller', tune_pid_same_peak(sections, options.sample_time, _progress))
         return 0

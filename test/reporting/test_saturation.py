@@ -44,3 +44,20 @@ def test_a_run_without_such_nodes():
     signals, _, _ = run_of({}, {})
     assert saturated_rows(signals, {}) == {}
     assert saturated_rows(signals, {'nodes': {'/ordinary': {'parameters': {}}}}) == {}
+
+
+def test_fractions_of_a_track_that_the_servo_sensor_clips():
+    sections: dict[str, dict[str, object]] = {
+        'servo_sensor': {'track_pitch': 0.05, 'noise': 0.01, 'bits': 8},
+        'reference_generator': {'waveform': 'constant', 'amplitude': 0.0},
+    }
+    experiment = Experiment(T, 'pid', sections, sensor='servo')
+    signals = experiment.run(0, 5000)
+    assert experiment.servo is not None
+    nodes = {'/servo_sensor': {'parameters': to_mapping(experiment.servo.parameters)}}
+    found = saturated_rows(signals, {'nodes': nodes, 'sample_time': T})
+    count = experiment.servo.saturated_samples['fraction']
+    assert count > 10
+    # A fraction that only rounds to the last code lies at the end as well.
+    assert count <= len(found['fraction of a track']) < 2 * count
+    assert 'fraction of a track' in summary(signals, {'nodes': nodes, 'sample_time': T})

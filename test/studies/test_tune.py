@@ -299,3 +299,9 @@ def test_the_table_marks_what_does_not_track(tmp_path, capsys, monkeypatch):
     assert len(rows) == 6
     assert all('   ! saturated ' in row or '   ! does not track' in row for row in rows), rows
     assert lines[-1].startswith('! does not track, by the criteria of the reports')
+
+
+def test_parameter_files_with_the_servo_sensor_are_refused(capsys):
+    files = [str(PARAMS / f'{name}.yaml') for name in ('seagate_7200_10', 'nss_100ktpi')]
+    assert main(['--params-file', *files]) == 2
+    assert "rig:sensor = 'servo' is refused: ldv" in capsys.readouterr().err

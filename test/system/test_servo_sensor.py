@@ -3,8 +3,14 @@
 import pytest
 
 from hdd_servo_ros import Run
+from hdd_servo_ros.analysis.linear_laws import pid_law
+from hdd_servo_ros.analysis.sensitivity import LoopMargins
+from hdd_servo_ros.control.observer import ObserverParameters
+from hdd_servo_ros.control.pid import PidParameters
+from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
 from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity
 
 TICKS = 400
 PARAMETERS = (
@@ -67,8 +73,12 @@ def test_report_compare_and_checks_of_a_run_without_ldv(bench):
     page = (bench.directory / 'servo' / 'report.html').read_text()
     assert 'servo_sensor' in page
     run = Run.open(bench.directory / 'servo')
-    run.check.complete()
-    run.check.unsaturated()
+    run.check.finished().samples(TICKS + 1).unsaturated().bounded('pes.error', at_most=0.508)
+    found = run_sensitivity(run)
+    assert found is not None
+    loop = LoopMargins(PlantParameters(), 1e-4, observer=ObserverParameters())
+    wanted = loop.peak_sensitivity(pid_law(PidParameters(proportional_gain=0.1, derivative_gain=1.2e-4)))
+    assert found.largest == wanted
     refused = bench.python('-m', 'hdd_servo_ros.studies.stability_certificate', 'servo')
     assert refused.returncode == 2
     assert 'adaptive_nn_controller' in refused.stderr
