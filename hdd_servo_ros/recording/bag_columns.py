@@ -10,6 +10,7 @@ by message.
 import contextlib
 import dataclasses
 import mmap
+import os
 import sqlite3
 import struct
 import zlib
@@ -109,6 +110,7 @@ class Bag:
             self._storage: str = metadata['storage_identifier']
             self._compressed = bool(metadata.get('compression_mode')) and metadata['compression_mode'].lower() != 'none'
             self._files = [path / Path(name).name for name in metadata['relative_file_paths']]
+            self._checked: dict[Path, _Checked] = {file: _Checked() for file in self._files}
         except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
             raise BagError(f'{path}: metadata.yaml cannot be read: {type(error).__name__}: {error}') from None
 
@@ -128,7 +130,7 @@ class Bag:
         parts: list[Column] | None = None
         if not self._compressed and self._storage in _BULK_READERS:
             with contextlib.suppress(_NotInBulk):
-                parts = [_BULK_READERS[self._storage](file, topic) for file in self._files]
+                parts = [_BULK_READERS[self._storage](file, topic, self._checked[file]) for file in self._files]
         if parts is None:
             parts = [self._read_one_by_one(topic)]
         column = _joined(parts)
@@ -150,6 +152,21 @@ class Bag:
         except ReaderError as error:
             raise BagError(f'{self.path}: {error}') from None
         return _column(times, payloads)
+
+
+class _Checked:
+    """The chunks of a file whose checksums were right: most of the work of reading one more topic is to check them."""
+
+    def __init__(self) -> None:
+        self._version = (0, 0)
+        self._starts: set[int] = set()
+
+    def of(self, file: os.stat_result) -> set[int]:
+        """Return where the checked chunks of the file begin; empty if it was written since."""
+        version = (file.st_size, file.st_mtime_ns)
+        if version != self._version:
+            self._version, self._starts = version, set()
+        return self._starts
 
 
 class _NotInBulk(Exception):
@@ -182,7 +199,7 @@ def _joined(parts: Sequence[Column]) -> Column:
     return Column(times, payloads)
 
 
-def _read_sqlite3(path: Path, topic: str) -> Column:
+def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
     try:
         with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)) as connection:
             rows = connection.execute(
@@ -195,12 +212,13 @@ def _read_sqlite3(path: Path, topic: str) -> Column:
     return _column([time for time, _ in rows], [payload for _, payload in rows])
 
 
-def _read_mcap(path: Path, topic: str) -> Column:
+def _read_mcap(path: Path, topic: str, checked: _Checked) -> Column:
     try:
         with path.open('rb') as file:
             # Left to the garbage collector: it cannot be closed while an array still looks into it.
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        return _McapFile(path, content).column(topic)
+            starts = checked.of(os.fstat(file.fileno()))
+        return _McapFile(path, content, starts).column(topic)
     except (OSError, ValueError, struct.error) as error:
         if isinstance(error, BagError):
             raise
@@ -210,9 +228,10 @@ def _read_mcap(path: Path, topic: str) -> Column:
 class _McapFile:
     """An MCAP file with a summary section; see https://mcap.dev/spec."""
 
-    def __init__(self, path: Path, content: mmap.mmap) -> None:
+    def __init__(self, path: Path, content: mmap.mmap, checked: set[int]) -> None:
         self._path = path
         self._content = content
+        self._checked = checked
         if len(content) < len(_MCAP_MAGIC) + _FOOTER_SIZE or content[-8:] != _MCAP_MAGIC:
             raise BagError(f'{path}: the file does not end as an MCAP file does')
         (self._summary,) = struct.unpack_from('<Q', content, len(content) - _FOOTER_SIZE + 9)
@@ -289,8 +308,9 @@ class _McapFile:
             raise BagError(f'{self._path}: the chunk at byte {start} is damaged: {error}') from None
         if len(data) != size:
             raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
-        if crc and zlib.crc32(data) != crc:
+        if crc and start not in self._checked and zlib.crc32(data) != crc:
             raise BagError(f'{self._path}: the chunk at byte {start} is damaged: its checksum is wrong')
+        self._checked.add(start)
         return data
 
 
@@ -310,4 +330,4 @@ _DECOMPRESSORS: dict[bytes, Callable[[memoryview], memoryview]] = {
     b'': lambda data: data,
     b'zstd': lambda data: memoryview(decompress(data)),
 }
-_BULK_READERS: dict[str, Callable[[Path, str], Column]] = {'mcap': _read_mcap, 'sqlite3': _read_sqlite3}
+_BULK_READERS: dict[str, Callable[[Path, str, _Checked], Column]] = {'mcap': _read_mcap, 'sqlite3': _read_sqlite3}

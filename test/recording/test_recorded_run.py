@@ -312,6 +312,21 @@ def test_damage_is_told(directory, tmp_path):
         Run.open(tmp_path / 'cut100')
 
 
+def test_a_wrong_checksum_is_told_by_every_topic_of_the_chunk(simulated, tmp_path):
+    """Also when the file was right as another topic was read from it."""
+    run = simulated(tmp_path / 'run', '-p', 'duration:=0.01')
+    file = run / 'bag' / 'bag.mcap'
+    bag = Bag(run / 'bag')
+    assert len(bag.column('/head')) == 101
+    content = bytearray(file.read_bytes())
+    content[content.index(b'seagate_7200_10')] ^= 1
+    file.write_bytes(content)
+    for opened in (bag, Bag(run / 'bag')):
+        for topic in ('/head', '/control', '/head'):
+            with pytest.raises(BagError, match='is damaged: its checksum is wrong'):
+                opened.column(topic)
+
+
 def test_a_run_that_lost_its_bag(directory, tmp_path):
     (tmp_path / 'run').mkdir()
     (tmp_path / 'run' / 'run.yaml').write_text(yaml.safe_dump({'status': 'failed', 'topics': {}}))
