@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import pytest
 import yaml
 from hypothesis import settings
 
+from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
@@ -32,7 +33,7 @@ NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 class Process:
     """One executable of the package, running."""
 
-    def __init__(self, name: str, popen: subprocess.Popen[bytes], log: Path) -> None:
+    def __init__(self, name: str, popen: subprocess.Popen[bytes] | ServedRun, log: Path) -> None:
         self.name = name
         self.popen = popen
         self._log = log
@@ -62,43 +63,99 @@ class Process:
         self.popen.send_signal(number)
 
 
-class Bench:
-    """Starts processes in a ROS domain of their own."""
+class Interpreters:
+    """Starts interpreters as copies of a prepared process, where that is the same as a new one."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self) -> None:
+        self._environment = with_package(os.environ)
+        self._server: RunServer | None = None
+
+    def start(
+        self, arguments: Sequence[str], directory: Path, environment: Mapping[str, str], log: Path, errors: Path | None
+    ) -> ServedRun | None:
+        """Start ``python ARGUMENTS``; return None if it takes a new interpreter to do that."""
+        if arguments[0] == '-c' or self._inherited(environment) != self._inherited(self._environment):
+            return None
+        if self._server is None:
+            self._server = RunServer(self._environment, [str(Path(__file__).with_name('process_server.py'))])
+        log.touch()  # it may be read before the copy has opened it
+        paths = {'directory': str(directory), 'log': str(log), 'errors': None if errors is None else str(errors)}
+        return self._server.request({'arguments': arguments, 'environment': environment, **paths})
+
+    @staticmethod
+    def _inherited(environment: Mapping[str, str]) -> dict[str, str]:
+        """Return the variables that imports may depend on; those of ROS are read when a node is made."""
+        return {name: value for name, value in environment.items() if not name.startswith(('ROS_', 'PYTEST_'))}
+
+    def close(self) -> None:
+        """End the prepared process."""
+        if self._server is not None:
+            self._server.close()
+
+
+def with_package(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables with which the interpreter finds this package, and ROS what is installed."""
+    return {
+        **environment,
+        'AMENT_PREFIX_PATH': environment.get('AMENT_PREFIX_PATH', sys.prefix),
+        'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]),
+    }
+
+
+class Bench:
+    """
+    Starts processes in a ROS domain of their own.
+
+    ``interpreters`` starts them as copies of a prepared process; without it each is a new interpreter.
+    """
+
+    def __init__(self, directory: Path, interpreters: Interpreters | None) -> None:
         self.directory = directory
+        self._interpreters = interpreters
         self.domain, self._domain_lock = take_domain()
         self.processes: list[Process] = []
         self.environment = {
-            **os.environ,
+            **with_package(os.environ),
             'ROS_DOMAIN_ID': str(self.domain),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'AMENT_PREFIX_PATH': os.environ.get('AMENT_PREFIX_PATH', sys.prefix),
-            'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
         }
 
     def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run this interpreter to its end."""
-        command = [sys.executable, *arguments]
-        return subprocess.run(
-            command, cwd=self.directory, env=self.environment, capture_output=True, text=True, timeout=600
-        )
+        process = self._start('python', arguments, self._log('out'), errors := self._log('err'))
+        code = process.wait(600.0)
+        return subprocess.CompletedProcess(arguments, code, process.output, errors.read_text(errors='replace'))
 
     def start(self, name: str, *ros_arguments: str, script: Path | None = None, defaults: bool = True) -> Process:
-        """Start an executable of the package (or a script of the tests) with the default parameter file."""
+        """
+        Start an executable of the package (or a script of the tests) with the default parameter file.
+
+        Its picture takes longer to draw than most of the runs: none is drawn unless ``plot`` is among the arguments.
+        """
         module = 'hdd_servo_ros.simulation.simulate' if name == 'simulate' else f'hdd_servo_ros.nodes.{name}'
         command = [str(script)] if script else ['-m', module]
         command += ['--ros-args', *(['--params-file', str(DEFAULT)] if defaults else []), *ros_arguments]
+        if name in ('rig', 'simulate') and not any('plot:=' in argument for argument in ros_arguments):
+            # Last: of parameters before a file ROS does not let those after it win.
+            command += ['-p', 'plot:=false']
         return self.start_python(name, *command)
 
     def start_python(self, name: str, *arguments: str) -> Process:
         """Start this interpreter."""
-        command = [sys.executable, *arguments]
-        log = self.directory / f'{len(self.processes)}-{name}.log'
-        with log.open('w') as stream:
-            popen = subprocess.Popen(
-                command, cwd=self.directory, env=self.environment, stdout=stream, stderr=subprocess.STDOUT
-            )
+        return self._start(name, arguments, self._log(name), None)
+
+    def _log(self, name: str) -> Path:
+        return self.directory / f'{len(self.processes)}-{name}.log'
+
+    def _start(self, name: str, arguments: Sequence[str], log: Path, errors: Path | None) -> Process:
+        popen: subprocess.Popen[bytes] | ServedRun | None = None
+        if self._interpreters is not None:
+            popen = self._interpreters.start(arguments, self.directory, self.environment, log, errors)
+        if popen is None:
+            command = [sys.executable, *arguments]
+            with log.open('wb') as out, (errors or log).open('ab') as err:
+                stderr = subprocess.STDOUT if errors is None else err
+                popen = subprocess.Popen(command, cwd=self.directory, env=self.environment, stdout=out, stderr=stderr)
         self.processes.append(Process(name, popen, log))
         return self.processes[-1]
 
@@ -123,7 +180,7 @@ class Bench:
             if process.popen.poll() is None:
                 process.popen.send_signal(signal.SIGCONT)
                 process.popen.kill()
-            process.popen.wait()
+            process.popen.wait(250.0)
         self._domain_lock.close()
 
 
@@ -146,10 +203,18 @@ def pytest_collection_finish(session: pytest.Session) -> None:
             Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do
 
 
+@pytest.fixture(scope='session')
+def interpreters() -> Iterator[Interpreters]:
+    """Give all tests of a process the one whose copies are their processes."""
+    made = Interpreters()
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest, tmp_path: Path, interpreters: Interpreters) -> Iterator[Bench]:
     """Give a test its own domain and folder, and end what it started."""
-    made = Bench(tmp_path)
+    made = Bench(tmp_path, None if request.node.get_closest_marker('new_interpreters') else interpreters)
     try:
         yield made
     finally:

@@ -4,6 +4,7 @@ import configparser
 import re
 import shlex
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ def record_disturbed(bench, *names):
     for name in names:
         if not (bench.directory / name).exists():
             node = bench.start('disturbance', script=ROOT / 'test' / 'system' / 'disturbance.py')
+            node.wait_for('waiting for')  # the others do not wait for it
             for process in [node, *bench.start_nodes(name, '-p', 'duration:=0.02').values()]:
                 assert process.wait() == 0, process.output
 
@@ -96,7 +98,9 @@ def test_commands(bench, block):
             shortened = SHORT_SWEEP if 'params/swept_sine.yaml' in arguments else ('-p', 'duration:=0.02')
             started.append(bench.start(name, *paths, *shortened, '-p', 'plot:=false', defaults=False))
         elif command[0] == 'make':
-            assert subprocess.run(['make', '-n', *command[1:]], cwd=ROOT, capture_output=True).returncode == 0, command
+            # With PYTHON given it need not look for a suitable one.
+            shown = ['make', '-n', f'PYTHON={sys.executable}', *command[1:]]
+            assert subprocess.run(shown, cwd=ROOT, capture_output=True).returncode == 0, command
         elif command[:3] == ['ros2', 'launch', 'hdd_servo_ros']:
             # test_ros2_command.py runs it, where there is a `ros2`.
             assert {word.partition(':=')[0] for word in command[4:]} <= launch_arguments(command[3]), command

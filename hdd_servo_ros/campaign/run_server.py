@@ -19,9 +19,9 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, NoReturn
 
 _ASKED_TO_END = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -68,13 +68,14 @@ class ServedRun:
 
     def terminate(self) -> None:
         """Ask the run to end."""
-        self._send(signal.SIGTERM)
+        self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
         """End the process at once."""
-        self._send(signal.SIGKILL)
+        self.send_signal(signal.SIGKILL)
 
-    def _send(self, number: int) -> None:
+    def send_signal(self, number: int) -> None:
+        """Send a signal, if the process still runs."""
         if self.poll() is None:
             with contextlib.suppress(ProcessLookupError):  # ended just now
                 os.kill(self.pid, number)
@@ -88,6 +89,9 @@ class RunServer:
     ----------
     environment
         Variables of the runs.
+    command
+        Arguments of the interpreter that becomes the server; another program than this module serves other requests
+        by :class:`Server`.
 
     Attributes
     ----------
@@ -95,9 +99,9 @@ class RunServer:
         Of the server's process.
     """
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
+    def __init__(self, environment: Mapping[str, str], command: Sequence[str] = ('-m', __name__)) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, '-m', __name__],
+            [sys.executable, *command],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
@@ -123,9 +127,13 @@ class RunServer:
         OSError
             If the server has ended.
         """
+        return self.request({'arguments': list(arguments), 'log': str(log)})
+
+    def request(self, request: Mapping[str, object]) -> ServedRun:
+        """Start the process that a request describes; :meth:`start` makes that of a run."""
         stream = self._process.stdin
         assert stream is not None
-        stream.write(json.dumps({'arguments': list(arguments), 'log': str(log)}).encode() + b'\n')
+        stream.write(json.dumps(request).encode() + b'\n')
         stream.flush()
         while not self._started:
             self.read(None)
@@ -164,11 +172,20 @@ class RunServer:
             process.stdin.close()
 
 
-class _Server:
-    """What the server's process does."""
+class Server:
+    """
+    What the server's process does.
 
-    def __init__(self, requests: IO[bytes], answers: IO[bytes]) -> None:
-        self._requests, self._answers = requests, answers
+    Parameters
+    ----------
+    requests, answers
+        Its input and output.
+    run
+        Called with the request in the forked process, whose output is in the request's log; it does not return.
+    """
+
+    def __init__(self, requests: IO[bytes], answers: IO[bytes], run: Callable[[Mapping[str, Any]], NoReturn]) -> None:
+        self._requests, self._answers, self._run = requests, answers, run
         self._running: set[int] = set()
         self._woken, self._wake = os.pipe()
         os.set_blocking(self._wake, False)
@@ -198,12 +215,19 @@ class _Server:
         for pid in self._running:
             os.waitpid(pid, 0)
 
-    def _start(self, request: Mapping[str, object]) -> None:
+    def _start(self, request: Mapping[str, Any]) -> None:
         pid = os.fork()
         if pid == 0:
             # The reader of the answers detects the server's end by the end of this pipe.
             os.close(self._answers.fileno())
-            _run(request)
+            signal.set_wakeup_fd(-1)
+            for number in (*_ASKED_TO_END, signal.SIGCHLD):
+                signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+            log = os.open(str(request['log']), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+            nothing = os.open(os.devnull, os.O_RDONLY)
+            for own, taken in ((nothing, 0), (log, 1), (log, 2)):
+                os.dup2(own, taken)
+            self._run(request)
         self._running.add(pid)
         self._say(f'started {pid}')
 
@@ -220,22 +244,13 @@ class _Server:
         self._answers.flush()
 
 
-def _run(request: Mapping[str, object]) -> None:
-    """Run in the forked process, with its output in the log, and exit."""
+def _run(request: Mapping[str, Any]) -> NoReturn:
+    """Run `simulate` in the forked process, and exit."""
     code = 1
     try:
-        signal.set_wakeup_fd(-1)
-        for number in (*_ASKED_TO_END, signal.SIGCHLD):
-            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
-        log = os.open(str(request['log']), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        for own, taken in ((nothing, 0), (log, 1), (log, 2)):
-            os.dup2(own, taken)
         from hdd_servo_ros.simulation.simulate import main
 
-        arguments = request['arguments']
-        assert isinstance(arguments, list)
-        code = main(arguments)
+        code = main(request['arguments'])
     except SystemExit as error:
         code = error.code if isinstance(error.code, int) else 1
     except BaseException:
@@ -254,16 +269,21 @@ def _prepare() -> None:
 
     for controller in Controllers._fields:
         Experiment(1e-4, controller).run(0, 1)
-    gc.freeze()
 
 
-def main() -> None:
-    """Prepare, and serve."""
+def serve(prepare: Callable[[], None], run: Callable[[Mapping[str, Any]], NoReturn]) -> None:
+    """Prepare, and serve what comes by the standard input; see :class:`Server`."""
     answers = os.fdopen(os.dup(1), 'wb')
     # What is printed by the imports must not be read as an answer.
     os.dup2(2, 1)
-    _prepare()
-    _Server(sys.stdin.buffer, answers).serve()
+    prepare()
+    gc.freeze()
+    Server(sys.stdin.buffer, answers, run).serve()
+
+
+def main() -> None:
+    """Serve runs of `simulate`."""
+    serve(_prepare, _run)
 
 
 if __name__ == '__main__':

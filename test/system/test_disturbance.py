@@ -14,8 +14,10 @@ DURATION = ('-p', f'deterministic_timer:duration:={TICKS / 10_000}')
 
 def disturbed(bench):
     """Record a run of separate processes, one of them a disturbance node from outside the package."""
-    processes = bench.start_nodes('disturbed', *DURATION)
+    # First: the others do not wait for it.
     disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
+    disturbance.wait_for('waiting for')
+    processes = bench.start_nodes('disturbed', *DURATION)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output
     return bench.directory / 'disturbed'
@@ -30,9 +32,10 @@ def test_the_same_bits_however_it_is_run(bench):
     for name in ('rig', 'simulate'):
         bench.run(name, *DURATION, *played, '-p', f'run_dir:={name}')
         assert first_difference(recorded, bench.directory / name) is None
+    playback = bench.start('playback', *played)
+    playback.wait_for('waiting for')
     nodes = bench.start_nodes('processes', *DURATION)
-    nodes['playback'] = bench.start('playback', *played)
-    for process in nodes.values():
+    for process in [playback, *nodes.values()]:
         assert process.wait() == 0, process.output
     assert first_difference(recorded, bench.directory / 'processes') is None
     for how in ((), ('--without-ros',)):

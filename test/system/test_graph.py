@@ -76,7 +76,7 @@ def test_nodes_in_a_namespace_with_a_remapped_topic(bench):
 
 @pytest.mark.parametrize('composed', [True, False])
 def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed):
-    arguments = ('-p', 'deterministic_timer:duration:=1.5', '-p', 'deterministic_timer:rate:=0.2')
+    arguments = ('-p', 'deterministic_timer:duration:=0.3', '-p', 'deterministic_timer:rate:=0.03')
     if composed:
         processes = [bench.start('rig', *arguments, '-p', 'bag_recorder:run_dir:=run')]
     else:
@@ -120,15 +120,15 @@ def test_parameters_change_at_a_tick_that_the_bag_shows(bench, outside, composed
         assert process.wait() == 0, process.output
 
     signals = Run.open(bench.directory / 'run')
-    assert len(signals.time) == 15_001
+    assert len(signals.time) == 3001
     stamps, events = Run.open(bench.directory / 'run').messages_by_topic()['/parameter_events']
     changes = [deserialize_message(event, ParameterEvent) for event in events]
     assert [[p.name for p in change.changed_parameters] for change in changes] == [['amplitude', 'frequency']]
     tick = int(stamps[0]) // 100_000
-    assert 0 < tick < 15_000
+    assert 0 < tick < 3000
     time_axis = signals.time
     expected = np.where(
-        np.arange(15_001) < tick, 2.0 * np.sin(2 * np.pi * 100 * time_axis), 1.0 * np.sin(2 * np.pi * 150 * time_axis)
+        np.arange(3001) < tick, 2.0 * np.sin(2 * np.pi * 100 * time_axis), 1.0 * np.sin(2 * np.pi * 150 * time_axis)
     )
     np.testing.assert_allclose(signals.reference[:, 0], expected, atol=1e-9)
 
@@ -173,6 +173,7 @@ def test_an_ordinary_ros_node_as_sensor(bench, scales):
 def test_disturbance_joins_when_its_node_runs(bench):
     arguments = ('-p', 'deterministic_timer:duration:=0.05')
     disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
+    disturbance.wait_for('waiting for')  # the others do not wait for it
     processes = bench.start_nodes('run', *arguments)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output

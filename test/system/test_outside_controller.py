@@ -63,6 +63,7 @@ def test_by_its_own_executable_with_a_live_change(example):
     while not (example.directory / 'run' / 'run.yaml').exists():
         assert time.monotonic() < deadline, [process.output for process in processes]
         time.sleep(0.05)
+    time.sleep(1.0)  # the folder is made before the first tick
     change = example.python(str(Path(__file__).with_name('set_parameter.py')), 'my_controller', 'spring', '0.01')
     assert change.returncode == 0, change.stderr
     for process in processes:

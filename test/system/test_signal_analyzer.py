@@ -41,7 +41,9 @@ def deviations(model):
 
 def test_a_sweep_to_20_khz_is_identified_within_the_limits(bench):
     """Gain within 0.5 %, the four modes within 0.1 %, their dampings within 2.5 %; with 1 % of noise on top as well."""
-    process = bench.start('simulate', *SWEEP, '-p', f'start_frequency:={FROM}', '-p', 'run_dir:=sweep')
+    process = bench.start(
+        'simulate', *SWEEP, '-p', f'start_frequency:={FROM}', '-p', 'run_dir:=sweep', '-p', 'plot:=true'
+    )
     assert process.wait(600.0) == 0, process.output
     directory = bench.directory / 'sweep'
     measured = read_csv(directory / 'response.csv')

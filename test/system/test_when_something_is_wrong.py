@@ -11,7 +11,7 @@ from geometry_msgs.msg import Vector3Stamped
 from hdd_servo_ros import Run
 
 HERE = Path(__file__).parent
-SLOW = ('-p', 'deterministic_timer:rate:=0.05', '-p', 'deterministic_timer:duration:=10.0')
+SLOW = ('-p', 'deterministic_timer:rate:=0.02', '-p', 'deterministic_timer:duration:=10.0')
 """A run that goes on long enough to be disturbed, and leaves the machine idle."""
 PATIENCE = ('-p', 'start_timeout:=6.0')
 """For runs that fail before they begin: a node that is only coming up then is left waiting for peers."""
@@ -23,7 +23,7 @@ def expect_failure(bench, processes, *words, within=100.0):
     started = time.monotonic()
     for process in processes.values():
         assert process.wait(within + 5.0) == 1, f'{process.name}:\n{process.output}'
-    # The run ends within 5 s of the fault on an idle machine, and would otherwise last 200 s.
+    # The run ends within 5 s of the fault on an idle machine, and would otherwise last 500 s.
     assert time.monotonic() - started < within
     for process in processes.values():
         lines = [line for line in process.output.splitlines() if 'run failed' in line and 'ERROR' in line]
@@ -80,6 +80,8 @@ def test_peer_dies(bench, victim):
     assert victim in expect_bag(bench)['reason']
 
 
+# As long as an interpreter takes to start, the others take to see that the first one is gone.
+@pytest.mark.new_interpreters
 def test_a_node_that_is_killed_before_the_run_may_be_started_again(bench):
     nodes = [node for node in (*OTHERS, 'adaptive_nn_controller') if node != 'deterministic_timer']
     processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.01', nodes=nodes)
