@@ -58,6 +58,20 @@ def runs(simulated, tmp_path_factory):
     return {name: simulated(directory / name, *given) for name, given in arguments.items()}
 
 
+@pytest.fixture
+def titles(monkeypatch):
+    """Keep the titles of the pictures that a report would draw, which is most of its work: other tests draw them."""
+    kept = []
+
+    def write_title(panels, title, path):
+        assert panels
+        kept.append(title)
+        path.touch()
+
+    monkeypatch.setattr(picture, 'write_picture', write_title)
+    return kept
+
+
 def numbers(coded):
     """Return what the page's own script makes of coded samples."""
     kind = '<i4' if 'i4' in coded else '<f4'
@@ -149,13 +163,16 @@ def test_a_run_is_reported_in_its_own_folder(runs):
     assert len(edges['data']) == 8
 
 
-def test_several_runs_are_compared(runs, tmp_path, capsys):
+def test_several_runs_are_compared(runs, tmp_path, capsys, monkeypatch):
+    drawn = []
+    monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: drawn.append(text))
     assert main([str(runs['nn']), str(runs['pid'] / 'bag'), '--output', str(tmp_path)]) == 0
     head, *lines = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith(' '))
     assert head == ['nn', 'pid']
     assert ['controller', 'adaptive_nn', 'pid'] in lines
     assert (tmp_path / 'pid' / 'report.html').is_file()
     assert (tmp_path / 'comparison.png').is_file()
+    assert [title.splitlines()[0].rpartition(': ')[2] for title in drawn] == ['nn', 'pid', 'nn, pid']
     time_figure, *others = figures((tmp_path / 'comparison.html').read_text('utf8'))
     assert [line['name'] for line in whole(time_figure)] == ['nn', 'pid', 'nn', 'pid']
     titles = [title['text'] for title in time_figure['layout']['annotations']]
@@ -169,13 +186,13 @@ def test_several_runs_are_compared(runs, tmp_path, capsys):
         assert len(line['x']) == 301
 
 
-def test_reports_of_one_name_do_not_overwrite_each_other(runs, tmp_path):
+def test_reports_of_one_name_do_not_overwrite_each_other(runs, titles, tmp_path):
     assert main([*map(str, (runs['nn'], runs['nn'] / 'bag', runs['pid'])), '--output', str(tmp_path)]) == 0
     reports = {path.parent.name for path in tmp_path.glob('*/report.html')}
     assert reports == {'nn', 'nn-2', 'pid'}
 
 
-def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, capsys, monkeypatch):
+def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, titles, tmp_path, capsys):
     """A run that failed, whose vibrometer reached no further than 0.2 V: the 2 um of the sine are 0.25 V."""
     description = yaml.safe_load((runs['pid'] / 'run.yaml').read_text())
     description |= {'status': 'failed', 'reason': 'the drive is gone'}
@@ -188,8 +205,6 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, 
     code = 20.0 / 2**16
     count = int(np.sum(np.abs(Run.open(runs['pid']).ldv[:, 0]) >= np.floor(0.2 / code) * code))
     assert count > 100
-    titles = []
-    monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: titles.append(text))
     assert main([str(runs['nn']), str(tmp_path / 'broken'), '--output', str(tmp_path / 'out')]) == 0
     printed = capsys.readouterr().out.splitlines()
     rows = [line.split() for line in printed]
@@ -208,12 +223,10 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, tmp_path, 
     assert 'failed' in References((tmp_path / 'out' / 'comparison.html').read_text('utf8')).cells
 
 
-def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulated, tmp_path, capsys, monkeypatch):
+def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulated, titles, tmp_path, capsys):
     """An unstable PID of a hundred micrometres, next to a run that tracks within half a micrometre."""
     gains = ('-p', 'proportional_gain:=20.0', '-p', 'derivative_gain:=1.0e-3')
     unstable = simulated(tmp_path / 'unstable', '-p', 'duration:=0.2', '-p', 'controller:=pid', *gains)
-    titles = []
-    monkeypatch.setattr('matplotlib.figure.Figure.suptitle', lambda _, text: titles.append(text))
     assert main([str(runs['nn']), str(unstable), '--output', str(tmp_path / 'out')]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert ['verdict', 'tracks', '!', 'diverged'] in [line.split() for line in printed]
@@ -249,7 +262,7 @@ def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulat
     assert 'clipped' not in alone.traces[0].name
 
 
-def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
+def test_a_bag_alone_tells_its_period(runs, titles, tmp_path, capsys):
     """Without run.yaml /reference itself says what repeats, and what is not known is told."""
     (tmp_path / 'alone').symlink_to(runs['nn'] / 'bag')
     assert main([str(tmp_path / 'alone'), '--output', str(tmp_path)]) == 0
@@ -272,7 +285,7 @@ def test_a_bag_alone_tells_its_period(runs, tmp_path, capsys):
         ((REFERENCE, HEAD), 'no figures of the control: the bag holds no /control'),
     ],
 )
-def test_what_a_bag_lacks_is_told(tmp_path, capsys, topics, words):
+def test_what_a_bag_lacks_is_told(titles, tmp_path, capsys, topics, words):
     write_constants(tmp_path / 'bag', dict.fromkeys(topics, 0.02))
     assert main([str(tmp_path / 'bag'), '--output', str(tmp_path / 'out')]) == 0
     assert f'bag: {words}' in capsys.readouterr().out.splitlines()
@@ -304,7 +317,7 @@ def test_a_sweep_has_its_bode_plot(runs, tmp_path, capsys):
     np.testing.assert_allclose(coherence['data'][0]['y'], measured.coherence, rtol=1e-6)
 
 
-def test_a_sweep_that_cannot_be_replayed_is_told(runs, tmp_path, capsys):
+def test_a_sweep_that_cannot_be_replayed_is_told(runs, titles, tmp_path, capsys):
     description = yaml.safe_load((runs['sweep'] / 'run.yaml').read_text())
     description['nodes']['/signal_analyzer']['parameters']['stop_frequency'] = 2500.0
     (tmp_path / 'bag').symlink_to(runs['sweep'] / 'bag')
@@ -368,7 +381,7 @@ def test_a_time_that_is_none_is_refused(runs, tmp_path, capsys, after):
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_run_that_follows_nothing_has_no_error(runs, tmp_path):
+def test_a_run_that_follows_nothing_has_no_error(runs, titles, tmp_path):
     open_loop, sweep = (Run.open(runs[name]) for name in ('open_loop', 'sweep'))
     control = {'peak_control', 'rms_control', 'control_variation'}
     areas = {'control_loop_area', 'feedback_loop_area'}
