@@ -183,14 +183,14 @@ def swept(seed, level=0.01):
 
 def test_the_order_does_not_depend_on_the_noise():
     """Schwarz's criterion alone gives 12 poles for seed 1, one pair at 12.9 kHz and unstable, and 10 and 5 for 4."""
-    models = {seed: select_order(SWEPT, swept(seed)) for seed in range(12)}
+    models = {seed: select_order(SWEPT, swept(seed)) for seed in range(6)}
     assert {(len(model.poles), len(model.zeros)) for model in models.values()} == {(10, 4)}
     assert [seed for seed, model in models.items() if not within_limits(model)] == []
 
 
 @pytest.mark.parametrize('claimed', [0.002, 0.01, 0.05])
 def test_the_order_does_not_depend_on_what_the_deviation_is_said_to_be(claimed):
-    for seed in range(3):
+    for seed in (1, 4):  # those that mislead Schwarz's criterion alone
         model = select_order(SWEPT, swept(seed), deviation=claimed * np.abs(drive(SWEPT, [1.0, 0.0, 0.0])))
         assert (len(model.poles), len(model.zeros)) == (10, 4)
         assert within_limits(model)

@@ -46,50 +46,83 @@ PLANT = PlantParameters(
 
 
 @jit
-def rates(y: Array, u: float) -> Array:
+def rates(x: float, v: float, z: float, u: float) -> tuple[float, float, float]:
     """(4.1)-(4.4) as they stand."""
-    g = F_C + (F_S - F_C) * math.exp(-((y[1] / V_S) ** 2))
-    z_rate = y[1] - SIGMA_0 * abs(y[1]) / g * y[2]
-    return np.array([y[1], u - (SIGMA_0 * y[2] + SIGMA_1 * z_rate + SIGMA_2 * y[1]), z_rate])
+    g = F_C + (F_S - F_C) * math.exp(-((v / V_S) ** 2))
+    z_rate = v - SIGMA_0 * abs(v) / g * z
+    return v, u - (SIGMA_0 * z + SIGMA_1 * z_rate + SIGMA_2 * v), z_rate
 
 
 @jit
-def jacobian(y: Array) -> Array:
-    falling = math.exp(-((y[1] / V_S) ** 2))
+def fill_jacobian(v: float, z: float, jacobian: Array) -> None:
+    falling = math.exp(-((v / V_S) ** 2))
     g = F_C + (F_S - F_C) * falling
-    g_slope = -(F_S - F_C) * falling * 2.0 * y[1] / V_S**2
-    sign = 1.0 if y[1] >= 0.0 else -1.0
-    z_v = 1.0 - SIGMA_0 * y[2] * (sign / g - abs(y[1]) / g**2 * g_slope)
-    z_z = -SIGMA_0 * abs(y[1]) / g
-    return np.array([[0.0, 1.0, 0.0], [0.0, -SIGMA_1 * z_v - SIGMA_2, -SIGMA_0 - SIGMA_1 * z_z], [0.0, z_v, z_z]])
+    g_slope = -(F_S - F_C) * falling * 2.0 * v / V_S**2
+    sign = 1.0 if v >= 0.0 else -1.0
+    z_v = 1.0 - SIGMA_0 * z * (sign / g - abs(v) / g**2 * g_slope)
+    z_z = -SIGMA_0 * abs(v) / g
+    jacobian[0, 1] = 1.0
+    jacobian[1, 1], jacobian[1, 2] = -SIGMA_1 * z_v - SIGMA_2, -SIGMA_0 - SIGMA_1 * z_z
+    jacobian[2, 1], jacobian[2, 2] = z_v, z_z
 
 
 @jit
-def radau_iia(control: Array, steps: int, tableau: Array) -> Array:
-    result = np.zeros((control.size + 1, 3))
-    y = np.zeros(3)
+def solve(matrix: Array, right: Array) -> None:
+    """Solve in place by Gauss's elimination with pivots; LAPACK's takes longer to compile than this test to run."""
+    n = right.size
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        for j in range(k, n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        right[k], right[pivot] = right[pivot], right[k]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            if factor != 0.0:
+                for j in range(k, n):
+                    matrix[i, j] -= factor * matrix[k, j]
+                right[i] -= factor * right[k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+
+
+@jit
+def radau_iia(control: Array, steps: int, tableau: Array, result: Array) -> None:
+    """Fill the rows of ``result`` with x, v, z after each tick."""
+    y, stages, slopes = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+    jacobian, matrix, residual = np.zeros((3, 3)), np.zeros((9, 9)), np.zeros(9)
     h = T / steps
     for tick in range(control.size):
         for _ in range(steps):
-            stages = np.zeros((3, 3))
-            for i in range(3):
-                stages[i] = y
+            for i in range(9):
+                stages[i // 3, i % 3] = y[i % 3]
             for _ in range(30):
-                matrix = np.eye(9)
-                residual = np.zeros(9)
-                for i in range(3):
-                    residual[3 * i : 3 * i + 3] = stages[i] - y
+                for j in range(3):
+                    slopes[j, 0], slopes[j, 1], slopes[j, 2] = rates(
+                        stages[j, 0], stages[j, 1], stages[j, 2], control[tick]
+                    )
+                    fill_jacobian(stages[j, 1], stages[j, 2], jacobian)
+                    for i in range(9):
+                        for k in range(3):
+                            matrix[i, 3 * j + k] = -h * tableau[i // 3, j] * jacobian[i % 3, k]
+                        matrix[i, i] += i // 3 == j
+                for i in range(9):
+                    residual[i] = stages[i // 3, i % 3] - y[i % 3]
                     for j in range(3):
-                        residual[3 * i : 3 * i + 3] -= h * tableau[i, j] * rates(stages[j], control[tick])
-                        matrix[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] -= h * tableau[i, j] * jacobian(stages[j])
-                change = np.linalg.solve(matrix, residual)
-                for i in range(3):
-                    stages[i] -= change[3 * i : 3 * i + 3]
-                if abs(change[7]) < 1.0e-14 and abs(change[8]) < 1.0e-18:
+                        residual[i] -= h * tableau[i // 3, j] * slopes[j, i % 3]
+                solve(matrix, residual)
+                for i in range(9):
+                    stages[i // 3, i % 3] -= residual[i]
+                if abs(residual[7]) < 1.0e-14 and abs(residual[8]) < 1.0e-18:
                     break
-            y = stages[2].copy()
-        result[tick + 1] = y
-    return result
+            for i in range(3):
+                y[i] = stages[2, i]
+        for i in range(3):
+            result[tick + 1, i] = y[i]
 
 
 @pytest.fixture(scope='module')
@@ -99,7 +132,9 @@ def control() -> Array:
 
 @pytest.fixture(scope='module')
 def reference(control: Array) -> Array:
-    return radau_iia(control, 4, RADAU)
+    result = np.zeros((control.size + 1, 3))
+    radau_iia(control, 4, RADAU, result)
+    return result
 
 
 # From rest through breakaway (0.3 s), the first reversal (2 pi s) and fast sliding.
@@ -108,7 +143,7 @@ def test_reference_is_scipys_radau(reference: Array, control: Array, tick: int) 
     y = reference[tick]
     for k in range(tick, tick + 60):
         y = solve_ivp(
-            lambda _, y, u: rates(y, u), (0.0, T), y, method='Radau', args=(control[k],), rtol=1e-10, atol=1e-15
+            lambda _, y, u: rates(*y, u), (0.0, T), y, method='Radau', args=(control[k],), rtol=1e-10, atol=1e-15
         ).y[:, -1]
     peaks = np.abs(reference).max(axis=0)
     np.testing.assert_array_less(np.abs(y - reference[tick + 60]) / peaks, [1e-9, 1e-8, 1e-5])

@@ -20,7 +20,7 @@ from hdd_servo_ros.tools.recover import main as recover
 
 LAST_TICK = 2500  # more than two chunks of an MCAP file
 TOPICS = ('clock', 'reference', 'head', 'ldv', 'control', 'estimates')
-DAMAGE = settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+DAMAGE = settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def record(directory, storage):
@@ -169,7 +169,7 @@ def test_a_hole_of_zeros_never_gives_a_wrong_message(runs, tmp_path, part, size)
         assert_mended(run, runs['mcap'], finding.last_tick)
 
 
-@settings(DAMAGE, max_examples=12)
+@settings(DAMAGE, max_examples=6)
 @given(part=st.floats(0.0, 1.0))
 @example(part=0.0)
 @example(part=1.0)
