@@ -106,12 +106,12 @@ class Bench:
     """
     Starts processes in a ROS domain of their own.
 
-    ``interpreters`` starts them as copies of a prepared process; without it each is a new interpreter.
+    ``interpreters`` starts them as copies of a prepared process; where it is None each is a new interpreter.
     """
 
     def __init__(self, directory: Path, interpreters: Interpreters | None) -> None:
         self.directory = directory
-        self._interpreters = interpreters
+        self.interpreters = interpreters
         self.domain, self._domain_lock = take_domain()
         self.processes: list[Process] = []
         self.environment = {
@@ -149,8 +149,8 @@ class Bench:
 
     def _start(self, name: str, arguments: Sequence[str], log: Path, errors: Path | None) -> Process:
         popen: subprocess.Popen[bytes] | ServedRun | None = None
-        if self._interpreters is not None:
-            popen = self._interpreters.start(arguments, self.directory, self.environment, log, errors)
+        if self.interpreters is not None:
+            popen = self.interpreters.start(arguments, self.directory, self.environment, log, errors)
         if popen is None:
             command = [sys.executable, *arguments]
             with log.open('wb') as out, (errors or log).open('ab') as err:

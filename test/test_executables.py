@@ -47,18 +47,25 @@ COMMANDS = (
 )
 
 
-def run(name, *arguments, directory=ROOT):
+def run(name, *arguments):
     """Run the script that pip or colcon makes of an entry point."""
     code = f'import sys; from hdd_servo_ros.executables import {name}; sys.exit({name}())'
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
     return subprocess.run(
         [sys.executable, '-c', code, *arguments],
-        cwd=directory,
+        cwd=ROOT,
         env=environment,
         capture_output=True,
         text=True,
         timeout=250,
     )
+
+
+def run_copy(bench, name, *arguments):
+    """Run an entry point in the folder of the bench, in a copy of its prepared process."""
+    code = f'import sys; from hdd_servo_ros.executables import {name}; sys.exit({name}())'
+    (bench.directory / 'command.py').write_text(code)
+    return bench.python('command.py', *arguments)
 
 
 @pytest.mark.parametrize('name', COMMANDS)
@@ -86,17 +93,17 @@ def test_a_command_is_an_executable_with_a_help(name):
         ('tune', ('--params-file', 'nowhere.yaml')),
     ],
 )
-def test_a_command_with_invalid_arguments_ends_with_2(tmp_path, name, arguments):
-    ended = run(name, *arguments, directory=tmp_path)
+def test_a_command_with_invalid_arguments_ends_with_2(bench, name, arguments):
+    ended = run_copy(bench, name, *arguments)
     assert ended.returncode == 2
     assert 'Traceback' not in ended.stderr
     assert ended.stderr.splitlines()[-1].startswith(f'{name}: ')
 
 
 @pytest.mark.parametrize('name', ['drive_response', 'friction_curves'])
-def test_plots_that_cannot_be_written_end_with_1(tmp_path, name):
-    (tmp_path / 'file').touch()
-    ended = run(name, 'file/plots', directory=tmp_path)
+def test_plots_that_cannot_be_written_end_with_1(bench, name):
+    (bench.directory / 'file').touch()
+    ended = run_copy(bench, name, 'file/plots')
     assert (ended.returncode, ended.stdout) == (1, '')
     assert ended.stderr.startswith(f'{name}: ')
     assert 'Traceback' not in ended.stderr
