@@ -78,7 +78,6 @@ class Interpreters:
             return None
         if self._server is None:
             self._server = RunServer(self._environment, [str(Path(__file__).with_name('process_server.py'))])
-        log.touch()  # it may be read before the copy has opened it
         paths = {'directory': str(directory), 'log': str(log), 'errors': None if errors is None else str(errors)}
         return self._server.request({'arguments': arguments, 'environment': environment, **paths})
 

@@ -131,6 +131,8 @@ class RunServer:
 
     def request(self, request: Mapping[str, object]) -> ServedRun:
         """Start the process that a request describes; :meth:`start` makes that of a run."""
+        # It may be read before the process has opened it.
+        Path(str(request['log'])).touch()
         stream = self._process.stdin
         assert stream is not None
         stream.write(json.dumps(request).encode() + b'\n')

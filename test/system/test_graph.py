@@ -170,10 +170,10 @@ def test_an_ordinary_ros_node_as_sensor(bench, scales):
     assert 'Traceback' not in output
 
 
+@pytest.mark.new_interpreters  # as in test_disturbance.py
 def test_disturbance_joins_when_its_node_runs(bench):
     arguments = ('-p', 'deterministic_timer:duration:=0.05')
     disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
-    disturbance.wait_for('waiting for')  # the others do not wait for it
     processes = bench.start_nodes('run', *arguments)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output
