@@ -83,8 +83,9 @@ class Interpreters:
 
     @staticmethod
     def _inherited(environment: Mapping[str, str]) -> dict[str, str]:
-        """Return the variables that imports may depend on; those of ROS are read when a node is made."""
-        return {name: value for name, value in environment.items() if not name.startswith(('ROS_', 'PYTEST_'))}
+        """Return the variables on which imports depend; those of ROS are read when a node is made."""
+        names = ('PYTHON', 'NUMBA', 'MPL', 'XDG_CACHE_HOME', 'HOME', 'AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH')
+        return {name: value for name, value in environment.items() if name.startswith(names)}
 
     def close(self) -> None:
         """End the prepared process."""
