@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from hdd_servo_ros.numerics.compiled import compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
@@ -167,6 +166,9 @@ def filter_matrices(parameters: ObserverParameters, sample_time: float) -> Filte
         smoothing = 1.0 - exp(-frequency * sample_time)
         # The state is the last position itself, so that the innovation is the difference.
         return FilterMatrices(np.diag([1.0, 1.0 - smoothing]), np.zeros(2), np.array([1.0, smoothing]))
+    # Late: it takes a tenth of a second, and only runs with this filter need it.
+    from scipy.linalg import solve_discrete_are
+
     gain, rate = parameters.gain, 1.0 / sample_time
     dynamics = [
         [0.0, rate],
