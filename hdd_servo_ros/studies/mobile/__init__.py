@@ -1,0 +1,1 @@
+"""The drive in mobile use: vibration and shock, and what feedforward from accelerometers does against them."""

@@ -1,0 +1,69 @@
+"""Colours, names and quantities that the figures share."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.metrics import NANOMETRES, power_spectral_density
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, IN_VIBRATION, STILL, TRANSIENT
+
+RUNNING = 0.05
+"""Time over which a running rms is taken [s]."""
+RESOLUTION = 5.0
+"""Of spectra [Hz]."""
+STILL_NAME = 'no vibration'
+STYLES: dict[str, dict[str, Any]] = {
+    'none': {'color': '0.35', 'label': 'no feedforward'},
+    'fixed': {'color': 'C1', 'label': 'fixed'},
+    'fxlms': {'color': 'C0', 'label': 'fxlms'},
+    'iir': {'color': 'C4', 'label': 'iir'},
+    'network': {'color': 'C3', 'label': 'network'},
+    STILL_NAME: {'color': 'C2', 'label': STILL_NAME, 'linestyle': '--'},
+}
+"""Of the lines, by the method of feedforward."""
+COMPARED = {controller: {**IN_VIBRATION[controller], STILL_NAME: STILL[controller]} for controller in CONTROLLERS}
+"""The runs that are drawn together, by controller and line."""
+
+
+def error(run: RecordedRun) -> NDArray[np.float64]:
+    """Return x - x_d of the head's true position [nm], shape (n,)."""
+    return run.error * NANOMETRES
+
+
+def running_rms(run: RecordedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times [s] and the rms error of the ``RUNNING`` seconds before each [nm]."""
+    count = round(RUNNING / run.sample_time)
+    squares = np.concatenate([[0.0], np.cumsum(error(run) ** 2)])
+    rms = np.sqrt((squares[count:] - squares[:-count]) / count)
+    every = max(1, count // 25)
+    return run.time[count - 1 :: every], rms[::every]
+
+
+def density(run: RecordedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies above 0 [Hz] and the one-sided power spectral density of the error [nm^2/Hz]."""
+    late = error(run)[run.since(TRANSIENT)]
+    segment = min(len(late), round(1.0 / (RESOLUTION * run.sample_time)))
+    frequencies, power = power_spectral_density(late, run.sample_time, segment)
+    return frequencies[1:], power[1:]
+
+
+def cumulative(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 3 sigma of what is below each frequency, in the root of the density's unit times Hz."""
+    pieces = 0.5 * (power[1:] + power[:-1]) * np.diff(frequencies)
+    return np.asarray(3.0 * np.sqrt(np.concatenate([[0.0], np.cumsum(pieces)])))
+
+
+def over_frequency(axes: Axes) -> None:
+    """Give axes a logarithmic axis of the frequencies that matter."""
+    axes.set_xscale('log')
+    axes.set_xlim(10.0, 5000.0)
+
+
+def common_legend(figure: Figure, axes: Axes) -> None:
+    """Give a figure one legend below all its axes, with the lines of one of them."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), fontsize=9, frameon=False)

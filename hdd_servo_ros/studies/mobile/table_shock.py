@@ -1,0 +1,73 @@
+"""Table: peak and time off track after a shock of 63 G and of 300 G."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, GAIN_ERRORS, METHODS, SHOCK, SHOCK_DURATION, Bar, method_of
+from hdd_servo_ros.studies.mobile.shock_measures import BEFORE, LIMIT, peak_and_time
+from hdd_servo_ros.studies.mobile.trials import Trial, count, on_trials, quantile, trial
+from hdd_servo_ros.studies.output import write_table
+
+SEEDS = 10
+PEAK, OUTSIDE = Bar(110.0), Bar(0.5, unit='ms')
+"""PID with the fixed feedforward after 63 G."""
+CASES = tuple(cases['fixed'] for by_controller in SHOCK.values() for cases in by_controller.values())
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Make the recorded runs again with other methods, gains and seeds, and write one row per level and controller."""
+    due = {
+        (level, controller, method): [
+            _with_shock(runs, level, controller, method, gain_error, seed)
+            for gain_error in (GAIN_ERRORS if method != 'none' else GAIN_ERRORS[:1])
+            for seed in range(1, SEEDS + 1)
+        ]
+        for level, by_controller in SHOCK.items()
+        for controller in by_controller
+        for method in METHODS
+    }
+    found = on_trials(_measure, [each for trials in due.values() for each in trials], 'shock', chunksize=8)
+    parts = np.split(found, np.cumsum([len(trials) for trials in due.values()])[:-1])
+    rows = []
+    for (level, controller, method), part in zip(due, parts, strict=True):
+        is_held = (level, controller, method) == (63.0, 'pid', 'fixed')
+        kept = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if is_held else ''
+        bar = f'{PEAK}, {OUTSIDE}' if is_held else ''
+        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), bar, kept))
+    header = (
+        'shock',
+        'controller',
+        'feedforward',
+        'peak [nm]',
+        f'time beyond {LIMIT:g} nm [ms]',
+        'bar',
+        'runs that keep it',
+    )
+    title = (
+        'Half-sine of 2 ms, imbalance 2 %, accelerometers of 3 kHz: largest error of the head, and how long it is '
+        f'beyond {LIMIT:g} nm; median / 95 % quantile over {SEEDS} seeds and gains of the accelerometers that are '
+        '12.5 % too small and too large.'
+    )
+    return write_table(path, title, header, rows)
+
+
+def _with_shock(runs: RecordedRuns, level: float, controller: str, method: str, gain_error: float, seed: int) -> Trial:
+    case = SHOCK[level][controller]['fixed']
+    changes = {method_of(controller): method, 'accelerometer:gain_error': gain_error}
+    start = float(runs.parameters(case)['disturbance_generator']['shock.time'])
+    made = trial(runs, case, seed, changes)
+    return dataclasses.replace(made, duration=SHOCK_DURATION, transient=start - BEFORE)
+
+
+def _measure(shaken: Trial) -> tuple[float, float]:
+    return peak_and_time(shaken.error(), shaken.sample_time)
+
+
+def _cells(part: NDArray[np.float64]) -> tuple[str, str]:
+    peak, outside = part.T
+    peaks = f'{quantile(peak, 0.5):.0f} / {quantile(peak, 0.95):.0f}'
+    return peaks, f'{quantile(outside, 0.5):.1f} / {quantile(outside, 0.95):.1f}'

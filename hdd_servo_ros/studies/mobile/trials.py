@@ -1,0 +1,118 @@
+"""Recorded runs made again with other seeds, parameters or drives, without bags."""
+
+import dataclasses
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.analysis.misregistration import misregistration
+from hdd_servo_ros.campaign.all_cores import on_all_cores
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
+from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.studies.chapter5.random_drives import random_drive
+from hdd_servo_ros.studies.mobile.cases import TRANSIENT
+
+DURATION = 3.0
+"""Of a trial in the vibration [s]."""
+_SEEDED = ('disturbance_generator', 'ldv_sensor', 'accelerometer')
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """
+    One run that is not recorded.
+
+    Attributes
+    ----------
+    controller
+        Short name.
+    sample_time
+        T [s].
+    parameters
+        Of all nodes, by name.
+    duration
+        How long it lasts [s].
+    transient
+        Time before which nothing counts [s].
+    """
+
+    controller: str
+    sample_time: float
+    parameters: Mapping[str, Mapping[str, Any]]
+    duration: float = DURATION
+    transient: float = TRANSIENT
+
+    def error(self) -> NDArray[np.float64]:
+        """Return x - x_d [nm] of all ticks after the transient; values that are not finite if the loop diverged."""
+        ticks = round(self.duration / self.sample_time) + 1
+        rows = Experiment(self.sample_time, self.controller, self.parameters).run(0, ticks)
+        late = rows.time >= self.transient - HALF_MICROSECOND
+        return np.asarray(NANOMETRES * (rows.head[late, 0] - rows.reference[late, 0]))
+
+    def three_sigma(self) -> float:
+        """Return three standard deviations of the error after the transient [nm]; NaN if the loop diverged."""
+        return misregistration(self.error())
+
+
+def trial(
+    runs: RecordedRuns, case: Case, seed: int, changes: Mapping[str, object] | None = None, drive: int | None = None
+) -> Trial:
+    """
+    Return a recorded run as a trial in the vibration.
+
+    Parameters
+    ----------
+    runs, case
+        Which run.
+    seed
+        Of vibration, vibrometer and accelerometers, instead of the recorded ones.
+    changes
+        Other parameters than the recorded ones, under ``'node:parameter'``.
+    drive
+        Number of a random drive (:func:`~hdd_servo_ros.studies.chapter5.random_drives.random_drive`); None for the
+        recorded one.
+    """
+    parameters = {node: dict(values) for node, values in runs.parameters(case).items()}
+    for node in _SEEDED:
+        for name in parameters.get(node, {}):
+            if name.rsplit('.', 1)[-1] == 'seed':
+                parameters[node][name] = seed
+    for key, value in (changes or {}).items():
+        node, name = key.split(':')
+        if name not in parameters[node]:
+            raise KeyError(f'{node} has no parameter {name}')
+        parameters[node][name] = value
+    if drive is not None:
+        parameters['vcm_plant'] = random_drive(parameters['vcm_plant'], drive)
+    return Trial(runs[case].controller, runs[case].sample_time, parameters)
+
+
+def on_trials(
+    measure: Callable[[Trial], Any], due: Sequence[Trial], what: str, chunksize: int = 4
+) -> NDArray[np.float64]:
+    """Return what a method of :class:`Trial` gives for each trial, by all cores, with progress on a terminal."""
+    found = on_all_cores(measure, due, chunksize)
+    return np.array(list(tqdm(found, what, len(due), unit='run', disable=not sys.stderr.isatty())))
+
+
+def quantile(values: NDArray[np.float64], share: float) -> float:
+    """Return the smallest of the values that this share of them does not exceed; NaN counts as the largest."""
+    in_order = np.sort(np.where(np.isnan(values), np.inf, values), axis=None)
+    return float(np.quantile(in_order, share, method='inverted_cdf'))
+
+
+def median_and_tail(values: NDArray[np.float64]) -> str:
+    """Return median and 95 % quantile as tables have them."""
+    return f'{quantile(values, 0.5):.3g} / {quantile(values, 0.95):.3g}'
+
+
+def count(fulfilled: NDArray[np.bool_]) -> str:
+    """Return how many of the runs fulfil something."""
+    return f'{np.count_nonzero(fulfilled)} of {fulfilled.size}'

@@ -1,0 +1,123 @@
+"""Writes the table of 3 sigma in the rotational vibration over methods, sensors and controllers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.studies.mobile.cases import (
+    BANDWIDTHS,
+    BARS,
+    CONTROLLERS,
+    GAIN_ERRORS,
+    METHODS,
+    STILL_BAR,
+    Bar,
+    method_of,
+)
+from hdd_servo_ros.studies.mobile.trials import Trial, count, median_and_tail, on_trials, trial
+from hdd_servo_ros.studies.output import write_table
+
+NETWORK_RATIO = 1.1
+"""The network may have this much of the 3 sigma of fxlms in the same run."""
+_STILL = 'no vibration'
+Key = tuple[str, float]
+"""Method and bandwidth of the accelerometers [Hz]; 0 where they do not matter."""
+
+
+def rows_of(methods: tuple[str, ...] = METHODS) -> tuple[Key, ...]:
+    """Return the rows of the table."""
+    own = ((method, bandwidth) for method in methods if method != 'none' for bandwidth in BANDWIDTHS)
+    return ((_STILL, 0.0), ('none', 0.0), *own)
+
+
+def changes_of(controller: str, key: Key) -> list[dict[str, object]]:
+    """Return the overrides of a row, one set for each gain error of the accelerometers."""
+    method, bandwidth = key
+    if method == _STILL:
+        return [{method_of(controller): 'none', 'disturbance_generator:vibration.rotational.enabled': False}]
+    if method == 'none':
+        return [{method_of(controller): 'none'}]
+    own = {method_of(controller): method, 'accelerometer:bandwidth': bandwidth}
+    return [{**own, 'accelerometer:gain_error': gain_error} for gain_error in GAIN_ERRORS]
+
+
+def three_sigma(
+    runs: RecordedRuns, cases: Mapping[str, Case], keys: tuple[Key, ...], seeds: int
+) -> dict[tuple[str, Key], NDArray[np.float64]]:
+    """
+    Return 3 sigma of all runs of each controller and row [nm].
+
+    Parameters
+    ----------
+    runs
+        The study's runs.
+    cases
+        A recorded run in the vibration for each controller, from which the others differ in a few parameters.
+    keys
+        Rows of the table.
+    seeds
+        How many seeds.
+
+    Returns
+    -------
+    dict
+        By controller and row an array of shape (gain errors, seeds), equal seeds in equal columns.
+    """
+    due = {
+        (controller, key): [
+            trial(runs, case, seed, changes) for changes in changes_of(controller, key) for seed in range(1, seeds + 1)
+        ]
+        for controller, case in cases.items()
+        for key in keys
+    }
+    found = on_trials(Trial.three_sigma, [each for trials in due.values() for each in trials], 'vibration')
+    parts = np.split(found, np.cumsum([len(trials) for trials in due.values()])[:-1])
+    return {key: part.reshape(-1, seeds) for key, part in zip(due, parts, strict=True)}
+
+
+def write_vibration(
+    runs: RecordedRuns, path: Path, title: str, cases: Mapping[str, Case], seeds: int, held_to_bars: bool = True
+) -> Path:
+    """
+    Write one row per method and bandwidth of the accelerometers, and return the file.
+
+    Parameters
+    ----------
+    runs, path
+        As of a figure's ``make``.
+    title
+        What the runs are.
+    cases, seeds
+        As of :func:`three_sigma`.
+    held_to_bars
+        Whether the bars hold for these runs.
+    """
+    keys = rows_of()
+    found = three_sigma(runs, cases, keys, seeds)
+    rows: list[tuple[Any, ...]] = []
+    for key in keys:
+        pid, nn = (found[controller, key] for controller in CONTROLLERS)
+        method, bandwidth = key
+        cells: list[str] = [method, f'{1e-3 * bandwidth:g} kHz' if bandwidth else '', median_and_tail(pid)]
+        if held_to_bars:
+            cells += _against_bar(key, pid, found['pid', ('fxlms', bandwidth)] if method == 'network' else None)
+        rows.append((*cells, median_and_tail(nn), count(nn <= pid)))
+    bars = ('bar', 'runs that keep it') if held_to_bars else ()
+    header = ('feedforward', 'sensor', 'PID [nm]', *bars, 'adaptive NN [nm]', 'not worse than PID in the same run')
+    return write_table(path, title, header, rows)
+
+
+def _against_bar(key: Key, pid: NDArray[np.float64], fxlms: NDArray[np.float64] | None) -> tuple[str, str]:
+    """Return the bar of a row, and how many runs keep it."""
+    method, bandwidth = key
+    if fxlms is not None:
+        return f'<= {NETWORK_RATIO:g} of fxlms', count(pid <= NETWORK_RATIO * fxlms)
+    bar: Bar | None = STILL_BAR if method == _STILL else BARS.get((method, bandwidth or 1000.0))
+    if bar is None:
+        return '', ''
+    return str(bar), count((pid >= bar.low) & (pid <= bar.high))

@@ -1,0 +1,197 @@
+"""The drive in mobile use: what the study claims, on a few of its seeds, drives and couplings."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.simulation.simulate import main as simulate
+from hdd_servo_ros.studies.chapter import figures, make_figures
+from hdd_servo_ros.studies.mobile import (
+    table_delay,
+    table_hard_mount,
+    table_parasitic,
+    table_random_drives,
+    table_shock,
+    table_vibration,
+)
+from hdd_servo_ros.studies.mobile.cases import BARS, CONTROLLERS, HARD, IN_VIBRATION, LATE, SHOCK, STILL_BAR, TRANSIENT
+from hdd_servo_ros.studies.mobile.drawing import error
+from hdd_servo_ros.studies.mobile.shock_measures import peak_and_time
+from hdd_servo_ros.studies.mobile.trials import count, median_and_tail, quantile, trial
+from hdd_servo_ros.studies.mobile.vibration_table import NETWORK_RATIO, three_sigma
+
+SHORT = 2.15
+"""A recorded run in the vibration holds what the figures show after the transient, not four seconds [s]."""
+SEEDS = 2
+"""Of the study's 20."""
+DRIVES = 8
+"""Of the study's 200."""
+BASE = {controller: cases['fxlms'] for controller, cases in IN_VIBRATION.items()}
+
+
+def shortened(case):
+    duration = min(SHORT, case.overrides['deterministic_timer:duration'])
+    return dataclasses.replace(case, overrides={**case.overrides, 'deterministic_timer:duration': duration})
+
+
+@pytest.fixture(scope='module')
+def directory(tmp_path_factory):
+    path = tmp_path_factory.mktemp('mobile')
+    cases = {case.name: case for figure in figures('mobile').values() for case in figure.CASES}
+    for name, case in cases.items():
+        # In this process: there are many, and a process takes longer to start than such a run.
+        assert simulate(shortened(case).arguments({}, path / name)) == 0
+    return path
+
+
+@pytest.fixture(scope='module')
+def runs(directory):
+    return RecordedRuns(directory)
+
+
+def test_a_trial_with_the_recorded_seeds_is_the_recorded_run(runs):
+    for case in (IN_VIBRATION['pid']['network'], LATE['adaptive_nn'], HARD['pid']):
+        run = runs[case]
+        own = dataclasses.replace(trial(runs, case, 1), duration=SHORT).error()
+        np.testing.assert_array_equal(own, error(run)[run.since(TRANSIENT)])
+
+
+def test_a_trial_has_its_seed_everywhere_and_refuses_what_is_no_parameter(runs):
+    made = trial(runs, BASE['pid'], 17, {'accelerometer:bandwidth': 3000.0}, drive=3)
+    assert made.parameters['accelerometer']['bandwidth'] == 3000.0
+    seeds = {
+        f'{node}:{name}': value
+        for node, values in made.parameters.items()
+        for name, value in values.items()
+        if name.rsplit('.', 1)[-1] == 'seed'
+    }
+    assert {'ldv_sensor:seed', 'accelerometer:seed', 'disturbance_generator:vibration.rotational.seed'} < set(seeds)
+    assert set(seeds.values()) == {17}
+    assert made.parameters['vcm_plant']['gain'] != runs.parameters(BASE['pid'])['vcm_plant']['gain']
+    with pytest.raises(KeyError, match='bandwith'):
+        trial(runs, BASE['pid'], 1, {'accelerometer:bandwith': 1.0})
+
+
+def test_quantiles_are_values_and_take_divergence_for_the_worst():
+    values = np.array([4.0, np.nan, 1.0, 3.0, 2.0])
+    assert quantile(values, 0.5) == 3.0
+    assert np.isinf(quantile(values, 1.0))
+    assert quantile(np.arange(1.0, 21.0), 0.95) == 19.0
+    assert median_and_tail(np.arange(1.0, 21.0)) == '10 / 19'
+    assert count(values <= 3.0) == '3 of 5'
+
+
+def test_rotational_vibration(runs):
+    keys = (
+        ('no vibration', 0.0),
+        ('none', 0.0),
+        *((m, bw) for m in ('fixed', 'fxlms', 'network') for bw in (1e3, 3e3)),
+    )
+    found = three_sigma(runs, BASE, keys, SEEDS)
+    pid, nn = ({key: found[controller, key] for key in keys} for controller in CONTROLLERS)
+    assert pid['fxlms', 1e3].shape == (2, SEEDS)
+    assert STILL_BAR.low < pid['no vibration', 0.0].min()
+    assert pid['no vibration', 0.0].max() < STILL_BAR.high
+    for (method, bandwidth), bar in BARS.items():
+        values = pid[method, bandwidth if method != 'none' else 0.0]
+        # The upper end of the fixed feedforward's range is missed by one seed in ten.
+        slack = 1.05 if method == 'fixed' else 1.0
+        assert bar.low < values.min(), method
+        assert values.max() <= slack * bar.high, method
+    for bandwidth in (1e3, 3e3):
+        assert (pid['network', bandwidth] <= NETWORK_RATIO * pid['fxlms', bandwidth]).all()
+        assert (nn['fxlms', bandwidth] <= pid['fxlms', bandwidth]).all()
+    # What does not adapt leaves to the controller what it cannot compensate, and there PID is the better one.
+    assert (nn['none', 0.0] > 2.0 * pid['none', 0.0]).all()
+
+
+def test_hard_mount(runs):
+    keys = tuple((method, 1e3) for method in ('fxlms', 'network'))
+    found = three_sigma(runs, HARD, keys, SEEDS)
+    for controller in CONTROLLERS:
+        fxlms, network = (found[controller, key] for key in keys)
+        assert (network <= table_hard_mount.NETWORK_RATIO * fxlms).all()
+
+
+def test_one_sample_of_delay(runs):
+    found = three_sigma(runs, LATE, (('none', 0.0), ('fxlms', 1e3), ('fxlms', 3e3)), 1)
+    for controller in CONTROLLERS:
+        assert 200.0 < found[controller, ('none', 0.0)].max() < 350.0
+        assert found[controller, ('fxlms', 1e3)].max() < 18.0
+        assert found[controller, ('fxlms', 3e3)].max() < 9.0
+
+
+def shock(runs, level, controller, method):
+    run = runs[SHOCK[level][controller][method]]
+    return peak_and_time(error(run)[run.since(0.45)], run.sample_time)
+
+
+@pytest.mark.parametrize(
+    ('level', 'controller', 'without', 'peak', 'outside'),
+    [
+        (63.0, 'pid', (458.0, 1.6), table_shock.PEAK.high, table_shock.OUTSIDE.high),
+        (63.0, 'adaptive_nn', (1127.0, 6.5), 230.0, 1.3),
+        (300.0, 'pid', (2191.0, 11.0), 460.0, 2.2),
+        (300.0, 'adaptive_nn', (5463.0, 15.5), 1000.0, 3.0),
+    ],
+)
+def test_shock(runs, level, controller, without, peak, outside):
+    assert shock(runs, level, controller, 'none') == pytest.approx(without, rel=0.1)
+    found = shock(runs, level, controller, 'fixed')
+    assert found[0] <= peak
+    assert found[1] <= outside
+
+
+def test_time_outside_counts_what_is_not_finite():
+    assert peak_and_time(np.array([0.0, 150.0, -101.0, 100.0]), 1e-4) == pytest.approx((150.0, 0.2))
+    assert peak_and_time(np.array([0.0, np.nan]), 1e-4)[1] == pytest.approx(0.1)
+
+
+def test_random_drives(runs):
+    found = table_random_drives.on_random_drives(runs, DRIVES)
+    assert len(set(found['fxlms'])) == DRIVES
+    assert found['fxlms'].max() < 9.0
+    assert found['none'].min() > 67.0
+    assert found['none'].max() < 83.0
+
+
+def test_a_drive_that_diverges_is_named(runs, monkeypatch, tmp_path):
+    lost = {'none': np.array([70.0, 71.0]), 'fxlms': np.array([6.0, np.nan])}
+    monkeypatch.setattr(table_random_drives, 'on_random_drives', lambda *_: lost)
+    text = table_random_drives.make(runs, tmp_path / 'table').read_text()
+    assert '**DIVERGED: fxlms on drive 1.**' in text
+    assert '| 1 of 2 |' in text
+
+
+def rows(path):
+    lines = path.read_text().splitlines()[4:]
+    return [[cell.strip(' *') for cell in line.strip('|').split('|')] for line in lines]
+
+
+def test_every_figure_and_table_is_made(directory, monkeypatch):
+    for module in (table_vibration, table_delay, table_hard_mount, table_shock):
+        monkeypatch.setattr(module, 'SEEDS', 1)
+    monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
+    monkeypatch.setattr(table_parasitic, 'SHARES', (-0.5, 0.5))
+    monkeypatch.setattr(table_parasitic, 'DURATION', 2.5)
+    monkeypatch.setattr(table_parasitic, 'COUPLED', ('fxlms', 'network'))
+    monkeypatch.setattr(table_parasitic, 'BANDWIDTHS', (1000.0,))
+    made = figures('mobile')
+    paths = {path.stem: path for path in make_figures(made, directory)}
+    assert set(paths) == set(made)
+    for path in paths.values():
+        assert path.suffix in ('.png', '.md')
+        assert 100 < path.stat().st_size < 300_000, path
+    # At 1 kHz the coupled loop stays, and what adapts in the vibration is never worse than nothing.
+    coupled = [row for row in rows(paths['table_parasitic']) if row[1] == 'vibration']
+    assert len(coupled) == 4
+    for row in coupled:
+        assert max(float(ratio) for ratio in row[4:6]) < 0.2
+    vibration = {(row[0], row[1]): row for row in rows(paths['table_vibration'])}
+    assert len(vibration) == 10
+    assert vibration['fxlms', '1 kHz'][4] == vibration['network', '3 kHz'][4] == '2 of 2'
+    assert vibration['none', ''][6] == '0 of 1'
+    assert [row[7] for row in rows(paths['table_hard_mount'])] == ['2 of 2'] * 4
+    assert [row[6] for row in rows(paths['table_shock']) if row[6]] == ['2 of 2']
