@@ -1,5 +1,6 @@
 """Runs as copies of one prepared process: the same bits, and the same exit codes, logs and signals as any process."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -106,3 +107,14 @@ def test_a_server_that_was_killed_is_told_of():
     with pytest.raises(OSError, match=r'the process that starts the runs has ended with exit code -9'):
         server.read(LONG)
     server.close()
+
+
+def test_the_log_is_there_before_the_run_has_opened_it(tmp_path):
+    """A server that never starts the run shows what is there until one does."""
+    server = RunServer(run_environment({}))
+    os.kill(server.pid, signal.SIGKILL)
+    with pytest.raises(OSError, match=r'has ended with exit code -9|Broken pipe'):
+        server.start(arguments(tmp_path / 'run'), tmp_path / 'log')
+    with contextlib.suppress(BrokenPipeError):  # the request is still to be written
+        server.close()
+    assert (tmp_path / 'log').read_bytes() == b''
