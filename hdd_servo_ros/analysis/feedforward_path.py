@@ -11,9 +11,11 @@ from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.feedforward import AccelerometerScales
 from hdd_servo_ros.control.feedforward_parameters import FeedforwardModelParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import Observer
-from hdd_servo_ros.messages.controller_inputs import ControllerInputs
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
 from hdd_servo_ros.numerics.transition import held_input_transition
 
+NO_SCALES = SensorScales(0.0, 0.0)
+"""Of a sensor without voltages, or where no controller reads them."""
 _PULSE = 1e-3
 """Height of the pulse [V]: small, so that what adapts in the controller hardly does."""
 
@@ -24,6 +26,7 @@ def feedforward_knowledge(
     dsp: DspParameters,
     accelerometer: AccelerometerParameters,
     sample_time: float,
+    sensor: SensorScales = NO_SCALES,
     observer: Observer | None = None,
 ) -> tuple[NDArray[np.float64], AccelerometerScales]:
     """
@@ -39,6 +42,8 @@ def feedforward_knowledge(
         What lies behind the controller, and the sensors.
     sample_time
         T [s].
+    sensor
+        Scales of the sensor, for a controller that reads its voltages.
     observer
         What gives the controller its velocity, at rest and made for this alone; None for a sensor that does.
     """
@@ -46,7 +51,7 @@ def feedforward_knowledge(
     scales = AccelerometerScales(
         model.sensitivity or accelerometer.sensitivity, model.separation or accelerometer.separation
     )
-    return feedforward_path(controller, dsp, model, sample_time, parameters.path_length, observer), scales
+    return feedforward_path(controller, dsp, model, sample_time, parameters.path_length, sensor, observer), scales
 
 
 def feedforward_path(
@@ -55,6 +60,7 @@ def feedforward_path(
     model: FeedforwardModelParameters,
     sample_time: float,
     length: int,
+    sensor: SensorScales = NO_SCALES,
     observer: Observer | None = None,
 ) -> NDArray[np.float64]:
     """
@@ -75,6 +81,8 @@ def feedforward_path(
         T [s].
     length
         Number of samples p.
+    sensor
+        Scales of the sensor, for a controller that reads its voltages.
     observer
         What gives the controller its velocity, at rest; it is stepped. None for the drive's own velocity.
 
@@ -100,7 +108,7 @@ def feedforward_path(
         velocity = travel / sample_time
         if observer is not None:
             _, velocity = observer.step(position, held)
-        inputs = ControllerInputs(tick, position, velocity, 0.0, 0.0, 0.0, 0.0, 0.0)
+        inputs = ControllerInputs(tick, position, velocity, *_volts(sensor, position, velocity), 0.0, 0.0, 0.0)
         u, unsaturated, feedback = controller.step(inputs)
         pulse = _PULSE if tick == 0 else 0.0
         held, _, _ = delayed.step(u + pulse, unsaturated + pulse, feedback)
@@ -109,3 +117,11 @@ def feedforward_path(
             transition[1][0] * position + transition[1][1] * travel + response[1] * held,
         )
     return path
+
+
+def _volts(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:
+    """Return the outputs of an ideal sensor [V], 0 of one without scales."""
+    return (
+        position / sensor.displacement if sensor.displacement else 0.0,
+        velocity / sensor.velocity if sensor.velocity else 0.0,
+    )

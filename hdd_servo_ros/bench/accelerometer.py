@@ -20,6 +20,8 @@ AccelerometerArrays = tuple[Array, Array, Array, Array]
 """Constants, transition of a sensor over a sample, state, motion of the two sensors."""
 
 OUTPUTS = ('x', 'y')
+_STREAM = 2
+"""Of the noise: the vibrometer and its drop-outs have others, and seeds are often the same."""
 
 ACCELEROMETER = layout('lever', 'parasitic', 'gain_x', 'gain_y', 'offset', 'noise', 'seed', 'delay', ('output', OUTPUT))
 """Lever [m]; parasitic gain [m/s^2/V]; volts per m/s^2 of each sensor; offset and noise [V]; delay [samples]."""
@@ -44,12 +46,18 @@ class AccelerometerParameters(ParameterSet):
         above=0.0,
         read_only=True,
     )
-    bandwidth: float = parameter(1000.0, 'natural frequency of the two-pole low pass', unit='Hz', above=0.0)
-    damping_ratio: float = parameter(0.707, 'damping ratio of the low pass', above=0.0)
-    beam_frequency: float = parameter(
-        0.0, "frequency of the sensing beam's resonance in front of the low pass, 0 for none", unit='Hz', minimum=0.0
+    bandwidth: float = parameter(
+        1000.0, 'natural frequency of the two-pole low pass', unit='Hz', above=0.0, maximum=1e6
     )
-    beam_damping_ratio: float = parameter(0.02, "damping ratio of the beam's resonance", above=0.0)
+    damping_ratio: float = parameter(0.707, 'damping ratio of the low pass', above=0.0, maximum=10.0)
+    beam_frequency: float = parameter(
+        0.0,
+        "frequency of the sensing beam's resonance in front of the low pass, 0 for none",
+        unit='Hz',
+        minimum=0.0,
+        maximum=1e6,
+    )
+    beam_damping_ratio: float = parameter(0.02, "damping ratio of the beam's resonance", above=0.0, maximum=10.0)
     gain_error: float = parameter(
         0.0, 'relative error of both gains; 0.125 reads an eighth too much', minimum=-1.0, maximum=1.0
     )
@@ -89,7 +97,7 @@ def accelerometer_step(
     difference = c.lever * angular + c.parasitic * control
     _move(transition, motion, 0, linear + difference)
     _move(transition, motion, 1, linear - difference)
-    deviate_x, deviate_y = normal_pair(np.int64(c.seed), 0, tick)
+    deviate_x, deviate_y = normal_pair(np.int64(c.seed), _STREAM, tick)
     x = read_output(c.output, s.x, tick, c.gain_x * motion[0, 2] + c.offset + c.noise * deviate_x)
     y = read_output(c.output, s.y, tick, c.gain_y * motion[1, 2] + c.offset + c.noise * deviate_y)
     seen_x, seen_y = x, y

@@ -88,6 +88,7 @@ class Feedforward:
         self, parameters: FeedforwardParameters, sample_time: float, path: Array, scales: AccelerometerScales
     ) -> None:
         self.sample_time = sample_time
+        self.parameters = parameters
         count, length, nodes = parameters.taps, parameters.path_length, parameters.network.nodes
         self.estimates = zeros(ESTIMATES)
         self._named = FeedforwardArrays(
@@ -114,7 +115,8 @@ class Feedforward:
         s.settling_left = record(self._named.constants, CONSTANTS).settling
 
     def update(self, parameters: FeedforwardParameters, path: Array, scales: AccelerometerScales) -> None:
-        """Take other parameters from the next tick on; the weights and what is remembered go on."""
+        """Take other parameters from the next tick on; what was adapted and what is remembered go on."""
+        pause_before = self.parameters.supervisor.pause
         self.parameters = parameters
         self._named.path[:] = path
         model, supervisor, network = parameters.model, parameters.supervisor, parameters.network
@@ -151,6 +153,10 @@ class Feedforward:
         self._named.nominal[:, 0] = parameters.initial_gain * (1.0 + lead)
         if parameters.taps > 1:
             self._named.nominal[:, 1] = -parameters.initial_gain * lead
+        if parameters.method == 'fixed':
+            self._named.weights[:] = self._named.nominal
+        if supervisor.pause != pause_before:
+            record(self._named.state, STATE).next_pause = c.pause
 
     @property
     def is_switched_off(self) -> bool:

@@ -11,9 +11,11 @@ METHODS = ('none', 'fixed', 'fxlms', 'iir', 'network')
 class FeedforwardModelParameters(ParameterSet):
     """What the feedforward knows of drive and sensors, as a data sheet or an identification gives it."""
 
-    gain: float = parameter(4.0968e7, 'acceleration of the head per volt', unit='um/s^2/V', above=0.0)
-    stiffness: float = parameter(0.02168, "stiffness of the pivot's friction in presliding", unit='V/um', minimum=0.0)
-    viscous_coefficient: float = parameter(6.9e-6, 'viscous friction', unit='V s/um', minimum=0.0)
+    gain: float = parameter(4.0968e7, 'acceleration of the head per volt', unit='um/s^2/V', minimum=1.0, maximum=1e15)
+    stiffness: float = parameter(
+        0.02168, "stiffness of the pivot's friction in presliding", unit='V/um', minimum=0.0, maximum=1e3
+    )
+    viscous_coefficient: float = parameter(6.9e-6, 'viscous friction', unit='V s/um', minimum=0.0, maximum=1.0)
     arm_radius: float = parameter(50.8e3, 'distance from the pivot axis to the head', unit='um', minimum=0.0)
     imbalance: float = parameter(
         0.01, "acceleration of the head per linear acceleration of the base, from the arm's imbalance", minimum=0.0
@@ -96,6 +98,7 @@ class FeedforwardParameters(ParameterSet):
         'time by which the initial weights lead the acceleration, against the lag of sensor and converter',
         unit='s',
         minimum=0.0,
+        maximum=1e-3,
     )
     step_size: float = parameter(0.1, 'normalised step size of the taps', minimum=0.0, maximum=1.0)
     leakage: float = parameter(

@@ -28,7 +28,7 @@ class ForceNoiseParameters(ParameterSet):
         'sampling frequency for which sigma is given; at another one the density is the same, and the standard '
         'deviation is larger by the square root of the ratio',
         unit='Hz',
-        above=0.0,
+        minimum=1.0,
     )
 
     def sigma_at(self, sample_time: float) -> float:

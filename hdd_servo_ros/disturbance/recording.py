@@ -12,6 +12,8 @@ from hdd_servo_ros.parameters import ParameterError
 
 INTERPOLATIONS = ('linear', 'hold')
 
+LONGEST = 86_400.0
+"""Of a recording [s]; it is kept in memory at the sample time of the run."""
 _SLACK = 1e-9
 """Part of a sample by which a recorded time may be late and still count [1]."""
 
@@ -39,6 +41,9 @@ def read_recording(parameter: str, path: str, quantity: str) -> NDArray[np.float
         if not after[0] > before[0]:
             allowed = f'a CSV file whose times ascend; row {number} has {after[0]!r} s after {before[0]!r} s'
             raise ParameterError(parameter, path, allowed)
+    span = rows[-1][0] - rows[0][0]
+    if not span <= LONGEST:
+        raise ParameterError(parameter, path, f'a recording of at most {LONGEST:g} s; this one spans {span:g} s')
     return np.array(rows)
 
 

@@ -34,6 +34,10 @@ SHAPES = tuple(shape.name.lower() for shape in Shape)
 SHOCK = layout('is_enabled', 'pulse', 'time_step', 'time', 'duration', 'period', 'linear', 'rotational')
 
 
+_SHORTEST_PERIOD = 1e-4
+"""Of repeated pulses [s]: all that fall into a tick are summed."""
+
+
 @dataclasses.dataclass(frozen=True)
 class ShockParameters(ParameterSet):
     """A shock, once or repeated: a pulse of the linear acceleration, of the rotational one, or of both."""
@@ -52,7 +56,9 @@ class ShockParameters(ParameterSet):
     period: float = parameter(0.0, 'time from one pulse to the next; 0 for a single one', unit='s', minimum=0.0)
 
     def check_together(self) -> None:
-        """Refuse pulses that overlap."""
+        """Refuse pulses that overlap, and trains of pulses that no sampling frequency could show."""
+        if 0.0 < self.period < _SHORTEST_PERIOD:
+            raise ParameterError('period', self.period, f'0, or at least {_SHORTEST_PERIOD:g} s [s]')
         if 0.0 < self.period < self.duration:
             raise ParameterError('period', self.period, f'0, or at least the duration of {self.duration!r} s [s]')
 

@@ -64,7 +64,7 @@ class VibrationParameters(ParameterSet):
     enabled: bool = parameter(False, 'whether the base vibrates this way')
     kind: str = parameter('random', 'what the acceleration is', choices=KINDS)
     seed: int = parameter(1, 'seed of random vibration', minimum=0, maximum=2**53)
-    start_time: float = parameter(0.0, 'time before which there is none', unit='s', minimum=0.0)
+    start_time: float = parameter(0.0, 'time before which there is none', unit='s', minimum=0.0, maximum=2e9)
     rms: float = parameter(1.0, 'root mean square of random vibration', unit=_UNIT, minimum=0.0)
     low: float = parameter(
         10.0,
@@ -83,7 +83,7 @@ class VibrationParameters(ParameterSet):
     amplitude: float = parameter(1.0, 'amplitude of sine and swept sine', unit=_UNIT)
     frequency: float = parameter(100.0, 'frequency of the sine', unit='Hz', minimum=0.0)
     phase: float = parameter(0.0, 'phase of sine and swept sine at start_time', unit='turn')
-    start_frequency: float = parameter(5.0, 'frequency with which the swept sine begins', unit='Hz', above=0.0)
+    start_frequency: float = parameter(5.0, 'frequency with which the swept sine begins', unit='Hz', minimum=1e-3)
     end_frequency: float = parameter(500.0, 'frequency with which it ends', unit='Hz', above=0.0)
     sweep_time: float = parameter(10.0, 'duration of a sweep', unit='s', above=0.0)
     sweep: str = parameter('logarithmic', 'how the frequency of the swept sine changes with time', choices=SWEEPS)

@@ -7,6 +7,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, ObserverParameters
+from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
@@ -69,6 +70,14 @@ def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverPara
     given = {name: value for name, value in values.items() if name in own}
     found: ControllerObserverParameters = _constructed(ControllerObserverParameters, node, given)
     return found.observer
+
+
+def refuse_feedforward_in_other_units(node: str, feedforward: FeedforwardParameters, drive: PlantParameters) -> None:
+    """Refuse a feedforward, whose parameters are in um and V, on a drive in other units: :class:`ParameterError`."""
+    units = drive.length_unit, drive.control_unit
+    if feedforward.is_used and units != ('um', 'V'):
+        allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
+        raise ParameterError(f'{node}.feedforward.method', feedforward.method, allowed)
 
 
 def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:

@@ -17,7 +17,12 @@ from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.block_parameters import block_parameters, feedforward_parameters, sensor_scales
+from hdd_servo_ros.graph.block_parameters import (
+    block_parameters,
+    feedforward_parameters,
+    refuse_feedforward_in_other_units,
+    sensor_scales,
+)
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
@@ -25,7 +30,7 @@ from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.topics import ACCELEROMETER, LDV, PES, REFERENCE
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.parameters import ParameterSet, to_mapping, with_tuples
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, to_mapping, with_tuples
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -123,6 +128,11 @@ class ControllerNode(CatalogueNode):
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
         names = self._controller.estimate_names
         if parameters.is_used:
+            if self._drive is not None:
+                try:
+                    refuse_feedforward_in_other_units(self.get_name(), parameters, self._drive)
+                except ParameterError as error:
+                    raise RunError(str(error)) from None
             knowledge = self._feedforward_knowledge(parameters, sample_time)
             self._feedforward = Feedforward(parameters, sample_time, *knowledge)
             names = (*names, *self._feedforward.estimate_names)
@@ -141,7 +151,7 @@ class ControllerNode(CatalogueNode):
         if self._observer is not None:
             observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
         return feedforward_knowledge(
-            parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time, observer
+            parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time, self._scales, observer
         )
 
     def _sensor_scales(self) -> SensorScales:

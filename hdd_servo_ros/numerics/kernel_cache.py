@@ -7,6 +7,7 @@ that start without a cache all compile the same. Here a kernel is found by its m
 The files themselves are those of Numba: an index of signatures and processors per kernel, and a file of code for each.
 """
 
+import contextlib
 import fcntl
 import os
 import sys
@@ -87,12 +88,22 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
         Numba gets its compiler ready before it loads a kernel, which takes longer than all else and imports SciPy.
         Compiled code that counts no references needs none of that, and the compiler gets itself ready when it is used.
         """
-        found = self._load_overload(sig, target_context)
+        found = self._load(sig, target_context)
         if found is None and self._lock is None:
             self._lock = self._acquire()
             # Another process may have compiled it while this one waited.
-            found = self._load_overload(sig, target_context)
+            found = self._load(sig, target_context)
         return found
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled kernel, None if there is none, or only files that a power cut or a full disk has left."""
+        try:
+            return self._load_overload(sig, target_context)
+        except Exception:  # unpickling and LLVM raise whatever damaged bytes make them
+            # An index without entries, which is then written anew; the damaged one would fail there too.
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
 
     @property
     def is_locked(self) -> bool:

@@ -66,8 +66,10 @@ def sources_digest(package: Path) -> str:
 
 
 def _bases() -> Iterator[Path]:
-    if os.environ.get('XDG_CACHE_HOME'):
-        yield Path(os.environ['XDG_CACHE_HOME']) / 'hdd_servo_ros'
+    # The specification has relative ones ignored.
+    given = Path(os.environ.get('XDG_CACHE_HOME', ''))
+    if given.is_absolute():
+        yield given / 'hdd_servo_ros'
     with contextlib.suppress(RuntimeError):  # no home
         yield Path.home() / '.cache' / 'hdd_servo_ros'
     yield Path(tempfile.gettempdir()) / f'hdd_servo_ros-{os.getuid()}'

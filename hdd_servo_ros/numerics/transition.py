@@ -5,6 +5,7 @@ Plain arithmetic in a fixed order: a library's matrix exponential differs in the
 with it every run that uses it.
 """
 
+import math
 from collections.abc import Sequence
 
 _TERMS = 18
@@ -33,6 +34,11 @@ def held_input_transition(
     -------
     transition, response
         exp(A T), shape (n, n), and what u = 1 adds to each state by the end of the sample, shape (n,).
+
+    Raises
+    ------
+    ValueError
+        If A T is not finite.
     """
     order = len(dynamics)
     augmented = [[time_step * value for value in (*row, b)] for row, b in zip(dynamics, inputs, strict=True)]
@@ -45,6 +51,8 @@ def _exponential(matrix: Matrix) -> Matrix:
     """Return the exponential of a matrix: its series after halving, then squaring as often."""
     halvings = 0
     norm = max(sum(abs(value) for value in row) for row in matrix)
+    if not norm < math.inf:
+        raise ValueError('the dynamics of the system are not finite')
     while norm > _LARGEST_NORM:
         norm *= 0.5
         halvings += 1

@@ -26,6 +26,7 @@ from hdd_servo_ros.graph.block_parameters import (
     feedforward_parameters,
     input_parameters,
     observer_parameters,
+    refuse_feedforward_in_other_units,
     sensor_scales,
 )
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, SENSORS, resolve
@@ -174,6 +175,7 @@ class Experiment:
             self.accelerometer = self._block(BASE_SENSOR, sections)
         self.feedforward: Feedforward | None = None
         if feedforward.is_used:
+            refuse_feedforward_in_other_units(node, feedforward, self.plant.parameters)
             knowledge = self._knowledge_of(feedforward, parameters_of_law)
             self.feedforward = Feedforward(feedforward, sample_time, *knowledge)
         self._held: NDArray[np.float64] = np.zeros(4)
@@ -196,7 +198,13 @@ class Experiment:
         fresh = self._make_law(law, self.sample_time)
         observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
         return feedforward_knowledge(
-            feedforward, fresh, self.dsp.parameters, self.accelerometer.parameters, self.sample_time, observer
+            feedforward,
+            fresh,
+            self.dsp.parameters,
+            self.accelerometer.parameters,
+            self.sample_time,
+            self.scales,
+            observer,
         )
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:

@@ -64,7 +64,10 @@ def replay_weights(
     recorded = np.column_stack((estimates, control))
     inputs = np.column_stack((ldv[:, :2], reference))
     if recorded.shape[1] != replayed.shape[1]:
-        raise WeightReplayError(f'{estimates.shape[1]} estimates were recorded, but the controller has {len(names)}')
+        raise WeightReplayError(
+            f'{estimates.shape[1]} estimates were recorded, but the law has {len(names)}; theorem 4.1 is about the law '
+            'alone, without feedforward or observer'
+        )
     for start in range(0, len(inputs), _PIECE):
         piece = slice(start, min(start + _PIECE, len(inputs)))
         weights = np.empty((piece.stop - start, len(controller.weights)))

@@ -175,3 +175,16 @@ def test_a_kernel_compiles_where_no_lock_can_be_had(monkeypatch):
     scaled._cache.disable()
     monkeypatch.setattr(scaled._cache, '_lock_file', Path('/nowhere/at/all'))
     assert scaled(2.0) == 6.0
+
+
+@pytest.mark.parametrize('suffix', ['nbi', 'nbc'])
+@pytest.mark.parametrize('damage', [b'', b'\x80\x04', b'not what Numba wrote'])
+def test_damaged_files_are_compiled_anew(starter, suffix, damage):
+    values, _, _ = result(starter.start(PACKAGE.parent))
+    for path in (starter.directory / 'cache').rglob(f'*exp*.{suffix}'):
+        path.write_bytes(damage)
+    again, compiled_again, errors = result(starter.start(PACKAGE.parent))
+    assert again == values
+    assert any(name.startswith('exp of') for name in compiled_again)
+    assert 'Traceback' not in errors
+    assert result(starter.start(PACKAGE.parent))[1] == []

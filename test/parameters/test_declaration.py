@@ -41,6 +41,7 @@ PURE_NUMBERS = {
     'vibration.linear.recording_scale',
     'coupling.imbalance',
     'coupling.cubic',
+    'missing.probability',
     'beam_damping_ratio',
     'gain_error',
     'gain_mismatch',

@@ -29,7 +29,8 @@ def compiled():
     """Compile the kernels before processes wait for each other."""
     experiment = Simulation(parse_ros_arguments(['--ros-args', *SHAKEN])).experiment
     experiment.run(0, 2)
-    assert experiment.accelerometer is not None and experiment.feedforward is not None
+    assert experiment.accelerometer is not None
+    assert experiment.feedforward is not None
     experiment.accelerometer.step(2, 0.0, 0.0, 0.0)
     experiment.feedforward.step(0.0, 0.0, 0.0)
 
