@@ -104,7 +104,7 @@ class FeedforwardParameters(ParameterSet):
     leakage: float = parameter(
         1e-5, 'part of the weights that leaks to the initial ones in a sample', minimum=0.0, maximum=0.1
     )
-    regularization: float = parameter(1e-7, 'added to the power of the filtered acceleration', unit='um^2', above=0.0)
+    regularization: float = parameter(1e-6, 'added to the power of the filtered acceleration', unit='um^2', above=0.0)
     power_time: float = parameter(0.3, 'time constant of that power', unit='s', above=0.0)
     error_limit: float = parameter(
         0.3, 'the adaptation takes a larger error for this one: a seek or a step is no vibration', unit='um', above=0.0

@@ -149,7 +149,7 @@ def test_a_network_learns_a_path_that_is_not_linear():
         method: closed_loop(make(method), force, volts_of(acceleration))[0][-10_000:].std()
         for method in ('fxlms', 'network')
     }
-    assert remaining['network'] < 0.5 * remaining['fxlms']
+    assert remaining['network'] < 0.75 * remaining['fxlms']
 
 
 def test_the_recursive_weights_stay_where_the_poles_are_inside_the_circle():
