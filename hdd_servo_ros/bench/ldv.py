@@ -6,7 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
+from hdd_servo_ros.bench.converter import converted, converter_codes
+from hdd_servo_ros.bench.instrument_output import OUTPUT, OVERRANGE, read_output
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log
 from hdd_servo_ros.numerics.noise import fill_normal_pairs, normal_pair, uniform_pair
@@ -25,10 +26,7 @@ LdvArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 LDV = layout(
     'displacement_gain',
     'velocity_gain',
-    'range',
-    'step',
-    'lowest',
-    'highest',
+    ('output', OUTPUT),
     'has_noise',
     'displacement_noise',
     'velocity_noise',
@@ -45,9 +43,6 @@ LDV = layout(
     'dropout_samples',
     'is_dropout_zero',
 )
-
-OVERRANGE = layout('samples', 'first_tick')
-"""How many samples of an output were clipped, and the tick of the first."""
 
 LDV_STATE = layout(
     ('displacement', OVERRANGE),
@@ -144,22 +139,6 @@ class LdvParameters(ParameterSet):
         # Rounding may take the range's end to the next code.
         ends = [converted(volts, step, lowest, highest) for volts in (-reach, reach)]
         return ends[0], ends[1]
-
-
-@compiled
-def _read(c: np.record, overrange: np.record, tick: int, volts: float) -> float:
-    """Return an output [V] as the converter reads it: clipped, which is counted, then rounded to its step."""
-    if not abs(volts) < math.inf:
-        return volts
-    limit = c.range
-    beyond = limit > 0.0 and abs(volts) > limit
-    if limit > 0.0:
-        volts = min(max(volts, -limit), limit)
-    if beyond or beyond_codes(volts, c.step, c.lowest, c.highest):
-        if overrange.samples == 0.0:
-            overrange.first_tick = float(tick)
-        overrange.samples += 1.0
-    return converted(volts, c.step, c.lowest, c.highest)
 
 
 @compiled
@@ -300,7 +279,10 @@ def ldv_output(
         s.displacement_deviate, s.velocity_deviate = deviate_0, deviate_1
         displacement_volts += c.displacement_noise * deviate_0
         velocity_volts += c.velocity_noise * deviate_1
-    return _read(c, s.displacement, tick, displacement_volts), _read(c, s.velocity, tick, velocity_volts)
+    return (
+        read_output(c.output, s.displacement, tick, displacement_volts),
+        read_output(c.output, s.velocity, tick, velocity_volts),
+    )
 
 
 class Ldv:
@@ -347,8 +329,8 @@ class Ldv:
         c = record(constants, LDV)
         c.displacement_gain = 1.0 / parameters.displacement_scale
         c.velocity_gain = 1.0 / parameters.velocity_scale
-        c.range = parameters.output_range
-        c.step, c.lowest, c.highest = converter_codes(parameters.adc_bits, parameters.adc_range)
+        c.output.range = parameters.output_range
+        c.output.step, c.output.lowest, c.output.highest = converter_codes(parameters.adc_bits, parameters.adc_range)
         self._fill_noise(c)
         self._fill_demodulator(c)
         self.arrays: LdvArrays = (constants, self.state, self.history)
