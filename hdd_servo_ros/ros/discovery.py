@@ -88,7 +88,12 @@ class Discovery:
             yield f'the publisher of {port.name} to announce itself'
 
     def _unready(self) -> Iterator[str]:
-        """Iterate over what the timer waits for, including processes known only to others so far."""
+        """
+        Iterate over what the timer waits for, including processes known only to others so far.
+
+        A process that does not know all others yet may be ready all the same, without having discovered their readers
+        of its topics: they would miss tick 0.
+        """
         announcements = self._member.peers.announcements
         known = {self._member.identifier, *announcements}
         for process, announcement in announcements.items():
@@ -98,6 +103,9 @@ class Discovery:
             unknown = set(announcement.hears or ()) - known
             if unknown:
                 yield f'{len(unknown)} more processes known to {names}'
+            unheard = known - {process} - set(announcement.hears or ())
+            if unheard:
+                yield f'{names or process} to hear from {len(unheard)} more processes'
 
     def _is_external(self, topic: str, now: float) -> bool:
         """Return whether a topic's publisher is external: it had time to announce itself and did not."""
