@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module, names_with_parameters
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
@@ -97,7 +98,7 @@ def test_commands(bench, block):
             assert paths.pop(0) == '--ros-args'
             for word in arguments:
                 record_disturbed(bench, *re.findall(r'recorded_run:=(.+)', word))
-            shortened = SHORT_SWEEP if 'params/swept_sine.yaml' in arguments else ('-p', 'duration:=0.02')
+            shortened = SHORT_SWEEP if 'params/swept_sine.yaml' in arguments else short(paths)
             started.append(bench.start(name, *paths, *shortened, '-p', 'plot:=false', defaults=False))
         elif command[0] == 'make':
             # With PYTHON given it need not look for a suitable one.
@@ -139,6 +140,16 @@ def test_commands_that_a_text_names_are_executables(path):
     assert set(re.findall(r'ros2 run hdd_servo_ros ([a-z]\w*)', text)) <= MODULES.keys()
     # What a user runs is an executable; `make docs` alone runs a module.
     assert set(re.findall(r'python -m\s+hdd_servo_ros\.([\w.]+)', text)) <= {'graph.manual'}
+
+
+def short(arguments):
+    """Return the arguments for 200 ticks at the sample time that the parameter files give."""
+    sample_time = 1e-4
+    for word in arguments:
+        if word.endswith('.yaml'):
+            timer = yaml.safe_load(Path(word).read_text()).get('/**/deterministic_timer', {'ros__parameters': {}})
+            sample_time = timer['ros__parameters'].get('sample_time', sample_time)
+    return '-p', f'duration:={200 * sample_time!r}'
 
 
 @pytest.mark.parametrize('path', TEXTS, ids=lambda path: path.relative_to(ROOT).as_posix())

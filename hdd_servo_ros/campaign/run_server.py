@@ -192,10 +192,10 @@ class Server:
         self._woken, self._wake = os.pipe()
         os.set_blocking(self._wake, False)
         signal.set_wakeup_fd(self._wake, warn_on_full_buffer=False)
-        signal.signal(signal.SIGCHLD, lambda number, frame: None)
+        self._handlers = {signal.SIGCHLD: signal.signal(signal.SIGCHLD, lambda number, frame: None)}
         # Ctrl-C in a terminal reaches every process: the runs end by themselves, and the study ends the server.
         for number in _ASKED_TO_END:
-            signal.signal(number, signal.SIG_IGN)
+            self._handlers[number] = signal.signal(number, signal.SIG_IGN)
 
     def serve(self) -> None:
         """Start the requested runs until the end of the input."""
@@ -223,8 +223,9 @@ class Server:
             # The reader of the answers detects the server's end by the end of this pipe.
             os.close(self._answers.fileno())
             signal.set_wakeup_fd(-1)
-            for number in (*_ASKED_TO_END, signal.SIGCHLD):
-                signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+            # As a new interpreter would find them: whoever starts processes in the background has SIGINT ignored.
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
             log = os.open(str(request['log']), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
             nothing = os.open(os.devnull, os.O_RDONLY)
             for own, taken in ((nothing, 0), (log, 1), (log, 2)):

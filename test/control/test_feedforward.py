@@ -87,7 +87,8 @@ class Twin:
         self.raw[:, k] = ROTATION * 0.5 * (x - y), LINEAR * 0.5 * (x + y)
         past = lambda values: self.path[: k + 1] @ values[k::-1][:length]  # noqa: E731
         self.filtered[:, k] = [past(row) for row in self.raw]
-        window = lambda rows: np.array([[row[k - i] if i <= k else 0.0 for i in range(n)] for row in rows])  # noqa: E731
+        latest = range(k, k - n, -1)
+        window = lambda rows: np.array([[row[i] if i >= 0 else 0.0 for i in latest] for row in rows])  # noqa: E731
         regressors = window(self.filtered)
         expected = error - past(self.acting) + (self.weights * regressors).sum()
         error = np.clip(expected, -p.error_limit, p.error_limit)
