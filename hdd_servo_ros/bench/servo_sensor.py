@@ -6,6 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.bench.converter import converted
 from hdd_servo_ros.bench.instrument_output import OVERRANGE
 from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import sine_cosine_of_turns
@@ -118,8 +119,7 @@ def servo_sensor_step(
             s.fraction.first_tick = float(tick)
         s.fraction.samples += 1.0
     if c.step > 0.0:
-        code = np.floor(fraction / c.step + 0.5)
-        fraction = min(max(code, c.lowest), c.highest) * c.step
+        fraction = converted(fraction, c.step, c.lowest, c.highest)
     else:
         fraction = min(max(fraction, -0.5 * pitch), 0.5 * pitch)
     s.error = fraction

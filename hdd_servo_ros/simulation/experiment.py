@@ -134,29 +134,26 @@ class Experiment:
         feedforward = FeedforwardParameters()
         observer = ObserverParameters()
         self._make_law: Callable[[Any, float], Controller]
-        if isinstance(controller, str) and controller in Controllers._fields:
-            self._kind = Controllers._fields.index(controller)
-            node = CONTROLLER_NODES[controller]
-            self.controller = self._block(node, sections)
-            parameters_of_law = block_parameters(node, sections.get(node, {}))
-            self._make_law = resolve(NODES[node].block)
-            dsp = dsp_parameters(node, sections.get(node, {}))
-            scales = input_parameters(node, sections.get(node, {}))
-            feedforward = feedforward_parameters(node, sections.get(node, {}))
-            observer = observer_parameters(node, sections.get(node, {}))
+        if isinstance(controller, str):
+            if controller in Controllers._fields:
+                self._kind = Controllers._fields.index(controller)
+                node = CONTROLLER_NODES[controller]
+                self.controller = self._block(node, sections)
+                self._make_law = resolve(NODES[node].block)
+                parameters_of_law = block_parameters(node, sections.get(node, {}))
+            else:
+                outside = load_controller(controller)
+                node, self._make_law = outside.node, outside.make
+                parameters_of_law = block_parameters(node, sections.get(node, {}))
+                outside.trial(parameters_of_law, sample_time)
+                self.controller = self._blocks[node] = outside.make(parameters_of_law, sample_time)
+            own = sections.get(node, {})
+            dsp = dsp_parameters(node, own)
+            scales = input_parameters(node, own)
+            feedforward = feedforward_parameters(node, own)
+            observer = observer_parameters(node, own)
             if self.servo is not None and NODES[node].needs_ldv:
                 raise ParameterError('sensor', sensor, f'ldv, which {node} measures')
-        elif isinstance(controller, str):
-            outside = load_controller(controller)
-            own = sections.get(outside.node, {})
-            parameters_of_law = block_parameters(outside.node, own)
-            outside.trial(parameters_of_law, sample_time)
-            self.controller = self._blocks[outside.node] = outside.make(parameters_of_law, sample_time)
-            self._make_law = outside.make
-            dsp = dsp_parameters(outside.node, own)
-            scales = input_parameters(outside.node, own)
-            feedforward = feedforward_parameters(outside.node, own)
-            observer = observer_parameters(outside.node, own)
         else:
             refuse_former_object(controller)
             self.controller = controller
