@@ -100,7 +100,7 @@ def noise_densities(sensor: LdvParameters, sample_time: float, frequencies: Arra
     z = np.exp(2j * np.pi * np.asarray(frequencies) * sample_time)
     shape = np.abs((c.noise_step if c.noise_decay > 0.0 else 1.0) / (1.0 - c.noise_decay / z)) ** 2
     scales = np.array([sensor.displacement_scale, sensor.velocity_scale])
-    return np.asarray(2.0 * sample_time * scales**2 * (volts**2 * shape[:, None] + c.step**2 / 12.0))
+    return np.asarray(2.0 * sample_time * scales**2 * (volts**2 * shape[:, None] + c.output.step**2 / 12.0))
 
 
 def _taps(sensor: LdvParameters, sample_time: float) -> Array:
