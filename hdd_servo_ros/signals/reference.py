@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp, log, sine_cosine_of_turns
 from hdd_servo_ros.numerics.records import layout, record, zeros
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+from hdd_servo_ros.signals.seek_parameters import SeekParameters
+from hdd_servo_ros.signals.seek_plan import NO_SEEKS, SeekList, check_dwell_times, no_seek_rows, plan, seek_step
 
 
 class Waveform(IntEnum):
@@ -23,13 +25,14 @@ class Waveform(IntEnum):
     CHIRP = 4
     MULTISINE = 5
     CONSTANT = 6
+    SEEK = 7
 
 
 WAVEFORMS = tuple(waveform.name.lower() for waveform in Waveform)
 SWEEPS = ('linear', 'logarithmic')
 
-ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Constants, and amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine."""
+ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Constants; amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine; seeks."""
 
 REFERENCE = layout(
     'time_step',
@@ -47,6 +50,7 @@ REFERENCE = layout(
     'sweep_time',
     'is_logarithmic',
     'sweep_rate',
+    'repeat_ticks',
 )
 
 EDGE_TOLERANCE = 1e-9
@@ -94,6 +98,7 @@ class ReferenceParameters(ParameterSet):
     component_phases: tuple[float, ...] = parameter(
         (0.0,), 'phases of the components of a multisine, added to phase', unit='turn'
     )
+    seek: SeekParameters = group(SeekParameters)
 
     def check_together(self) -> None:
         """Check the rules that tie several parameters together; raises :class:`ParameterError`."""
@@ -107,6 +112,8 @@ class ReferenceParameters(ParameterSet):
             raise ParameterError(name, getattr(self, name), 'above 0 Hz for a logarithmic sweep')
         if self.waveform == 'ramp' and self.slope == 0.0:
             raise ParameterError('slope', self.slope, 'not 0 for a ramp')
+        if self.waveform == 'seek':
+            check_dwell_times(self.seek)
 
 
 @compiled
@@ -144,7 +151,7 @@ def _sine(amplitude: float, turns: float, frequency: float, slope: float) -> tup
 
 @compiled
 def reference_step(
-    constants: NDArray[np.float64], components: NDArray[np.float64], tick: int
+    constants: NDArray[np.float64], components: NDArray[np.float64], seeks: NDArray[np.float64], tick: int
 ) -> tuple[float, float, float]:
     """Return x_d [um], its first [um/s] and its second derivative [um/s^2] at ``tick``; see :class:`Reference`."""
     c = record(constants, REFERENCE)
@@ -153,6 +160,8 @@ def reference_step(
     waveform = int(c.waveform)
     if waveform == Waveform.CONSTANT or float(tick) < c.start_tick:
         return offset, 0.0, 0.0
+    if waveform == Waveform.SEEK:
+        return seek_step(seeks, int(c.repeat_ticks), tick - int(c.start_tick), c.time_step)
     t = float(tick) * c.time_step - c.start_time
     if waveform == Waveform.STEP:
         return offset + amplitude, 0.0, 0.0
@@ -189,8 +198,8 @@ class Reference:
     The reference generator: x_d(t) and its derivatives at the ticks.
 
     The derivatives are analytic. Those of a square and a step are zero everywhere: the impulses at the edges cannot be
-    sampled, and a controller that is to be fed them would need a smooth reference instead. Before ``start_time`` the
-    reference is ``offset`` at rest.
+    sampled, and a controller that is to be fed them would need a smooth reference instead, as seeks along a trajectory
+    are. Before ``start_time`` the reference is ``offset`` at rest.
 
     Parameters
     ----------
@@ -228,7 +237,16 @@ class Reference:
             c.sweep_rate = log(parameters.end_frequency / parameters.frequency) / parameters.sweep_time
         else:
             c.sweep_rate = (parameters.end_frequency - parameters.frequency) / parameters.sweep_time
-        self.arrays: ReferenceArrays = (constants, self._components(parameters))
+        self._seeks, rows = NO_SEEKS, no_seek_rows()
+        if parameters.waveform == 'seek':
+            self._seeks, rows = plan(parameters.seek, parameters.offset, int(c.start_tick), self.sample_time)
+        c.repeat_ticks = self._seeks.repeat_ticks
+        self.arrays: ReferenceArrays = (constants, self._components(parameters), rows)
+
+    @property
+    def seeks(self) -> SeekList:
+        """The seeks of the waveform ``seek``, known ahead; an empty list with the other waveforms."""
+        return self._seeks
 
     @staticmethod
     def _components(parameters: ReferenceParameters) -> NDArray[np.float64]:

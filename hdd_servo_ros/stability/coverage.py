@@ -75,7 +75,8 @@ def _has_steps(loop: Loop) -> bool:
     if reference is None:
         return True
     starts_late = reference.start_time > 0.0 and reference.waveform != 'constant'
-    return reference.waveform in ('square', 'step', 'ramp') or starts_late
+    jumps = reference.waveform == 'seek' and reference.seek.trajectory == 'step'
+    return reference.waveform in ('square', 'step', 'ramp') or jumps or starts_late
 
 
 EFFECTS = (

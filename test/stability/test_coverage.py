@@ -3,7 +3,14 @@
 import re
 from pathlib import Path
 
-from hdd_servo_ros.stability.coverage import EFFECTS
+import pytest
+
+from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.parameters import from_mapping
+from hdd_servo_ros.signals.reference import ReferenceParameters
+from hdd_servo_ros.stability.coverage import EFFECTS, Loop
 
 DOCS = Path(__file__).parents[2] / 'docs'
 
@@ -20,3 +27,11 @@ def test_the_page_of_diagnostics_refers_to_the_list_and_has_none_of_its_own():
     (row,) = [line for line in (DOCS / 'live.md').read_text().splitlines() if 'controller: certificate`' in line]
     assert '(controllers.md#what-the-theorem-does-not-cover)' in row
     assert not [effect.name for effect in EFFECTS if effect.name in row]
+
+
+@pytest.mark.parametrize(('trajectory', 'jumps'), [('step', True), ('minimum_jerk', False), ('time_optimal', False)])
+def test_seeks_by_steps_are_not_covered_and_trajectories_are(trajectory, jumps):
+    reference = from_mapping(ReferenceParameters, {'waveform': 'seek', 'seek.trajectory': trajectory})
+    loop = Loop(AdaptiveNnParameters(), PlantParameters(), DspParameters(), reference=reference)
+    (effect,) = (effect for effect in EFFECTS if effect.name == 'reference steps')
+    assert effect.is_in(loop) is jumps
