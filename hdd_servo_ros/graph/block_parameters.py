@@ -7,6 +7,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, ObserverParameters
+from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
@@ -70,6 +71,39 @@ def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverPara
     given = {name: value for name, value in values.items() if name in own}
     found: ControllerObserverParameters = _constructed(ControllerObserverParameters, node, given)
     return found.observer
+
+
+def seek_parameters(node: str, values: Mapping[str, object]) -> SeekParameters:
+    """
+    Return the parameters of a controller's seek part, from all that a file says of its node.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused, or the controller does not follow the reference and so has no target to seek.
+    """
+    kind = seek_kind(node)
+    own = {declaration.name for declaration in declarations(kind)}
+    found: ControllerSeekParameters = _constructed(
+        kind, node, {name: value for name, value in values.items() if name in own}
+    )
+    if found.seek.is_used and not NODES[node].follows_reference:
+        allowed = 'none, since this controller does not follow the reference'
+        raise ParameterError(f'{node}.seek.method', found.seek.method, allowed)
+    return found.seek
+
+
+def seek_kind(node: str) -> type[ControllerSeekParameters]:
+    """Return the parameter dataclass of a controller node that holds its seek part."""
+    return next(kind for kind in NODES[node].parameter_sets if issubclass(kind, ControllerSeekParameters))
+
+
+def refuse_seek_in_other_units(node: str, seek: SeekParameters, drive: PlantParameters) -> None:
+    """Refuse a seek part, whose parameters are in um and V, on a drive in other units: :class:`ParameterError`."""
+    units = drive.length_unit, drive.control_unit
+    if seek.is_used and units != ('um', 'V'):
+        allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
+        raise ParameterError(f'{node}.seek.method', seek.method, allowed)
 
 
 def refuse_feedforward_in_other_units(node: str, feedforward: FeedforwardParameters, drive: PlantParameters) -> None:

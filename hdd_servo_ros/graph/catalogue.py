@@ -125,6 +125,7 @@ _EVERY_CONTROLLER = (
     'bench.dsp:ControllerOutputParameters',
     'control.feedforward_parameters:ControllerFeedforwardParameters',
     'control.observer:ControllerObserverParameters',
+    'control.seek_parameters:ControllerSeekParameters',
 )
 
 _NODE_ROWS = (
@@ -204,6 +205,14 @@ _NODE_ROWS = (
         block='control.pid:Pid',
         role=CONTROLLER,
         short_name='pid',
+    ),
+    NodeRow(
+        'seek_controller',
+        'Brings the head to new targets by planned trajectories, settles and follows with a PID.',
+        (*_EVERY_CONTROLLER[:-1], 'control.seek_parameters:SeekControllerParameters', 'control.pid:PidParameters'),
+        block='control.pid:Pid',
+        role=CONTROLLER,
+        short_name='seek',
     ),
     NodeRow(
         'open_loop_controller',

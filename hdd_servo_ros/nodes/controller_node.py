@@ -9,6 +9,7 @@ import numpy as np
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
+from hdd_servo_ros.analysis.seek_plans import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
@@ -16,11 +17,16 @@ from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLim
 from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverParameters
+from hdd_servo_ros.control.seek import Seek
+from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
     block_parameters,
     feedforward_parameters,
     refuse_feedforward_in_other_units,
+    refuse_seek_in_other_units,
+    seek_kind,
+    seek_parameters,
     sensor_scales,
 )
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
@@ -78,11 +84,16 @@ class ControllerNode(CatalogueNode):
         self._accelerometer: AccelerometerParameters | None = None
         self._feedforward: Feedforward | None = None
         self._observer: Observer | None = None
+        self._seek: Seek | None = None
         # Compiles; the gains of the Kalman filter want a library that most runs do without.
         Observer(ObserverParameters(method='difference'), 1e-4).step(0.0, 0.0)
         self._held = 0.0
         self._offsets: dict[str, int] = {}
         feedforward_parameters(name, to_mapping(self.parameters[ControllerFeedforwardParameters]))
+        if seek_parameters(name, to_mapping(self.parameters[seek_kind(name)])).is_used:
+            compiles = no_seek(1e-4)
+            compiles.before_law(NO_INPUTS, 0.0)
+            compiles.after_law(0.0, 0.0, 0.0)
 
     def last_tick_needed(self, sample_time: float) -> int:
         if not isinstance(self._controller, HasPlan):
@@ -111,6 +122,7 @@ class ControllerNode(CatalogueNode):
             scales = None if self._observer is not None else self._scales
             observer = None if self._observer is None else self._observer.parameters
             self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
+        self._prepare_seek(run.sample_time)
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
         self._prepare_feedforward(run.sample_time)
         for warning in self._warnings():
@@ -124,9 +136,24 @@ class ControllerNode(CatalogueNode):
         self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
         self._held = 0.0
 
+    def _prepare_seek(self, sample_time: float) -> None:
+        self._held = 0.0
+        seek: SeekParameters = self.parameters[seek_kind(self._row_name)].seek
+        if not seek.is_used:
+            return
+        if self._drive is not None:
+            try:
+                refuse_seek_in_other_units(self.get_name(), seek, self._drive)
+            except ParameterError as error:
+                raise RunError(str(error)) from None
+        surroundings = seek_surroundings(seek, sample_time, self._dsp.parameters, self._sensor)
+        self._seek = Seek(seek, sample_time, surroundings, self._scales)
+
     def _prepare_feedforward(self, sample_time: float) -> None:
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
         names = self._controller.estimate_names
+        if self._seek is not None:
+            names = (*names, *self._seek.estimate_names)
         if parameters.is_used:
             if self._drive is not None:
                 try:
@@ -181,8 +208,14 @@ class ControllerNode(CatalogueNode):
             _, displacement, _ = unpack_vector(messages[offsets[PES.name]])
             _, velocity = observer.step(displacement, self._held)
         inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[offsets[REFERENCE.name]]))
+        seek = self._seek
+        if seek is not None:
+            inputs = seek.before_law(inputs, self._held)
         law = controller.step(inputs)
         estimates = controller.estimates
+        if seek is not None:
+            law = seek.after_law(*law)
+            estimates = np.concatenate([estimates, seek.estimates])
         feedforward = self._feedforward
         if feedforward is not None:
             output_1, output_2, _ = unpack_vector(messages[offsets[ACCELEROMETER.name]])
@@ -207,6 +240,10 @@ class ControllerNode(CatalogueNode):
         self._tell_limit()
         if self._observer is not None:
             self._observer.update(self.parameters[ControllerObserverParameters].observer)
+        if self._seek is not None:
+            seek = self.parameters[seek_kind(self._row_name)].seek
+            sample_time = self._seek.sample_time
+            self._seek.update(seek, seek_surroundings(seek, sample_time, self._dsp.parameters, self._sensor))
         if self._feedforward is not None:
             parameters = self.parameters[ControllerFeedforwardParameters].feedforward
             knowledge = self._feedforward_knowledge(parameters, self._feedforward.sample_time)

@@ -16,6 +16,8 @@ from hdd_servo_ros.control.feedforward_kernel import feedforward_step
 from hdd_servo_ros.control.observer import ObserverArrays, observer_step
 from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
 from hdd_servo_ros.control.pid import PidArrays, pid_step
+from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
+from hdd_servo_ros.control.seek_kernel import seek_after_law, seek_before_law
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
 from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.numerics.compiled import compiled
@@ -52,6 +54,8 @@ def closed_loop(
     servo: ServoSensorArrays,
     observer: ObserverArrays,
     controllers: Controllers,
+    has_seek: bool,
+    seek: SeekArrays,
     accelerometer: AccelerometerArrays,
     has_feedforward: bool,
     feedforward: FeedforwardArrays,
@@ -65,9 +69,9 @@ def closed_loop(
 
     At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
     vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the
-    controller responds, the feedforward is added, and the DSP makes u_k of it. The kernel calls the very kernels that
-    the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the vibrometer's noise,
-    which is a function of the tick, is drawn for all ticks beforehand.
+    controller responds, seek part and feedforward are added, and the DSP makes u_k of it. The kernel calls the very
+    kernels that the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the
+    vibrometer's noise, which is a function of the tick, is drawn for all ticks beforehand.
 
     Parameters
     ----------
@@ -84,9 +88,9 @@ def closed_loop(
         if there are rows for `/pes`, and there are none for `/ldv` then.
     controllers
         The ``arrays`` of the controllers; the last one of each is its estimates.
-    accelerometer, has_feedforward, feedforward, dsp
+    has_seek, seek, accelerometer, has_feedforward, feedforward, dsp
         The ``arrays`` of the blocks around the controller. The accelerometers take part if there are rows for them,
-        the feedforward if that is said.
+        seek part and feedforward if that is said.
     held
         Array of four elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
         [m/s^2] and angular [rad/s^2] acceleration of the base.
@@ -127,17 +131,15 @@ def closed_loop(
             ldv_rows[row, 0] = displacement_volts
             ldv_rows[row, 1] = velocity_volts
             ldv_rows[row, 2] = 0.0
+        measured, rate = displacement_volts * displacement_scale, velocity_volts * velocity_scale
+        if has_seek:
+            offset, offset_rate = seek_before_law(*seek, measured, rate, x_d, dx_d, ddx_d, held[0])
+            measured -= offset
+            rate -= offset_rate
+            displacement_volts -= offset / displacement_scale
+            velocity_volts -= offset_rate / velocity_scale
         # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
-        inputs = (
-            tick,
-            displacement_volts * displacement_scale,
-            velocity_volts * velocity_scale,
-            displacement_volts,
-            velocity_volts,
-            x_d,
-            dx_d,
-            ddx_d,
-        )
+        inputs = (tick, measured, rate, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
         if controller_kind == ADAPTIVE_NN:
             u, unsaturated, feedback = adaptive_nn_step(*controllers.adaptive_nn, *inputs)
             estimates = controllers.adaptive_nn[-1]
@@ -155,19 +157,19 @@ def closed_loop(
             sensor_rows[row, 0] = output_1
             sensor_rows[row, 1] = output_2
             sensor_rows[row, 2] = 0.0
-        for i in range(len(estimates)):
-            estimate_rows[row, i] = estimates[i]
+        column = _write(estimates, estimate_rows, row, 0)
+        if has_seek:
+            u_seek = seek_after_law(*seek, u)
+            u += u_seek
+            unsaturated += u_seek
+            column = _write(seek[-1], estimate_rows, row, column)
         if has_feedforward:
-            u_ff = feedforward_step(*feedforward, inputs[1] - x_d, output_1, output_2)
+            u_ff = feedforward_step(*feedforward, measured - x_d, output_1, output_2)
             u += u_ff
             unsaturated += u_ff
-            for i in range(len(feedforward[-1])):
-                estimate_rows[row, len(estimates) + i] = feedforward[-1][i]
+            column = _write(feedforward[-1], estimate_rows, row, column)
         if has_servo:
-            observed = observer[-1]
-            first = estimate_rows.shape[1] - len(observed)
-            for i in range(len(observed)):
-                estimate_rows[row, first + i] = observed[i]
+            _write(observer[-1], estimate_rows, row, column)
         u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)
         held[0] = u
         held[1] = disturbance_rows[row, 0] if is_disturbed else 0.0
@@ -183,3 +185,11 @@ def closed_loop(
         control_rows[row, 0] = u
         control_rows[row, 1] = unsaturated
         control_rows[row, 2] = feedback
+
+
+@compiled
+def _write(estimates: NDArray[np.float64], rows: NDArray[np.float64], row: int, column: int) -> int:
+    """Write the estimates of a block from a column on, and return the column behind them."""
+    for i in range(len(estimates)):
+        rows[row, column + i] = estimates[i]
+    return column + len(estimates)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+from hdd_servo_ros.analysis.seek_plans import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
@@ -19,6 +20,9 @@ from hdd_servo_ros.control.feedforward import AccelerometerScales, Feedforward
 from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverArrays, ObserverParameters
+from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
+from hdd_servo_ros.control.seek import Seek, SeekSurroundings
+from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import (
     block_parameters,
@@ -27,6 +31,9 @@ from hdd_servo_ros.graph.block_parameters import (
     input_parameters,
     observer_parameters,
     refuse_feedforward_in_other_units,
+    refuse_seek_in_other_units,
+    seek_kind,
+    seek_parameters,
     sensor_scales,
 )
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, SENSORS, resolve
@@ -41,6 +48,12 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.signals.reference import Reference
 from hdd_servo_ros.simulation.closed_loop import ANGULAR_Z, LINEAR_Y, Controllers, closed_loop
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
+
+
+@functools.cache
+def _kernel_kinds() -> dict[str, int]:
+    """Return the number by which the kernel knows the law of each controller's block."""
+    return {NODES[CONTROLLER_NODES[name]].block: kind for kind, name in enumerate(Controllers._fields)}
 
 
 @functools.cache
@@ -76,6 +89,12 @@ def _arrays_of_no_feedforward() -> FeedforwardArrays:
     return Feedforward(parameters, 1e-4, np.zeros(parameters.path_length), AccelerometerScales(1.0, 1.0)).arrays
 
 
+@functools.cache
+def _arrays_of_no_seek() -> SeekArrays:
+    """Return the arrays of a seek part that does not run."""
+    return no_seek(1e-4).arrays
+
+
 class Experiment:
     """
     The closed loop of one reference, drive, sensor and controller.
@@ -85,8 +104,8 @@ class Experiment:
     sample_time
         T [s].
     controller
-        ``'adaptive_nn'``, ``'pid'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of one from
-        outside, as :func:`~hdd_servo_ros.graph.controller_loader.load_controller` takes it; or any object that
+        ``'adaptive_nn'``, ``'pid'``, ``'seek'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of
+        one from outside, as :func:`~hdd_servo_ros.graph.controller_loader.load_controller` takes it; or any object that
         satisfies :class:`~hdd_servo_ros.control.controller.Controller`. The
         latter two are called from Python, tick by tick.
     parameters
@@ -133,11 +152,12 @@ class Experiment:
         scales = ControllerInputParameters()
         feedforward = FeedforwardParameters()
         observer = ObserverParameters()
+        seek = SeekParameters()
         self._make_law: Callable[[Any, float], Controller]
         if isinstance(controller, str):
-            if controller in Controllers._fields:
-                self._kind = Controllers._fields.index(controller)
+            if controller in CONTROLLER_NODES:
                 node = CONTROLLER_NODES[controller]
+                self._kind = _kernel_kinds()[NODES[node].block]
                 self.controller = self._block(node, sections)
                 self._make_law = resolve(NODES[node].block)
                 parameters_of_law = block_parameters(node, sections.get(node, {}))
@@ -152,6 +172,7 @@ class Experiment:
             scales = input_parameters(node, own)
             feedforward = feedforward_parameters(node, own)
             observer = observer_parameters(node, own)
+            seek = seek_parameters(node, own)
             if self.servo is not None and NODES[node].needs_ldv:
                 raise ParameterError('sensor', sensor, f'ldv, which {node} measures')
         else:
@@ -162,6 +183,10 @@ class Experiment:
             self.controller.limit_output(self.dsp.limit)
         self.scales = sensor_scales(scales, self.ldv.parameters) if self.servo is None else SensorScales.none()
         self.observer = None if self.servo is None else Observer(observer, sample_time)
+        self.seek: Seek | None = None
+        if seek.is_used:
+            refuse_seek_in_other_units(node, seek, self.plant.parameters)
+            self.seek = Seek(seek, sample_time, self._surroundings_of_seek(seek), self.scales)
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
             if disturbance is not None:
@@ -204,6 +229,10 @@ class Experiment:
             observer,
         )
 
+    def _surroundings_of_seek(self, seek: SeekParameters) -> SeekSurroundings:
+        sensor = None if self.servo is not None else self.ldv.parameters
+        return seek_surroundings(seek, self.sample_time, self.dsp.parameters, sensor)
+
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
         if node == DISTURBANCE_GENERATOR:
@@ -225,10 +254,14 @@ class Experiment:
             law = sets[NODES[node].block_parameters]
             self.feedforward.update(parameters, *self._knowledge_of(parameters, law))
 
+        if self.seek is not None and seek_kind(node) in sets:
+            seek = sets[seek_kind(node)].seek
+            self.seek.update(seek, self._surroundings_of_seek(seek))
+
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        """Names of the columns of ``/estimates``: those of the controller, of the feedforward, of the observer."""
-        blocks = (self.controller, self.feedforward, self.observer)
+        """Names of the columns of ``/estimates``: those of the controller, then those of the blocks around it."""
+        blocks = (self.controller, self.seek, self.feedforward, self.observer)
         return tuple(name for block in blocks if block is not None for name in block.estimate_names)
 
     def warnings(self) -> tuple[str, ...]:
@@ -341,6 +374,8 @@ class Experiment:
                 _arrays_of_no_servo_sensor() if self.servo is None else self.servo.arrays,
                 _arrays_of_no_observer() if self.observer is None else self.observer.arrays,
                 self._controllers(),
+                self.seek is not None,
+                _arrays_of_no_seek() if self.seek is None else self.seek.arrays,
                 (self.accelerometer or _default_accelerometer()).arrays,
                 self.feedforward is not None,
                 _arrays_of_no_feedforward() if self.feedforward is None else self.feedforward.arrays,
@@ -353,7 +388,7 @@ class Experiment:
 
     def _estimates(self) -> NDArray[np.float64]:
         """Return what ``/estimates`` carries after a step."""
-        blocks = (self.controller, self.feedforward, self.observer)
+        blocks = (self.controller, self.seek, self.feedforward, self.observer)
         return np.concatenate([block.estimates for block in blocks if block is not None])
 
     def _controllers(self) -> Controllers:
@@ -394,7 +429,11 @@ class Experiment:
                 outputs = self.accelerometer.step(tick, linear, angular, control)
                 rows[ACCELEROMETER.name][row] = (*outputs, 0.0)
             inputs = self.scales.inputs(tick, *measured, *reference)
+            if self.seek is not None:
+                inputs = self.seek.before_law(inputs, control)
             law = self.controller.step(inputs)
+            if self.seek is not None:
+                law = self.seek.after_law(*law)
             if self.feedforward is not None:
                 law = self.feedforward.compensate(inputs.position - inputs.desired_position, *outputs, *law)
             commanded = self.dsp.step(*law)

@@ -12,6 +12,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters
+from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekControllerParameters
 from hdd_servo_ros.graph.catalogue import (
     CONTROLLERS,
     NODES,
@@ -53,6 +54,8 @@ _AROUND_A_CONTROLLER = (
     ControllerOutputParameters,
     ControllerFeedforwardParameters,
     ControllerObserverParameters,
+    ControllerSeekParameters,
+    SeekControllerParameters,
 )
 """Parameters of a controller's node that blocks of the loop are made from, beside those of its law."""
 

@@ -56,6 +56,10 @@ PURE_NUMBERS = {
     'feedforward.network.leakage',
     'feedforward.supervisor.tolerance',
     'feedforward.supervisor.gain_wanted',
+    'seek.model.mode_spread',
+    'seek.learning.gain_memory',
+    'seek.learning.gain_range',
+    'seek.learning.friction_range',
 }
 """Ratios, exponents and what has several units in one list; their descriptions say so."""
 

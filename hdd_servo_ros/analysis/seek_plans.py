@@ -1,0 +1,195 @@
+"""
+Plans of final-state control: voltages that bring the sampled drive with all its modes from rest to rest.
+
+Final-state control finds the input of N samples that brings a sampled model from one state to another and is smallest
+in some measure (Totani and Nishimura, Trans. SICE 30(3), 1994; Hirata and others for disk drives). Here the rigid body
+has to be at rest on the target after N samples; of the modes, the head's vibration afterwards is made small, for the
+nominal drive and for one with lower and one with higher frequencies. That lets a plan be shorter than the order of the
+model, which matters where a seek lasts but a few samples.
+"""
+
+import functools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive, sampled_drive
+from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.seek import Seek, SeekPlans, SeekSurroundings
+from hdd_servo_ros.control.seek_parameters import SeekModelParameters, SeekParameters
+from hdd_servo_ros.drive.friction.parameters import FrictionParameters
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.numerics.transition import held_input_transition
+
+Array = NDArray[np.float64]
+
+SHORTEST = 3
+"""Samples of the shortest plan: a move, a stop, and one to leave less vibration."""
+VIBRATION_TIME = 1.2e-3
+"""Time after a plan for which the vibration counts [s]: by then the modes of the default drive have decayed by 70 %."""
+_ALL_UP_TO = 24
+"""Up to here there is a plan for each number of samples; above, each is longer than the last one by a sixteenth."""
+_VIBRATION_WEIGHT = 100.0
+"""
+Weight of the vibration [V/um] against the changes of the voltage.
+
+With less, plans of ten samples leave ten times the vibration; with more, long plans are no longer smooth.
+"""
+_DIGITS = 10
+"""Digits to which plans are rounded: those of LAPACK differ in the last bits between machines."""
+_MODEL_DIGITS = 12
+
+
+@functools.lru_cache(maxsize=8)
+def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
+    """
+    Return the model of a seek part and its plans, from rest to rest over 1 um.
+
+    Parameters
+    ----------
+    parameters
+        The seek part's; of these the model and the duration of the longest plan count.
+    sample_time
+        T [s].
+    """
+    model = parameters.model
+    nominal = model_drive(model, sample_time)
+    spread = (1.0 - model.mode_spread, 1.0 + model.mode_spread) if model.mode_spread and model.numerators else ()
+    drives = [nominal, *(model_drive(model, sample_time, factor) for factor in spread)]
+    longest = max(math.floor(parameters.longest_plan / sample_time + 1e-9), SHORTEST)
+    tail = math.ceil(VIBRATION_TIME / sample_time)
+    responses = [_pulse_response(drive, longest + tail) for drive in drives]
+    lengths = plan_lengths(longest)
+    plans, durations = np.zeros((len(lengths), longest)), np.zeros((len(lengths), 2))
+    for row, samples in enumerate(lengths):
+        plan, vibration = _plan(model, sample_time, samples, responses, tail)
+        plans[row, :samples] = plan
+        durations[row] = samples, vibration
+    return SeekPlans(plans, durations, nominal.a.copy(), nominal.b[:, 0].copy(), np.ascontiguousarray(nominal.c), tail)
+
+
+def seek_surroundings(
+    parameters: SeekParameters, sample_time: float, dsp: DspParameters, sensor: LdvParameters | None
+) -> SeekSurroundings:
+    """
+    Return what a seek part has to know beside its parameters.
+
+    Parameters
+    ----------
+    parameters
+        The seek part's.
+    sample_time
+        T [s].
+    dsp
+        What lies behind the controller.
+    sensor
+        The vibrometer; None for a sensor whose velocity has no limit.
+    """
+    limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
+    return SeekSurroundings(seek_plans(parameters, sample_time), dsp.computation_delay, limit)
+
+
+def no_seek(sample_time: float) -> Seek:
+    """Return a seek part that stands for none, without a model."""
+    plans = SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
+    return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(plans))
+
+
+def plan_lengths(longest: int) -> list[int]:
+    """Return the numbers of samples for which there is a plan."""
+    lengths = list(range(SHORTEST, min(longest, _ALL_UP_TO) + 1))
+    while lengths[-1] < longest:
+        lengths.append(min(longest, lengths[-1] + lengths[-1] // 16))
+    return lengths
+
+
+def model_drive(model: SeekModelParameters, sample_time: float, frequency_factor: float = 1.0) -> SampledDrive:
+    """
+    Return the model of a seek part at T [s], linear and without the friction of its bristles.
+
+    Parameters
+    ----------
+    model
+        The model.
+    sample_time
+        T [s].
+    frequency_factor
+        Factor of the frequencies of all modes; their damping ratios stay.
+    """
+    resonance = ResonanceParameters(form='none')
+    if model.numerators:
+        powers = np.array([1.0, frequency_factor, frequency_factor**2])
+        resonance = ResonanceParameters(
+            numerators=tuple((np.reshape(model.numerators, (-1, 3)) * powers).ravel().tolist()),
+            denominators=tuple((np.reshape(model.denominators, (-1, 3)) * powers).ravel().tolist()),
+        )
+    friction = FrictionParameters(model='lugre', viscous_coefficient=model.viscous_coefficient)
+    plant = PlantParameters(gain=model.gain, friction=friction, resonance=resonance)
+    drive = sampled_drive(plant, sample_time, presliding=False)
+    a, b, c = (_rounded(matrix, _MODEL_DIGITS) for matrix in (drive.a, drive.b, drive.c))
+    return SampledDrive(a, b, c, sample_time)
+
+
+def _plan(
+    model: SeekModelParameters, sample_time: float, samples: int, responses: list[Array], tail: int
+) -> tuple[Array, float]:
+    """Return the plan of so many samples [V/um], and the largest vibration that it leaves per length."""
+    ends, goal = _rigid_end(model, sample_time, samples)
+    # Of the plan with zeros around it, so that it begins and ends softly.
+    changes = np.eye(samples + 1, samples) - np.eye(samples + 1, samples, -1)
+    after = [_vibrations(response, samples, tail) for response in responses]
+    weighted = np.vstack([changes, *(_VIBRATION_WEIGHT * rows for rows in after)])
+    wanted = np.concatenate([np.zeros(samples + 1), np.full(tail * len(after), _VIBRATION_WEIGHT)])
+    basis, triangle = np.linalg.qr(ends.T, mode='complete')
+    plan = basis[:, :2] @ np.linalg.solve(triangle[:2].T, goal)
+    free = basis[:, 2:]
+    plan = plan + free @ np.linalg.lstsq(weighted @ free, wanted - weighted @ plan, rcond=None)[0]
+    plan = _rounded(plan, _DIGITS)
+    return plan, float(np.round(np.abs(after[0] @ plan - 1.0).max(), _DIGITS))
+
+
+def _rigid_end(model: SeekModelParameters, sample_time: float, samples: int) -> tuple[Array, Array]:
+    """Return what each sample's voltage does to position and travel per sample of the rigid body, and their goal."""
+    transition, response = held_input_transition(
+        [[0.0, 1.0 / sample_time], [0.0, -model.gain * model.viscous_coefficient]],
+        [0.0, model.gain * sample_time],
+        sample_time,
+    )
+    ends, column, matrix = np.empty((2, samples)), np.array(response), np.array(transition)
+    for sample in range(samples - 1, -1, -1):
+        ends[:, sample] = column
+        column = matrix @ column
+    # At rest the head is as far as the rigid body times the sections' gain at standstill.
+    pairs = zip(model.numerators[2::3], model.denominators[2::3], strict=True)
+    static_gain = math.prod(b0 / a0 for b0, a0 in pairs)
+    size = np.linalg.norm(ends, axis=1)
+    return np.asarray(ends / size[:, None]), np.asarray(np.array([1.0 / static_gain, 0.0]) / size)
+
+
+def _pulse_response(drive: SampledDrive, samples: int) -> Array:
+    """Return the head's position after a voltage of one sample, at the ticks from the next one on [um/V]."""
+    found, state = np.empty(samples), drive.b[:, 0]
+    for sample in range(samples):
+        found[sample] = drive.c[0] @ state
+        state = drive.a @ state
+    return found
+
+
+def _vibrations(response: Array, samples: int, tail: int) -> Array:
+    """Return what each sample's voltage does to the head's positions after the plan, shape (tail, samples)."""
+    ages = np.arange(tail)[:, None] + samples - 1 - np.arange(samples)[None, :]
+    return np.asarray(response[ages])
+
+
+def _rounded(values: Array, digits: int) -> Array:
+    """Return numbers rounded to so many digits of the largest one of their row."""
+    if values.ndim == 2:
+        return np.array([_rounded(row, digits) for row in values])
+    largest = float(np.abs(values).max())
+    if largest == 0.0:
+        return values
+    scale = 10.0 ** (digits - 1 - math.floor(math.log10(largest)))
+    return np.asarray(np.round(values * scale) / scale)

@@ -1,0 +1,345 @@
+"""The compiled steps of the seek part, before and after a controller's law; see :mod:`hdd_servo_ros.control.seek`."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.control.lugre_feedforward import BRISTLE, mean_friction
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
+from hdd_servo_ros.numerics.records import layout, record
+
+Array = NDArray[np.float64]
+
+FOLLOW, SEEK, SETTLE = 0.0, 1.0, 2.0
+"""The modes, as `/estimates` has them."""
+
+CONSTANTS = layout(
+    'time_step',
+    'delay',
+    'threshold',
+    'control_limit',
+    'vibration_limit',
+    'vibration_samples',
+    'arrival_tolerance',
+    'arrival_samples',
+    'has_friction',
+    'follows_friction',
+    'learns_gain',
+    'gain_memory',
+    'gain_range',
+    'velocity_limit',
+    'learns_friction',
+    'friction_step',
+    'friction_window',
+    'friction_range',
+    ('bristle', BRISTLE),
+)
+"""Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples."""
+
+STATE = layout(
+    'mode',
+    'samples_in_mode',
+    'samples_inside',
+    'has_started',
+    'first',
+    'planned',
+    'idle',
+    'goal',
+    'pending',
+    'position',
+    'velocity',
+    'last_position',
+    'last_velocity',
+    'reference',
+    'reference_velocity',
+    'reference_acceleration',
+    'deflection',
+    'friction',
+    'applied_friction',
+    'last_applied_friction',
+    'gain',
+    'gain_products',
+    'gain_squares',
+    'friction_level',
+)
+"""
+``first`` is where the ring of planned voltages begins, ``planned`` how many are left, ``idle`` the samples since the
+last one; ``goal`` [um] is the sum of the jumps under way, ``pending`` [um] what no plan was made for yet; then the
+model's position and velocity at this tick and the last one.
+"""
+
+ESTIMATES = layout(
+    'seek_mode',
+    'seek_target',
+    'seek_distance',
+    'seek_time',
+    'seek_trajectory',
+    'seek_u',
+    'seek_gain',
+    'seek_friction',
+)
+
+GAIN_PRIOR = 9.0e6
+"""Weight of the model's own gain among the sums [um^2/s^2]: that of one sample at 3 mm/s."""
+_FRICTION_FLOOR = 2.5e-3
+"""Added to the square of the friction by which its level is learned [V^2]."""
+_FIRST_LEARNED = 3.0
+"""Samples after the end of a trajectory before the level is learned: the resonances swing on for so long."""
+_CLIPPED = 0.98
+"""Part of the sensor's range beyond which a velocity does not count."""
+
+PLANNED, DRIVEN, NEXT = range(3)
+"""Rows of ``motion``: driven by the plan, by the voltage that was held, and room for the next state."""
+DURATION, VIBRATION = range(2)
+"""Columns of ``durations``."""
+
+
+class SeekArrays(NamedTuple):
+    """The arrays of the kernels, before their inputs."""
+
+    constants: Array
+    state: Array
+    plans: Array
+    """Voltage per length of each plan and sample [V/um], shape (plans, longest)."""
+    durations: Array
+    """Samples of each plan, and the vibration that it leaves per length, shape (plans, 2); the shortest one first."""
+    transition: Array
+    """A of the model, shape (n, n)."""
+    response: Array
+    """B of the model, shape (n,)."""
+    outputs: Array
+    """Head position [um] and velocity [um/s] of its states, shape (2, n)."""
+    motion: Array
+    """States of the model, shape (3, n)."""
+    ring: Array
+    """The planned voltages that are still to come [V], shape (longest,)."""
+    estimates: Array
+
+
+@compiled_apart
+def seek_before_law(
+    constants: Array,
+    state: Array,
+    plans: Array,
+    durations: Array,
+    transition: Array,
+    response: Array,
+    outputs: Array,
+    motion: Array,
+    ring: Array,
+    estimates: Array,
+    position: float,
+    velocity: float,
+    x_d: float,
+    dx_d: float,
+    ddx_d: float,
+    control: float,
+) -> tuple[float, float]:
+    """Return by how far [um] and how fast [um/s] the trajectory is off the reference; see :class:`Seek`."""
+    c = record(constants, CONSTANTS)
+    s = record(state, STATE)
+    if not abs(position) + abs(velocity) + abs(x_d) + abs(dx_d) + abs(ddx_d) + abs(control) < math.inf:
+        return 0.0, 0.0
+    s.samples_in_mode += 1.0
+    jump = _jump(c, s, position, x_d, dx_d, ddx_d)
+    if abs(jump) > c.threshold:
+        _begin(c, s, motion, jump)
+    if s.pending != 0.0:
+        _plan(c, s, plans, durations, ring)
+    if c.learns_gain != 0.0 and s.mode == SEEK and s.samples_in_mode > 0.0:
+        _estimate_gain(c, s, transition, response, outputs, motion, velocity - dx_d, control)
+    offset, rate = s.position - s.goal, s.velocity
+    if c.delay > 0.0:
+        offset, rate = s.last_position - s.goal, s.last_velocity
+    if s.mode == SEEK and s.planned == 0.0 and s.pending == 0.0 and s.idle >= c.delay:
+        s.mode, s.samples_in_mode, s.samples_inside = SETTLE, 0.0, 0.0
+    if s.mode == SETTLE:
+        s.samples_inside = s.samples_inside + 1.0 if abs(position - x_d) <= c.arrival_tolerance else 0.0
+        if s.samples_inside >= c.arrival_samples:
+            s.mode, s.samples_in_mode = FOLLOW, 0.0
+    found = record(estimates, ESTIMATES)
+    found.seek_mode = s.mode
+    found.seek_target = x_d
+    found.seek_distance = x_d - position
+    found.seek_time = s.samples_in_mode * c.time_step
+    found.seek_trajectory = x_d + offset
+    return offset, rate
+
+
+@compiled_apart
+def seek_after_law(
+    constants: Array,
+    state: Array,
+    plans: Array,
+    durations: Array,
+    transition: Array,
+    response: Array,
+    outputs: Array,
+    motion: Array,
+    ring: Array,
+    estimates: Array,
+    u: float,
+) -> float:
+    """Return what is added to the law's voltage ``u`` [V]; see :class:`Seek`."""
+    c = record(constants, CONSTANTS)
+    s = record(state, STATE)
+    voltage = 0.0
+    if s.planned > 0.0:
+        first = int(s.first)
+        voltage = ring[first]
+        ring[first] = 0.0
+        s.first = float((first + 1) % len(ring))
+        s.planned -= 1.0
+        s.idle = 0.0
+    else:
+        s.idle += 1.0
+    s.last_position, s.last_velocity = s.position, s.velocity
+    if s.planned > 0.0 or s.idle < c.vibration_samples:
+        _move(transition, response, motion, PLANNED, voltage)
+        s.position, s.velocity = _output(outputs, motion, PLANNED)
+    elif s.pending == 0.0 and s.goal != 0.0:
+        # All is at rest on the target: what rounding has left of the motion goes.
+        _rest(motion, PLANNED)
+        s.position, s.velocity, s.goal = 0.0, 0.0, 0.0
+        s.last_position, s.last_velocity = 0.0, 0.0
+    if c.has_friction != 0.0 and (s.mode != FOLLOW or c.follows_friction != 0.0):
+        time_step = c.time_step
+        drift = time_step * (s.reference_velocity + 0.5 * time_step * s.reference_acceleration)
+        s.friction, s.deflection = mean_friction(
+            c.bristle,
+            s.deflection,
+            time_step,
+            drift + s.position - s.last_position,
+            s.reference_velocity + s.last_velocity,
+            s.reference_velocity + time_step * s.reference_acceleration + s.velocity,
+        )
+    is_learning = c.learns_friction != 0.0 and s.mode != SEEK
+    if is_learning and _FIRST_LEARNED < s.idle <= c.friction_window and abs(u) < math.inf:
+        level = s.friction_level + c.friction_step * u * s.friction / (s.friction * s.friction + _FRICTION_FLOOR)
+        s.friction_level = min(max(level, 1.0 - c.friction_range), 1.0 + c.friction_range)
+    s.last_applied_friction = s.applied_friction
+    s.applied_friction = s.friction_level * s.friction
+    added = voltage / s.gain + s.applied_friction
+    found = record(estimates, ESTIMATES)
+    found.seek_u = added
+    found.seek_gain = s.gain
+    found.seek_friction = s.friction_level
+    return added  # type: ignore[no-any-return]
+
+
+@compiled
+def _jump(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, ddx_d: float) -> float:
+    """Return how far the reference is from where it was heading at the last tick; at the first one, from the head."""
+    time_step = c.time_step
+    rise = x_d - s.reference
+    jump = x_d - position
+    if s.has_started != 0.0:
+        # As far as a polynomial with the derivatives of both ticks goes, or with the velocity of one of them: where the
+        # reference sets off or stops, its velocity jumps and its position does not.
+        mean = 0.5 * (s.reference_velocity + dx_d)
+        jump = rise - time_step * (mean - time_step * (ddx_d - s.reference_acceleration) / 12.0)
+        for slope in (s.reference_velocity, dx_d):
+            other = rise - time_step * slope
+            if abs(other) < abs(jump):
+                jump = other
+    s.has_started = 1.0
+    s.reference, s.reference_velocity, s.reference_acceleration = x_d, dx_d, ddx_d
+    return jump
+
+
+@compiled
+def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
+    """Take a jump of the reference for a new target."""
+    s.goal += jump
+    s.pending += jump
+    if s.mode != SEEK:
+        s.gain_products = GAIN_PRIOR + c.gain_memory * (s.gain_products - GAIN_PRIOR)
+        s.gain_squares = GAIN_PRIOR + c.gain_memory * (s.gain_squares - GAIN_PRIOR)
+        _rest(motion, DRIVEN)
+    s.mode, s.samples_in_mode = SEEK, 0.0
+
+
+@compiled
+def _plan(c: np.record, s: np.record, plans: Array, durations: Array, ring: Array) -> None:
+    """Add the shortest plan that leaves little vibration and keeps to the voltage, on top of what is planned."""
+    first = int(s.first)
+    length = s.pending
+    for plan in range(len(plans)):
+        if abs(length) * durations[plan, VIBRATION] > c.vibration_limit:
+            continue
+        peak = 0.0
+        for i in range(int(durations[plan, DURATION])):
+            peak = max(peak, abs(ring[(first + i) % len(ring)] + length * plans[plan, i]))
+        if peak <= c.control_limit:
+            _add_plan(s, plans, durations, ring, plan, length)
+            return
+    if s.planned > 0.0:
+        return  # it waits for the end of the plans under way
+    last = len(plans) - 1
+    peak = 0.0
+    for i in range(plans.shape[1]):
+        peak = max(peak, abs(plans[last, i]))
+    piece = math.copysign(min(abs(length), c.control_limit / peak), length)
+    _add_plan(s, plans, durations, ring, last, piece)
+
+
+@compiled
+def _add_plan(s: np.record, plans: Array, durations: Array, ring: Array, plan: int, length: float) -> None:
+    first = int(s.first)
+    samples = int(durations[plan, DURATION])
+    for i in range(samples):
+        ring[(first + i) % len(ring)] += length * plans[plan, i]
+    s.planned = max(s.planned, float(samples))
+    s.pending -= length
+
+
+@compiled
+def _estimate_gain(
+    c: np.record,
+    s: np.record,
+    transition: Array,
+    response: Array,
+    outputs: Array,
+    motion: Array,
+    velocity: float,
+    control: float,
+) -> None:
+    """Compare the velocity with what the model has under the voltage that was held, less the friction."""
+    friction = s.last_applied_friction if c.delay > 0.0 else s.applied_friction
+    _move(transition, response, motion, DRIVEN, control - friction)
+    _, expected = _output(outputs, motion, DRIVEN)
+    if max(abs(velocity), abs(expected)) < _CLIPPED * c.velocity_limit:
+        products: float = s.gain_products + velocity * expected
+        squares: float = s.gain_squares + expected * expected
+        s.gain_products, s.gain_squares = products, squares
+        s.gain = min(max(products / squares, 1.0 - c.gain_range), 1.0 + c.gain_range)
+
+
+@compiled
+def _move(transition: Array, response: Array, motion: Array, row: int, voltage: float) -> None:
+    """Advance a state of the model by a sample in which a voltage is held."""
+    count = motion.shape[1]
+    for i in range(count):
+        total = response[i] * voltage
+        for j in range(count):
+            total += transition[i, j] * motion[row, j]
+        motion[NEXT, i] = total
+    for i in range(count):
+        motion[row, i] = motion[NEXT, i]
+
+
+@compiled
+def _output(outputs: Array, motion: Array, row: int) -> tuple[float, float]:
+    position, velocity = 0.0, 0.0
+    for i in range(motion.shape[1]):
+        position += outputs[0, i] * motion[row, i]
+        velocity += outputs[1, i] * motion[row, i]
+    return position, velocity
+
+
+@compiled
+def _rest(motion: Array, row: int) -> None:
+    for i in range(motion.shape[1]):
+        motion[row, i] = 0.0

@@ -1,0 +1,162 @@
+"""Parameters of the seek part, which every controller's node has."""
+
+import dataclasses
+
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
+
+METHODS = ('none', 'final_state')
+FRICTION_RANGES = ('seek', 'always')
+_METHOD = (
+    'none: a jump of the reference goes to the controller as it is; final_state: the head follows a trajectory of the '
+    'sampled model to rest on the target, final-state control in two degrees of freedom'
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekModelParameters(ParameterSet):
+    """The drive as the trajectories are planned for it; the default is the drive of chapter 5."""
+
+    gain: float = parameter(4.0968e7, 'acceleration of the head per volt', unit='um/s^2/V', minimum=1.0, maximum=1e15)
+    viscous_coefficient: float = parameter(4.6e-6, 'viscous friction', unit='V s/um', minimum=0.0, maximum=1.0)
+    numerators: tuple[float, ...] = parameter(
+        (0.9321, 678.3, 1.184e9, 0.8249, 2251.0, 1.665e9, 0.0, 0.0, 2.431e9, 0.0, 0.0, 8.383e9),
+        'b2, b1, b0 of each resonance (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other; empty for none',
+        unit='1, 1/s, 1/s^2',
+        read_only=True,
+    )
+    denominators: tuple[float, ...] = parameter(
+        (1.0, 2053.0, 1.184e9, 1.0, 3276.0, 1.665e9, 1.0, 2703.0, 2.431e9, 1.0, 5655.0, 8.383e9),
+        'a2, a1, a0 of each resonance, one after the other',
+        unit='1, 1/s, 1/s^2',
+        read_only=True,
+    )
+    mode_spread: float = parameter(
+        0.05,
+        'part by which the frequencies of the resonances may differ: a trajectory also leaves little vibration there',
+        minimum=0.0,
+        maximum=0.2,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekFrictionParameters(ParameterSet):
+    """The friction that is fed forward along the trajectory, by the LuGre model (2.20) to (2.22)."""
+
+    enabled: bool = parameter(True, 'whether the friction is fed forward')
+    range: str = parameter(
+        'seek',
+        'seek: along the trajectory of a seek, then held; always: along the reference in following as well, for a '
+        'controller that does not compensate friction itself',
+        choices=FRICTION_RANGES,
+    )
+    stiffness: float = parameter(0.02168, 'stiffness of the bristles sigma_0', unit='V/um', above=0.0)
+    bristle_damping: float = parameter(2.3e-6, 'damping of the bristles sigma_1', unit='V s/um', minimum=0.0)
+    coulomb_level: float = parameter(0.13, 'Coulomb level f_c', unit='V', above=0.0)
+    static_level: float = parameter(0.16, 'static level f_s', unit='V', above=0.0)
+    stribeck_velocity: float = parameter(300.0, 'Stribeck velocity v_s', unit='um/s', above=0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekLearningParameters(ParameterSet):
+    """What is learned during a seek and from one seek to the next."""
+
+    gain: bool = parameter(
+        True, "whether the drive's gain is estimated during a seek, from measured velocity and voltage"
+    )
+    gain_memory: float = parameter(
+        0.5, 'weight of the seeks before in the estimate of the gain', minimum=0.0, maximum=0.99
+    )
+    gain_range: float = parameter(
+        0.3, 'largest part by which the estimated gain may differ from that of the model', minimum=0.0, maximum=0.9
+    )
+    friction: bool = parameter(
+        True, 'whether the level of the friction is learned from what the controller adds after a seek'
+    )
+    friction_rate: float = parameter(
+        100.0, 'rate at which the level follows the voltage that the controller adds', unit='1/s', minimum=0.0
+    )
+    friction_window: float = parameter(
+        0.02, 'time after the end of the trajectory for which the level is learned', unit='s', minimum=0.0
+    )
+    friction_range: float = parameter(
+        0.5, 'largest part by which the learned level may differ from that of the model', minimum=0.0, maximum=0.9
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekParameters(ParameterSet):
+    """Parameters of :class:`hdd_servo_ros.control.seek.Seek`."""
+
+    method: str = parameter('none', _METHOD, choices=METHODS, read_only=True)
+    threshold: float = parameter(
+        0.05, 'smallest jump of the reference that is taken for a new target', unit='um', above=0.0
+    )
+    control_limit: float = parameter(
+        9.3,
+        'largest voltage of a planned trajectory; the rest up to the limit of the drive is for feedback and friction',
+        unit='V',
+        above=0.0,
+    )
+    vibration_limit: float = parameter(
+        0.03,
+        'largest vibration of the nominal drive that a trajectory may leave; a shorter trajectory leaves more',
+        unit='um',
+        above=0.0,
+    )
+    longest_plan: float = parameter(
+        6.4e-3,
+        'duration of the longest trajectory that is planned; a seek that needs more is made in several pieces',
+        unit='s',
+        minimum=1e-4,
+        maximum=0.1,
+        read_only=True,
+    )
+    arrival_tolerance: float = parameter(
+        0.1, 'largest measured distance from the target at arrival', unit='um', above=0.0
+    )
+    arrival_samples: int = parameter(
+        4, 'samples in a row within arrival_tolerance after which a seek has arrived', unit='samples', minimum=1
+    )
+    model: SeekModelParameters = group(SeekModelParameters)
+    friction: SeekFrictionParameters = group(SeekFrictionParameters)
+    learning: SeekLearningParameters = group(SeekLearningParameters)
+
+    @property
+    def is_used(self) -> bool:
+        """Whether there is a seek part."""
+        return self.method != 'none'
+
+    def check_together(self) -> None:
+        """Refuse a static level below the Coulomb level, and resonances with a number missing."""
+        friction = self.friction
+        if friction.static_level < friction.coulomb_level:
+            raise ParameterError(
+                'friction.static_level', friction.static_level, f'at least coulomb_level = {friction.coulomb_level:g} V'
+            )
+        count = len(self.model.denominators)
+        if count % 3:
+            raise ParameterError('model.denominators', self.model.denominators, 'three numbers for each resonance')
+        if len(self.model.numerators) != count:
+            allowed = f'as many numbers as denominators, which has {count}'
+            raise ParameterError('model.numerators', self.model.numerators, allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerSeekParameters(ParameterSet):
+    """The seek part's parameters in every controller's node."""
+
+    seek: SeekParameters = group(SeekParameters)
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekingParameters(SeekParameters):
+    """The same with a seek part by default."""
+
+    method: str = parameter('final_state', _METHOD, choices=METHODS, read_only=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekControllerParameters(ControllerSeekParameters):
+    """The seek part's parameters in the node `seek_controller`."""
+
+    seek: SeekParameters = group(SeekingParameters)
