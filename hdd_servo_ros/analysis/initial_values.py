@@ -1,0 +1,187 @@
+"""
+Initial value compensation: what a following controller starts with when it takes over from a seek.
+
+A controller that takes over with an error e_0 and a velocity v_0 left over answers with a transient, and its u jumps.
+Yamaguchi, Shishida, Tohyama and Hirai (IEEE Trans. Industrial Electronics 43(1), 1996, pp. 65-73) set its initial
+states such that the transient is least. The states of a custom controller cannot be set from outside, so the
+compensation here is added to the controller's output instead:
+
+    u = u_follow + b + m d^k,    b + m = gap,    d = exp(-T/tau),
+
+k ticks after the switch. The gap is u of the seek's law less u_follow at the switch, so that u has no step there. The
+constant b takes the place of a preset integral, and m fades. With the responses r_e, r_v, r_b and r_m of the error to
+e_0, v_0, b and m, the error is e_0 r_e + v_0 r_v + gap r_m + b (r_b - r_m), and the sum of its squares is least for
+
+    b = K_0 e_0 + K_1 v_0 + K_2 gap,    K = -<r_b - r_m, (r_e, r_v, r_m)>/<r_b - r_m, r_b - r_m>.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.bench.dsp import Dsp, DspParameters
+from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.observer import DIGITS
+from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
+from hdd_servo_ros.numerics.elementary import exp
+from hdd_servo_ros.numerics.transition import held_input_transition
+from hdd_servo_ros.parameters import ParameterError
+
+Array = NDArray[np.float64]
+
+NO_SCALES = SensorScales(0.0, 0.0)
+"""Of a sensor without voltages, or where no controller reads them."""
+_ERROR, _VELOCITY, _VOLTAGE = 1e-3, 1.0, 1e-3
+"""Sizes of the initial values [um, um/s, V]: small, so that what adapts in the controller hardly does."""
+
+
+class RigidDrive(NamedTuple):
+    """A drive without resonances, x'' = a (u - s x - c x')."""
+
+    gain: float
+    """a [um/s^2/V]."""
+    stiffness: float = 0.0
+    """s [V/um]: that of the pivot's friction in presliding; 0 in sliding."""
+    viscous_coefficient: float = 0.0
+    """c [V s/um]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class InitialValueGains:
+    """
+    The gains of b = K_0 e_0 + K_1 v_0 + K_2 gap.
+
+    Attributes
+    ----------
+    error
+        K_0, on the target less the position at the switch [V/um].
+    velocity
+        K_1, on the velocity of the head at the switch [V s/um].
+    gap
+        K_2, on u of the seek's law less u of the following controller at the switch.
+    """
+
+    error: float
+    velocity: float
+    gap: float
+
+    def constant(self, error: float, velocity: float, gap: float) -> float:
+        """Return b [V] for the values at the switch [um, um/s, V]; m is ``gap`` less b."""
+        return self.error * error + self.velocity * velocity + self.gap * gap
+
+
+def initial_value_gains(
+    make_controller: Callable[[], Controller],
+    drive: RigidDrive,
+    time_constant: float,
+    sample_time: float,
+    horizon: float = 0.01,
+    dsp: DspParameters | None = None,
+    sensor: SensorScales = NO_SCALES,
+) -> InitialValueGains:
+    """
+    Return the gains with which the transient after a switch has the least sum of squared errors.
+
+    Parameters
+    ----------
+    make_controller
+        Returns the following controller at rest, as it is at a switch; called four times.
+    drive
+        The drive that it controls.
+    time_constant
+        tau with which m fades, above 0 [s].
+    sample_time
+        T [s].
+    horizon
+        How long after the switch errors count, at least two samples [s].
+    dsp
+        What follows the controller; of this the computation delay counts. None for no delay.
+    sensor
+        Scales of the sensor, for a controller that reads its voltages.
+
+    Returns
+    -------
+    InitialValueGains
+        Rounded to 12 digits, so that they do not depend on the machine.
+
+    Raises
+    ------
+    ParameterError
+        If the time constant is not positive, or the horizon shorter than two samples.
+    """
+    if not 0.0 < time_constant < math.inf:
+        raise ParameterError('time_constant', time_constant, 'a finite number above 0 [s]')
+    ticks = round(horizon / sample_time)
+    if ticks < 2:
+        raise ParameterError('horizon', horizon, f'at least two samples, {2.0 * sample_time:g} [s]')
+    of_error, of_velocity, of_constant, of_fading = initial_value_responses(
+        make_controller, drive, time_constant, sample_time, ticks, dsp, sensor
+    )
+    effect = of_constant - of_fading
+    # Exact sums: numpy's depend on the machine's vector length.
+    scale = math.fsum(effect * effect)
+    found = (-math.fsum(effect * response) / scale for response in (of_error, of_velocity, of_fading))
+    return InitialValueGains(*(float(f'{gain:.{DIGITS - 1}e}') for gain in found))
+
+
+def initial_value_responses(
+    make_controller: Callable[[], Controller],
+    drive: RigidDrive,
+    time_constant: float,
+    sample_time: float,
+    ticks: int,
+    dsp: DspParameters | None = None,
+    sensor: SensorScales = NO_SCALES,
+) -> Array:
+    """
+    Return the responses r_e [um/um], r_v [um/(um/s)], r_b and r_m [um/V] of the error, shape (4, ticks).
+
+    Element 0 is at the switch. Arguments as of :func:`initial_value_gains`.
+    """
+    decay = exp(-sample_time / time_constant)
+    kicks = (
+        (_ERROR, 0.0, 0.0, 0.0, _ERROR),
+        (0.0, _VELOCITY, 0.0, 0.0, _VELOCITY),
+        (0.0, 0.0, _VOLTAGE, 1.0, _VOLTAGE),
+        (0.0, 0.0, _VOLTAGE, decay, _VOLTAGE),
+    )
+    transition, response = held_input_transition(
+        # The second state is velocity times T, which makes both alike in size.
+        [
+            [0.0, 1.0 / sample_time],
+            [-drive.gain * drive.stiffness * sample_time, -drive.gain * drive.viscous_coefficient],
+        ],
+        [0.0, drive.gain * sample_time],
+        sample_time,
+    )
+    delay = 0 if dsp is None else dsp.computation_delay
+    responses = np.zeros((len(kicks), ticks))
+    for row, (error, velocity, added, fading, size) in enumerate(kicks):
+        controller = make_controller()
+        delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=delay), sample_time)
+        # The target is 0.
+        position, travel = -error, velocity * sample_time
+        for tick in range(ticks):
+            responses[row, tick] = -position / size
+            measured = position, travel / sample_time
+            inputs = ControllerInputs(tick, *measured, *_volts(sensor, *measured), 0.0, 0.0, 0.0)
+            u, unsaturated, feedback = controller.step(inputs)
+            held, _, _ = delayed.step(u + added, unsaturated + added, feedback)
+            added *= fading
+            position, travel = (
+                transition[0][0] * position + transition[0][1] * travel + response[0] * held,
+                transition[1][0] * position + transition[1][1] * travel + response[1] * held,
+            )
+    return responses
+
+
+def _volts(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:
+    """Return the outputs of an ideal sensor [V], 0 of one without scales."""
+    return (
+        position / sensor.displacement if sensor.displacement else 0.0,
+        velocity / sensor.velocity if sensor.velocity else 0.0,
+    )
