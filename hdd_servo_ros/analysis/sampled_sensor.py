@@ -1,4 +1,4 @@
-"""The vibrometer in the loop as a linear filter: delay, low pass and scales, obtained from its own step."""
+"""The vibrometer in the loop as a linear filter, obtained from its own step, and the noise of what is measured."""
 
 import dataclasses
 
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdd_servo_ros.analysis.sampled_drive import SampledDrive
 from hdd_servo_ros.bench.ldv import LDV, Ldv, LdvParameters
+from hdd_servo_ros.bench.servo_sensor import ServoSensorParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.numerics.records import record
 
@@ -101,6 +102,17 @@ def noise_densities(sensor: LdvParameters, sample_time: float, frequencies: Arra
     shape = np.abs((c.noise_step if c.noise_decay > 0.0 else 1.0) / (1.0 - c.noise_decay / z)) ** 2
     scales = np.array([sensor.displacement_scale, sensor.velocity_scale])
     return np.asarray(2.0 * sample_time * scales**2 * (volts**2 * shape[:, None] + c.output.step**2 / 12.0))
+
+
+def servo_noise_density(sensor: ServoSensorParameters, sample_time: float) -> float:
+    """
+    Return the one-sided spectral density of the noise on the position that a servo sensor decodes [um^2/Hz]; white.
+
+    The steps of its resolution count as white noise of 1/12 of their square. Nonlinearity and missing sectors are left
+    out.
+    """
+    step = sensor.track_pitch / 2.0**sensor.bits if sensor.bits else 0.0
+    return 2.0 * sample_time * (sensor.noise**2 + step**2 / 12.0)
 
 
 def _taps(sensor: LdvParameters, sample_time: float) -> Array:

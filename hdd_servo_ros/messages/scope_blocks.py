@@ -12,7 +12,7 @@ from hdd_servo_ros.messages.topics import ESTIMATES, SIGNAL_TOPICS, LoopTopic
 BINS = 200
 """Bins of one block; a block of fewer ticks than two per bin is not decimated."""
 TIME, ERROR = 't', 'error'
-"""Columns that are no field of a topic: time [s], and the tracking error x - x_d."""
+"""Columns that are no field of a topic: time [s], and the position error."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -179,17 +179,32 @@ class TimedSignals(abc.ABC):
         """True head position [um]."""
         return self.head.position
 
+    @property
+    def is_track_following(self) -> bool:
+        """Whether the controller reads positions relative to the track, from the servo sensor."""
+        return PES.name in self
+
+    @functools.cached_property
+    def relative_position(self) -> Array:
+        """True head position in the sensor's frame [um]: less the track centre's displacement with the servo sensor."""
+        if not self.is_track_following or DISTURBANCE.name not in self:
+            return self.position
+        return np.asarray(self.position - self[DISTURBANCE.name][:, 1])
+
     @functools.cached_property
     def error(self) -> Array:
-        """Tracking error, x - x_d of the head's true position [um]."""
-        return self.position - self.desired_position
+        """
+        Position error that the controller is to make zero, of the head's true position [um].
+
+        With the vibrometer the tracking error x - x_d, with the servo sensor the track error :attr:`track_error`.
+        """
+        return self.track_error if self.is_track_following else self.position - self.desired_position
 
     @functools.cached_property
     def track_error(self) -> Array:
-        """Track error, x - x_d - displacement of the track centre [um]; the tracking error without a disturbance."""
-        if DISTURBANCE.name not in self:
-            return self.error
-        return np.asarray(self.error - self[DISTURBANCE.name][:, 1])
+        """Track error, x - x_d - displacement of the track centre [um]; x - x_d without a disturbance."""
+        error = self.position - self.desired_position
+        return np.asarray(error - self[DISTURBANCE.name][:, 1]) if DISTURBANCE.name in self else error
 
     @property
     def command(self) -> Array:

@@ -11,7 +11,7 @@ from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import close_up_of
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
-from hdd_servo_ros.reporting.loop_panels import BUCKETS, ERROR_TITLE, TIME_LABEL, Lines, error_label
+from hdd_servo_ros.reporting.loop_panels import BUCKETS, TIME_LABEL, Lines, error_label, error_title
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace, fitted_range
 from hdd_servo_ros.reporting.run_names import run_names
 from hdd_servo_ros.reporting.run_panels import spectrum_line, spectrum_panel
@@ -77,9 +77,11 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
 
 
 def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
-    """Return the tracking errors of several runs over their time."""
+    """Return the position errors of several runs over their time."""
     traces = _lines(items, close_up, lambda run: run.error_factor * run.error)
-    return _over_time('error', ERROR_TITLE, error_label(items[0].run.units), traces, close_up)
+    return _over_time(
+        'error', error_title([item.run for item in items]), error_label(items[0].run.units), traces, close_up
+    )
 
 
 def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:

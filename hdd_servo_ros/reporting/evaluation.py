@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hdd_servo_ros.analysis.metrics import StepResponse, step_response
 from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.topics import HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -55,6 +56,29 @@ def steady_start(run: RecordedRun, after: float | None = None) -> int:
     """Return the row from which the run counts as steady; see :func:`transient_end`."""
     start: int = run.since(transient_end(run, after)).start
     return start
+
+
+def edge_responses(run: RecordedRun, band: float = 0.02) -> StepResponse:
+    """
+    Return how the head responds to the edges of a stepwise reference, by the run's position error.
+
+    Where the servo sensor's track is at the first tick is not an edge of the reference.
+
+    Parameters
+    ----------
+    run
+        The run.
+    band
+        Half width of the settling band, as a fraction of the edge's height.
+
+    Raises
+    ------
+    ValueError
+        If the reference is not stepwise, or has no edge.
+    """
+    position = np.array(run.relative_position)
+    position[0] = run.position[0]
+    return step_response(run.time, run.desired_position, position, band)
 
 
 def changes_at_all(values: np.ndarray) -> bool:

@@ -68,7 +68,7 @@ class BlockSignals(TimedSignals):
 
     @functools.cached_property
     def error(self) -> Array:
-        """Tracking error, x - x_d [um]."""
+        """Position error [um]; see :attr:`TimedSignals.error`."""
         return self._columns[ERROR]
 
 

@@ -1,5 +1,7 @@
 """The diagrams over time: positions, error, control and estimates of whatever has the loop's signals."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -99,9 +101,9 @@ def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | Non
             add('tracking', 'Tracking', f'position [{length}]', [reference, head])
             add(
                 'error',
-                ERROR_TITLE,
+                error_title([signals]),
                 error_label(signals.units),
-                [lines.over_time('head - reference', signals.units.error_factor * signals.error, COLOURS[1])],
+                [lines.over_time(error_name(signals), signals.units.error_factor * signals.error, COLOURS[1])],
             )
         else:
             add('tracking', 'Head', f'position [{length}]', [head])
@@ -118,7 +120,17 @@ def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | Non
     return panels
 
 
-ERROR_TITLE = 'Tracking error, x - x_d'
+def error_title(shown: Sequence[TimedSignals]) -> str:
+    """Return the title of a diagram of the position errors of one run or several."""
+    kinds = {signals.is_track_following for signals in shown}
+    if len(kinds) > 1:
+        return 'Position error, x - x_d, with the servo sensor less the track centre'
+    return 'Track error, x - x_d - track centre' if kinds == {True} else 'Tracking error, x - x_d'
+
+
+def error_name(signals: TimedSignals) -> str:
+    """Return what the position error of a run is made of."""
+    return 'head - reference - track centre' if signals.is_track_following else 'head - reference'
 
 
 def error_label(units: Units) -> str:

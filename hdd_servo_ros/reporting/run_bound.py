@@ -8,7 +8,13 @@ import numpy as np
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.run_sensitivity import PLANT, SENSOR, loop_surroundings, parameters_at_start
+from hdd_servo_ros.reporting.run_sensitivity import (
+    PLANT,
+    SENSOR,
+    SERVO_SENSOR,
+    loop_surroundings,
+    parameters_at_start,
+)
 from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of
 
 RESOLUTION = 10.0
@@ -52,18 +58,24 @@ def _controller_node(run: RecordedRun) -> str:
     return ''
 
 
+def _sensor_node(run: RecordedRun) -> str:
+    """Return the node whose outputs the controller reads."""
+    return SERVO_SENSOR if run.is_track_following else SENSOR
+
+
 def why_no_bound(run: RecordedRun, start: int) -> str:
     """Return why the least error of feedback is not known in a run, from row ``start`` on; empty if it is."""
     if DISTURBANCE.name not in run:
         return f'the run has no /{DISTURBANCE.name}'
     nodes = parameters_at_start(run)
     controller = _controller_node(run)
-    missing = [name for name in (PLANT, SENSOR) if name not in nodes]
+    sensor = _sensor_node(run)
+    missing = [name for name in (PLANT, sensor) if name not in nodes]
     if missing:
         return f'run.yaml has no parameters of {" and ".join(missing)}'
     if not controller:
         return f'run.yaml names no node that publishes /{CONTROL.name}'
-    changed = {change.node.rpartition('/')[2] for change in run.parameter_changes} & {PLANT, SENSOR}
+    changed = {change.node.rpartition('/')[2] for change in run.parameter_changes} & {PLANT, sensor}
     if changed:
         return f'parameters of {" and ".join(sorted(changed))} were changed during the run'
     if (shocks_of(run) >= run.time[start]).any():
@@ -110,28 +122,30 @@ def _computed(run: RecordedRun, start: int) -> RunBound:
     from hdd_servo_ros.analysis.metrics import power_spectral_density
     from hdd_servo_ros.analysis.misregistration import misregistration
     from hdd_servo_ros.analysis.sampled_drive import has_presliding_spring, sampled_drive
-    from hdd_servo_ros.analysis.sampled_sensor import SampledSensor, noise_densities
+    from hdd_servo_ros.analysis.sampled_sensor import SampledSensor, noise_densities, servo_noise_density
     from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
 
     sample_time, sectors = run.sample_time, sectors_of(run)
     surroundings = loop_surroundings(run, _controller_node(run))
-    plant, sensor = surroundings.plant, block_parameters(SENSOR, parameters_at_start(run)[SENSOR])
+    node = _sensor_node(run)
+    plant, sensor = surroundings.plant, block_parameters(node, parameters_at_start(run)[node])
     friction = plant.friction
     is_presliding = has_presliding_spring(friction) and (
         float(np.ptp(run.position[start:])) <= 2.0 * friction.coulomb_level / friction.stiffness
     )
-    drive = MeasuredDrive.of(
-        sampled_drive(plant, sample_time, is_presliding),
-        surroundings.delay,
-        SampledSensor(sensor, sample_time, surroundings.scales),
-        has_velocity=True,
-        is_relative=False,
-    )
+    linear = sampled_drive(plant, sample_time, is_presliding)
     disturbance = run[DISTURBANCE.name][start:]
     segment = round(1.0 / (RESOLUTION * sample_time))
     frequencies, force = power_spectral_density(non_repeatable(disturbance[:, 0], sectors), sample_time, segment)
     _, track = power_spectral_density(non_repeatable(disturbance[:, 1], sectors), sample_time, segment)
-    noise = noise_densities(sensor, sample_time, frequencies)
-    found = least_error(drive, DisturbanceSpectra(frequencies, force, track, (noise[:, 0], noise[:, 1])))
+    if run.is_track_following:
+        # The position error alone, at no delay of its own.
+        drive = MeasuredDrive.of(linear, surroundings.delay, is_relative=True)
+        noise = [np.full(len(frequencies), servo_noise_density(sensor, sample_time))]
+    else:
+        vibrometer = SampledSensor(sensor, sample_time, surroundings.scales)
+        drive = MeasuredDrive.of(linear, surroundings.delay, vibrometer, has_velocity=True, is_relative=False)
+        noise = list(noise_densities(sensor, sample_time, frequencies).T)
+    found = least_error(drive, DisturbanceSpectra(frequencies, force, track, tuple(noise)))
     reached = misregistration(non_repeatable(run.track_error[start:], sectors))
     return RunBound(found.three_sigma, reached, MAX_SENSITIVITY, is_presliding)

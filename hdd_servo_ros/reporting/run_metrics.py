@@ -8,13 +8,13 @@ from hdd_servo_ros.analysis.metrics import (
     loop_area,
     power_spectral_density,
     repeatable_parts,
-    step_response,
     tracking_metrics,
 )
 from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
 from hdd_servo_ros.graph import catalogue
+from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity, why_no_sensitivity
@@ -31,6 +31,8 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     missing = [f'/{name}' for name in ('head', 'reference') if name not in run]
     if missing and catalogue.follows_reference(run.controller):
         lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
+    if run.is_track_following and DISTURBANCE.name in run.description.get('topics_left_out', {}):
+        lines.append(f'no track error, since the bag holds no /{DISTURBANCE.name}: the errors are x - x_d')
     if 'control' not in run:
         lines.append('no figures of the control: the bag holds no /control')
     unknown = why_no_sensitivity(run)
@@ -99,7 +101,7 @@ def _tracking(run: RecordedRun, start: int) -> list[Metric]:
     unit, factor = run.error_unit, run.error_factor
     control = run.command if 'control' in run else np.zeros(len(run.ticks))
     tracking = tracking_metrics(
-        run.time, run.desired_position, run.position, control, transient=float(run.time[start]), unit=factor
+        run.time, run.desired_position, run.relative_position, control, transient=float(run.time[start]), unit=factor
     )
     error = factor * run.error[start:]
     found = [
@@ -125,7 +127,7 @@ def _tracking(run: RecordedRun, start: int) -> list[Metric]:
 
 def _steps(run: RecordedRun) -> list[Metric]:
     try:
-        response = step_response(run.time, run.desired_position, run.position)
+        response = edge_responses(run)
     except ValueError:
         # A reference that stands still.
         return []

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.metrics import amplitude_spectrum, is_stepwise, step_response
+from hdd_servo_ros.analysis.metrics import amplitude_spectrum, is_stepwise
 from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
 from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import PERIODS, close_up_of
 from hdd_servo_ros.reporting.decimation import rows_to_draw
-from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
 from hdd_servo_ros.reporting.panel import COLOURS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
@@ -45,9 +45,9 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
     """
     panels = _bode_panels(response) if response is not None and len(response.frequency) else []
     for panel in panels_over_time(run):
-        panels.append(panel)
-        if panel.name == 'error':
-            panels += filter(None, [track_error_panel(run)])
+        track = track_error_panel(run) if panel.name == 'error' else None
+        # With the servo sensor both are the same error, and the diagram of the track has the limits of the pitch.
+        panels += [panel] if track is None else [track] if run.is_track_following else [panel, track]
     if follows_reference(run):
         error = run.error_factor * run.error[steady_start(run, after) :]
         line = spectrum_line('error', error, run.sample_time, COLOURS[0], BUCKETS)
@@ -107,7 +107,7 @@ def _edges_panel(run: RecordedRun) -> Panel | None:
     if not follows_reference(run) or not is_stepwise(run.desired_position):
         return None
     try:
-        response = step_response(run.time, run.desired_position, run.position)
+        response = edge_responses(run)
     except ValueError:
         return None
     drawn = np.unique(np.linspace(0, len(response) - 1, _EDGES).round().astype(int))
@@ -117,7 +117,7 @@ def _edges_panel(run: RecordedRun) -> Panel | None:
         row, height = response.row[index], response.height[index]
         rows = slice(row, min(ends[index], row + _EDGE_SAMPLES))
         x = 1e3 * (run.time[rows] - run.time[row])
-        y = 1.0 + (run.position[rows] - run.desired_position[row]) / height
+        y = 1.0 + (run.relative_position[rows] - run.desired_position[row]) / height
         name = f'edge at {run.time[row]:g} s'
         traces.append(Trace(name, x, y, COLOURS[len(traces) % len(COLOURS)]))
     return Panel('edges', 'Responses to the edges', 'time after the edge [ms]', 'of the height', tuple(traces))

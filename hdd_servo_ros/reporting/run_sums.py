@@ -40,8 +40,10 @@ class RunSums:
         self.first_tick = self.last_tick = 0
         self.control = Moments(0.0)
         """The command of the whole run."""
+        self.is_track_following = False
+        """Whether the error is the track error, since the servo sensor reads positions relative to the track."""
         self.error = Moments(0.0)
-        """The error after the transient, in the unit of lengths."""
+        """The position error after the transient, in the unit of lengths."""
         self.late_reference = Moments()
         """The desired position after the transient."""
         self.early_reference = Moments()
@@ -64,6 +66,7 @@ class RunSums:
         if not self.samples:
             self.units = signals.units
             self.first_tick = int(signals.ticks[0])
+            self.is_track_following = signals.is_track_following
         self.samples += len(signals.ticks)
         self.last_tick = int(signals.ticks[-1])
         first_late_tick = math.ceil((self.transient - HALF_MICROSECOND) / signals.sample_time)
@@ -112,7 +115,7 @@ class RunSums:
 
     @property
     def has_error(self) -> bool:
-        """Whether there is a tracking error after the transient."""
+        """Whether there is a position error after the transient."""
         return self.error.count > 0
 
     @property

@@ -46,7 +46,8 @@ def summary(source: Signals | RunSums, description: Mapping[str, Any], directory
     if sums.has_error:
         unit, factor = shown(units.error), units.error_factor
         rms, peak = factor * sums.rms_error, factor * sums.peak_error
-        lines.append(('tracking error', f'{rms:.4g} {unit} rms, {peak:.4g} {unit} max (after {sums.transient:g} s)'))
+        name = 'track error' if sums.is_track_following else 'tracking error'
+        lines.append((name, f'{rms:.4g} {unit} rms, {peak:.4g} {unit} max (after {sums.transient:g} s)'))
     if sums.control.count:
         lines.append(('peak control', f'{sums.control.largest:.4g} {shown(units.control)}'))
     estimates = ', '.join(f'{name} {value:.4g}' for name, value in sums.estimates.items())

@@ -1,5 +1,7 @@
 """The track of a recorded run: its pitch, the sectors of a revolution, and shocks of the base."""
 
+import contextlib
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,13 +18,13 @@ DEFAULT_PITCH = 1.016
 
 
 def track_pitch(run: RecordedRun) -> float | None:
-    """Return the track pitch of a run [um], None for a drive in other units."""
+    """Return the track pitch of a run [um]: that of its servo sensor, else the drive's; None in other units."""
     if run.length_unit != 'um':
         return None
-    try:
-        return float(run.parameter('vcm_plant', 'track_pitch'))
-    except LookupError:
-        return DEFAULT_PITCH
+    for node in ('servo_sensor', 'vcm_plant'):
+        with contextlib.suppress(LookupError):
+            return float(run.parameter(node, 'track_pitch'))
+    return DEFAULT_PITCH
 
 
 def why_no_sectors(run: RecordedRun) -> str:

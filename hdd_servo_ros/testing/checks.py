@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.metrics import rms, step_response
+from hdd_servo_ros.analysis.metrics import rms
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import edge_responses
 from hdd_servo_ros.testing.track_checks import TrackChecks
 
 plot_directory: Path | None = None
@@ -31,7 +32,8 @@ class Checks(TrackChecks):
     """
     Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
 
-    Errors are those of the head's true position, in ``run.error_unit``: nm for a drive in um. Times are in s.
+    Errors are those of the head's true position, in ``run.error_unit``: nm for a drive in um. With the servo sensor
+    they are relative to the track centre. Times are in s.
 
     Parameters
     ----------
@@ -254,7 +256,7 @@ class Checks(TrackChecks):
         __tracebackhide__ = True
         _refuse_no_limit(at_most)
         run = self._run
-        response = step_response(run.time, run.desired_position, run.position, band)
+        response = edge_responses(run, band)
         values = factor * np.abs(getattr(response, name))
         worst = int(values.argmax())
         if values[worst] <= at_most:
