@@ -88,7 +88,7 @@ def test_commands(bench, block):
                 for word in {word for word in arguments if word.startswith('runs/')} - reported:
                     reported.add(word)
                     bench.run('simulate', '-p', f'run_dir:={word}', '-p', 'duration:=0.02', '-p', 'plot:=false')
-                answer = bench.python('-m', 'hdd_servo_ros.reporting.report', *arguments)
+                answer = bench.python('-m', 'hdd_servo_ros.tools.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
                 continue
             if '--ros-args' not in arguments:

@@ -68,7 +68,7 @@ def test_command(bench, command):
         for run in arguments:
             controller = PATH if run.endswith('my_controller') else 'pid'
             bench.run('simulate', '-p', f'controller:={controller}', '-p', f'run_dir:={run}', '-p', 'duration:=0.1')
-        answer = bench.python('-m', 'hdd_servo_ros.reporting.report', *arguments)
+        answer = bench.python('-m', 'hdd_servo_ros.tools.report', *arguments)
         assert answer.returncode == 0, answer.stderr
         assert (bench.directory / arguments[1] / 'report.html').exists()
     elif program in ('rig', 'simulate'):

@@ -25,9 +25,9 @@ class DisturbanceParameters(ParameterSet):
     coupling: CouplingParameters = group(CouplingParameters)
 
     @property
-    def enabled_sources(self) -> tuple[str, ...]:
-        """Names of the sources that are on."""
-        sources = {
+    def sources(self) -> dict[str, bool]:
+        """Whether each source is on, by its name, which is that of its parameters."""
+        return {
             'runout.repeatable': self.runout.repeatable.enabled,
             'flutter': self.flutter.enabled,
             'force_noise': self.force_noise.enabled,
@@ -35,4 +35,8 @@ class DisturbanceParameters(ParameterSet):
             'vibration.linear': self.vibration.linear.enabled,
             'shock': self.shock.enabled,
         }
-        return tuple(name for name, enabled in sources.items() if enabled)
+
+    @property
+    def enabled_sources(self) -> tuple[str, ...]:
+        """Names of the sources that are on."""
+        return tuple(name for name, enabled in self.sources.items() if enabled)

@@ -272,7 +272,7 @@ _COMMAND_ROWS = (
         'The node of a controller that is not of this package: a class by its import path or entry point.',
     ),
     CommandRow('study', 'studies.main', "Runs the thesis's experiments and makes its figures and tables."),
-    CommandRow('report', 'reporting.report', 'Writes metrics, plots and an HTML page of recorded runs.'),
+    CommandRow('report', 'tools.report', 'Writes metrics, plots and an HTML page of recorded runs.'),
     CommandRow('compare', 'studies.compare', 'Compares several controllers on the same experiments.'),
     CommandRow('compare_bags', 'recording.compare_bags', 'Compares the loop topics of two recorded runs byte by byte.'),
     CommandRow('replay', 'tools.replay', 'Runs a recorded run again and compares the bits.'),

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from hdd_servo_ros.reporting.panel import Panel, Trace
+from hdd_servo_ros.reporting.panel import BAR_WIDTH, Panel, Trace
 
 _PANEL_HEIGHT = 260
 _TALL_HEIGHT = 420
@@ -127,6 +127,8 @@ class _Axes:
         log = {'type': 'log', 'dtick': 1}
         x: dict[str, Any] = {'anchor': f'y{self.number}', 'domain': self.horizontal}
         x['title'] = {'text': panel.x_label, 'standoff': 4}
+        if panel.categories:
+            x |= {'tickvals': list(range(len(panel.categories))), 'ticktext': list(panel.categories)}
         if self.followed != self.number:
             x['matches'] = f'x{self.followed}'
         y: dict[str, Any] = {'anchor': f'x{self.number}', 'domain': self.vertical, 'exponentformat': 'power'}
@@ -150,7 +152,7 @@ class _Axes:
                 **_style(traces[index]),
                 'legendrank': index + 1,
                 'legendgroup': f'{panel.name}, {index}',
-                'showlegend': legend is not None,
+                'showlegend': legend is not None and not panel.categories,
                 'x': _coded_times(traces[index].x, sample_time) if panel.over_time else _coded(traces[index].x),
                 'y': _coded(traces[index].y),
                 'xaxis': f'x{self.number}',
@@ -163,6 +165,8 @@ class _Axes:
 
 def _style(trace: Trace) -> dict[str, Any]:
     """Return how a line looks."""
+    if trace.barred:
+        return {'type': 'bar', 'width': BAR_WIDTH, 'marker': {'color': trace.colour}}
     if trace.marked:
         drawn: dict[str, Any] = {'mode': 'markers', 'marker': {'color': trace.colour}}
     else:

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
 GREY = '#999999'
+BAR_WIDTH = 0.6
+"""Of the distance of two bars."""
 _MARGIN = 0.05
 """Free space below and above the lines, as a fraction of their span."""
 
@@ -31,6 +33,8 @@ class Trace:
         Whether its points are marked instead of joined.
     clipped
         Whether the other lines alone scale the vertical axis, so that this one may leave the diagram.
+    barred
+        Whether its points are bars from 0.
     """
 
     name: str
@@ -40,6 +44,7 @@ class Trace:
     wide: bool = False
     marked: bool = False
     clipped: bool = False
+    barred: bool = False
 
     @property
     def opacity(self) -> float:
@@ -86,6 +91,8 @@ class Panel:
         Range of the vertical axis; None to fit the lines.
     close_up
         What is drawn a second time next to the whole.
+    categories
+        What is written at 0, 1, ... of the horizontal axis in place of the numbers.
 
     Raises
     ------
@@ -104,6 +111,7 @@ class Panel:
     largest_first: bool = False
     y_range: tuple[float, float] | None = None
     close_up: CloseUp | None = None
+    categories: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.logarithmic and self.y_range is not None and self.y_range[0] <= 0.0:

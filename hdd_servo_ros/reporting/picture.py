@@ -4,12 +4,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from hdd_servo_ros.reporting.panel import Panel
+from hdd_servo_ros.reporting.panel import BAR_WIDTH, Panel
 
 _COLUMNS = 6
 """Of the grid: a close-up takes two of them, one of two panels in a row three."""
@@ -101,9 +102,12 @@ def draw_panel(
         it.
     """
     traces = panel.in_close_up() if close_up else panel.traces
-    handles = {}
+    handles: dict[int, Artist] = {}
     for rank, index in enumerate(panel.drawing_order()):
         trace = traces[index]
+        if trace.barred:
+            handles[index] = axis.bar(trace.x, trace.y, width=BAR_WIDTH, color=trace.colour, label=trace.name)[0]
+            continue
         line, marker = ('', 'o') if trace.marked else ('-', '')
         (handles[index],) = axis.plot(
             *(trace.x, trace.y, line),
@@ -118,6 +122,8 @@ def draw_panel(
         axis.set_xscale('log')
     if panel.has_logarithmic_y:
         axis.set_yscale('log')
+    if panel.categories:
+        axis.set_xticks(range(len(panel.categories)), panel.categories)
     axis.tick_params(labelsize=8)
     axis.grid(alpha=0.3)
     axis.margins(x=0.01)
@@ -133,7 +139,7 @@ def draw_panel(
             axis.set_title(title, fontsize=10)
             return
     axis.set_ylabel(panel.y_label, fontsize=9)
-    named = 1 < len(traces) <= _LEGEND_LINES
+    named = 1 < len(traces) <= _LEGEND_LINES and not panel.categories
     # The legend is between title and frame, or next to the title, where it hides nothing.
     lines = -(-len(traces) // _LEGEND_COLUMNS) if named and not title_beside_legend else 0
     axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_beside_legend else 'center')

@@ -1,14 +1,5 @@
-"""
-`report`: from recorded runs to figures: metrics, a picture and a page of each run, and a comparison of several.
+"""From recorded runs to figures, by their bags alone: metrics, a picture and a page of each, a comparison of all."""
 
-No ROS import, and nothing but the runs' bags and their ``run.yaml`` is read.
-"""
-
-import argparse
-import itertools
-import math
-import signal
-import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +8,6 @@ from typing import Any
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.messages.outcome import FINISHED
@@ -31,13 +21,16 @@ from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.saturation import saturation_line, saturation_of
+from hdd_servo_ros.reporting.source_panels import ErrorBySource, source_metrics, source_panel
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
 _TITLE_WIDTH = 150
 """Characters that fit over a picture."""
 
 
-def report_run(run: RecordedRun, directory: Path, after: float | None = None) -> tuple[list[Path], list[str]]:
+def report_run(
+    run: RecordedRun, directory: Path, after: float | None = None, by_source: ErrorBySource | None = None
+) -> tuple[list[Path], list[str]]:
     """
     Write the metrics, the picture and the page of a run.
 
@@ -49,6 +42,8 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
         Where to write ``report.html``, ``report.png`` and ``metrics.yaml``; made if need be.
     after
         Time before which errors do not count [s]; None for the first half of the run, 2 s at most.
+    by_source
+        What each source contributes to the error, if that is to be reported.
 
     Returns
     -------
@@ -71,6 +66,9 @@ def report_run(run: RecordedRun, directory: Path, after: float | None = None) ->
     response, missing = _measured_response(run)
     missing = left_out(run, after) + missing
     panels = run_panels(run, after, response)
+    if by_source is not None:
+        metrics += source_metrics(run, by_source)
+        panels.append(source_panel(run, by_source))
     if not panels:
         raise ValueError(f'{run.path}: nothing to report: the bag holds neither /control nor /reference with /head')
     title = f'{run.controller} on {run.frame_id}: {run_name(run)}' if run.description else run_name(run)
@@ -159,16 +157,37 @@ def _marked_name(name: str, run: RecordedRun, judged: Verdict | None) -> str:
     return f'{name} ({", ".join(marks)})' if marks else name
 
 
-def _refuse_different_units(runs: Sequence[RecordedRun]) -> None:
+def refuse_different_units(runs: Sequence[RecordedRun]) -> None:
+    """Refuse runs whose drives are in different units: raises ValueError."""
     if len({(run.length_unit, run.control_unit) for run in runs}) > 1:
         units = ', '.join(f'{run.path}: {run.length_unit} and {run.control_unit}' for run in runs)
         raise ValueError(f'runs in different units cannot be compared: {units}')
 
 
-def comparison_table(runs: Sequence[RecordedRun], after: float | None = None) -> tuple[list[str], list[list[str]]]:
-    """Return head and lines of the table of metrics of several runs; raises ValueError if their units differ."""
-    _refuse_different_units(runs)
+def comparison_table(
+    runs: Sequence[RecordedRun], after: float | None = None, by_source: Sequence[ErrorBySource | None] = ()
+) -> tuple[list[str], list[list[str]]]:
+    """
+    Return head and lines of the table of metrics of several runs.
+
+    Parameters
+    ----------
+    runs
+        The runs.
+    after
+        Time before which errors do not count [s].
+    by_source
+        For each run what each source contributes to its error, if that is to be in the table.
+
+    Raises
+    ------
+    ValueError
+        If the units of the runs differ.
+    """
+    refuse_different_units(runs)
     by_run = [{metric.name: metric for metric in run_metrics(run, after)} for run in runs]
+    for metrics, run, found in zip(by_run, runs, by_source, strict=False):
+        metrics |= {metric.name: metric for metric in source_metrics(run, found)} if found is not None else {}
     first: dict[str, Metric] = {}
     for metrics in by_run:
         for name, metric in metrics.items():
@@ -243,82 +262,3 @@ def _flat(values: dict[str, Any], prefix: str) -> list[tuple[str, str]]:
         else:
             lines.append((f'{prefix}{name}', str(value)))
     return lines
-
-
-def _directories(runs: Sequence[RecordedRun], output: Path | None) -> list[Path]:
-    """Return where each run's own report goes: below ``output``, a name that several have with a number behind it."""
-    if output is None or len(runs) == 1:
-        return [output or run.path for run in runs]
-    directories: list[Path] = []
-    for run in runs:
-        name = run_name(run)
-        numbered = (output / (f'{name}-{number}' if number > 1 else name) for number in itertools.count(1))
-        directories.append(next(directory for directory in numbered if directory not in directories))
-    return directories
-
-
-def _print_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
-    widths = [max(len(line[column]) for line in [head, *lines]) for column in range(len(head))]
-    for line in [head, *lines]:
-        print('  '.join(f'{text:>{width}}' for text, width in zip(line, widths, strict=True)))
-
-
-def _seconds(text: str) -> float:
-    """Return a time [s]; argparse tells what is none."""
-    number = float(text)
-    if not 0.0 <= number < math.inf:
-        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
-    return number
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Report runs; exit code 0, or 2 if one cannot be read."""
-    parser = argparse.ArgumentParser(
-        prog='report',
-        description='Metrics, a picture (report.png) and a page (report.html) of each run, from its bag alone; '
-        'of several runs also one table and overlay (comparison.png, comparison.html).',
-    )
-    parser.add_argument('run', type=Path, nargs='+', help='run folder, or a bag of the same topics')
-    parser.add_argument(
-        '--output',
-        type=Path,
-        metavar='DIR',
-        help="where to write; of several runs each in a folder of its name below (default: each run's own folder, "
-        'the comparison beside the first run)',
-    )
-    parser.add_argument(
-        '--after',
-        type=_seconds,
-        metavar='SECONDS',
-        help='time before which errors do not count (default: half of the run, 2 s at most)',
-    )
-    options = parser.parse_args(arguments)
-    try:
-        runs = [RecordedRun.open(path) for path in options.run]
-        _refuse_different_units(runs)
-        written, remarks = [], []
-        jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
-        for directory, name, run in zip(_directories(runs, options.output), run_names(runs), jobs, strict=True):
-            files, lines = report_run(run, directory, options.after)
-            written += files
-            remarks += [f'{name}: {line}' for line in lines]
-        if len(runs) > 1:
-            beside = options.run[0].resolve().parent if options.output is None else options.output
-            written += compare_runs(runs, beside, options.after)
-        table = comparison_table(runs, options.after)
-    except (ValueError, OSError) as error:
-        print(f'report: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print('report: interrupted', file=sys.stderr)
-        return 128 + signal.SIGINT
-    _print_table(*table)
-    for line in remarks:
-        print(line)
-    for path in written:
-        print(path)
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -11,12 +11,12 @@ from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
 from hdd_servo_ros.recording.run_folder import read_run_yaml
-from hdd_servo_ros.reporting.report import main as report
 from hdd_servo_ros.reporting.run_metrics import run_metrics
 from hdd_servo_ros.simulation.simulate import main as simulate
 from hdd_servo_ros.studies.stability_certificate import main as certificate
 from hdd_servo_ros.tools.recover import main as recover
 from hdd_servo_ros.tools.replay import main as replay
+from hdd_servo_ros.tools.report import main as report
 
 LAST_TICK = 4000
 SCHEDULE = ('-p', "schedule:=['0.1 reference_generator frequency 150']")

@@ -38,6 +38,7 @@ CHANGES = {
     'y_range': changed(y_range=(0.5, 20.0)),
     'close_up': changed(close_up=CloseUp(0.4, 0.5, 'part')),
     'traces': changed(trace={'y': SMALL.y + 0.3}),
+    'categories': changed(categories=('first', 'second')),
 }
 TRACE_CHANGES = {
     'name': changed(trace={'name': 'other'}),
@@ -46,6 +47,7 @@ TRACE_CHANGES = {
     'colour': changed(trace={'colour': '#00ff00'}),
     'wide': changed(trace={'wide': True}),
     'marked': changed(trace={'marked': True}),
+    'barred': changed(trace={'barred': True}),
     'clipped': dataclasses.replace(PLAIN, traces=(SMALL, dataclasses.replace(LARGE, clipped=True))),
 }
 
@@ -101,6 +103,12 @@ def test_the_page_draws_what_each_field_asks_for():
     assert [line['legendrank'] for line in figure(CHANGES['largest_first'])['data']] == [2, 1]
     marked, joined = figure(TRACE_CHANGES['marked'])['data']
     assert (marked['mode'], joined['mode']) == ('markers', 'lines')
+    bars, _ = figure(TRACE_CHANGES['barred'])['data']
+    assert bars['type'] == 'bar'
+    named = figure(CHANGES['categories'])
+    assert named['layout']['xaxis']['ticktext'] == ['first', 'second']
+    assert named['layout']['xaxis']['tickvals'] == [0, 1]
+    assert not any(line['showlegend'] for line in named['data'])
     low, high = figure(TRACE_CHANGES['clipped'])['layout']['yaxis']['range']
     assert 0.4 < low < 0.5
     assert 1.5 < high < 1.6

@@ -24,11 +24,11 @@ from hdd_servo_ros.reporting.comparison_panels import comparison_panels
 from hdd_servo_ros.reporting.panel import Panel, Trace
 from hdd_servo_ros.reporting.picture import write_picture
 from hdd_servo_ros.reporting.reference_period import reference_period
-from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.show import draw_run
 from hdd_servo_ros.reporting.summary import summary
+from hdd_servo_ros.tools.report import main
 
 LARGEST_PAGE = 6_000_000
 THESIS_LAW = Path(__file__).parents[2] / 'params' / 'thesis_law.yaml'

@@ -14,9 +14,9 @@ from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
-from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of, run_sensitivity
+from hdd_servo_ros.tools.report import main
 
 PARAMS = Path(__file__).parents[2] / 'params'
 THESIS_LAW = PARAMS / 'thesis_law.yaml'

@@ -6,11 +6,11 @@ import yaml
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.reporting import run_bound, track_metrics, track_panels
-from hdd_servo_ros.reporting.report import main
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.track_of_run import track_pitch
 from hdd_servo_ros.testing.checks import CheckFailed
+from hdd_servo_ros.tools.report import main
 
 from .shaken import SECTORS, shaken_run
 

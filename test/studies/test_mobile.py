@@ -9,16 +9,19 @@ from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.simulation.simulate import main as simulate
 from hdd_servo_ros.studies.chapter import figures, make_figures
 from hdd_servo_ros.studies.mobile import (
+    fig_sources,
     table_delay,
     table_hard_mount,
     table_parasitic,
     table_random_drives,
     table_shock,
+    table_sources,
     table_vibration,
 )
 from hdd_servo_ros.studies.mobile.cases import BARS, CONTROLLERS, HARD, IN_VIBRATION, LATE, SHOCK, STILL_BAR, TRANSIENT
 from hdd_servo_ros.studies.mobile.drawing import error
 from hdd_servo_ros.studies.mobile.shock_measures import peak_and_time
+from hdd_servo_ros.studies.mobile.sources import contributions
 from hdd_servo_ros.studies.mobile.trials import count, median_and_tail, quantile, trial
 from hdd_servo_ros.studies.mobile.vibration_table import NETWORK_RATIO, three_sigma
 
@@ -32,6 +35,8 @@ BASE = {controller: cases['fxlms'] for controller, cases in IN_VIBRATION.items()
 
 
 def shortened(case):
+    if 'deterministic_timer:duration' not in case.overrides:
+        return case
     duration = min(SHORT, case.overrides['deterministic_timer:duration'])
     return dataclasses.replace(case, overrides={**case.overrides, 'deterministic_timer:duration': duration})
 
@@ -149,6 +154,22 @@ def test_time_outside_counts_what_is_not_finite():
     assert peak_and_time(np.array([0.0, np.nan]), 1e-4)[1] == pytest.approx(0.1)
 
 
+def test_contributions_by_source(runs):
+    found = contributions(runs, 1)
+    for name, each in found.items():
+        # The loops are linear in presliding, and the sources independent.
+        squares = sum(np.sign(value) * value**2 for value in each.by_source.values())
+        assert squares == pytest.approx(each.total**2, rel=1e-9), name
+        assert abs(each.by_source['rest']) < 0.45 * each.total, name
+    nss = found['NSS disturbances, servo sensor, 26.4 kHz'].by_source
+    assert list(nss) == ['runout.repeatable', 'flutter', 'force_noise', 'sensor noise', 'rest']
+    assert nss['runout.repeatable'] == pytest.approx(14.0, rel=0.1)
+    # Feedforward takes vibration out of the error, so that the sensor's noise is left.
+    without, fxlms = (found[f'car, {name}'].by_source for name in ('no feedforward', 'fxlms'))
+    assert without['vibration.rotational'] > 4.0 * without['sensor noise']
+    assert fxlms['sensor noise'] > 2.0 * abs(fxlms['vibration.rotational'])
+
+
 def test_random_drives(runs):
     found = table_random_drives.on_random_drives(runs, DRIVES)
     assert len(set(found['fxlms'])) == DRIVES
@@ -171,7 +192,7 @@ def rows(path):
 
 
 def test_every_figure_and_table_is_made(directory, monkeypatch):
-    for module in (table_vibration, table_delay, table_hard_mount, table_shock):
+    for module in (table_vibration, table_delay, table_hard_mount, table_shock, table_sources, fig_sources):
         monkeypatch.setattr(module, 'SEEDS', 1)
     monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
     monkeypatch.setattr(table_parasitic, 'SHARES', (-0.5, 0.5))

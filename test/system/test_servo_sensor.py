@@ -68,7 +68,7 @@ def test_a_live_change_of_the_observer_and_the_sensor_by_schedule(bench):
 
 def test_report_compare_and_checks_of_a_run_without_ldv(bench):
     bench.run('simulate', *SERVO, *PARAMETERS, '-p', 'run_dir:=servo')
-    ended = bench.python('-m', 'hdd_servo_ros.reporting.report', 'servo')
+    ended = bench.python('-m', 'hdd_servo_ros.tools.report', 'servo')
     assert ended.returncode == 0, ended.stdout + ended.stderr
     page = (bench.directory / 'servo' / 'report.html').read_text()
     assert 'servo_sensor' in page

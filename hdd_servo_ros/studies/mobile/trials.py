@@ -14,6 +14,7 @@ from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.campaign.all_cores import on_all_cores
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.graph.catalogue import SENSORS
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.chapter5.random_drives import random_drive
@@ -21,7 +22,7 @@ from hdd_servo_ros.studies.mobile.cases import TRANSIENT
 
 DURATION = 3.0
 """Of a trial in the vibration [s]."""
-_SEEDED = ('disturbance_generator', 'ldv_sensor', 'accelerometer')
+_SEEDED = ('disturbance_generator', 'ldv_sensor', 'servo_sensor', 'accelerometer')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Trial:
         How long it lasts [s].
     transient
         Time before which nothing counts [s].
+    sensor
+        ``'ldv'`` or ``'servo'``.
     """
 
     controller: str
@@ -48,13 +51,14 @@ class Trial:
     parameters: Mapping[str, Mapping[str, Any]]
     duration: float = DURATION
     transient: float = TRANSIENT
+    sensor: str = 'ldv'
 
     def error(self) -> NDArray[np.float64]:
-        """Return x - x_d [nm] of all ticks after the transient; values that are not finite if the loop diverged."""
+        """Return the track error [nm] of all ticks after the transient; not finite if the loop diverged."""
         ticks = round(self.duration / self.sample_time) + 1
-        rows = Experiment(self.sample_time, self.controller, self.parameters).run(0, ticks)
+        rows = Experiment(self.sample_time, self.controller, self.parameters, sensor=self.sensor).run(0, ticks)
         late = rows.time >= self.transient - HALF_MICROSECOND
-        return np.asarray(NANOMETRES * (rows.head[late, 0] - rows.reference[late, 0]))
+        return np.asarray(NANOMETRES * rows.track_error[late])
 
     def three_sigma(self) -> float:
         """Return three standard deviations of the error after the transient [nm]; NaN if the loop diverged."""
@@ -72,7 +76,7 @@ def trial(
     runs, case
         Which run.
     seed
-        Of vibration, vibrometer and accelerometers, instead of the recorded ones.
+        Of disturbances and sensors, instead of the recorded ones.
     changes
         Other parameters than the recorded ones, under ``'node:parameter'``.
     drive
@@ -91,7 +95,8 @@ def trial(
         parameters[node][name] = value
     if drive is not None:
         parameters['vcm_plant'] = random_drive(parameters['vcm_plant'], drive)
-    return Trial(runs[case].controller, runs[case].sample_time, parameters)
+    sensor = 'servo' if SENSORS['servo'] in parameters else 'ldv'
+    return Trial(runs[case].controller, runs[case].sample_time, parameters, sensor=sensor)
 
 
 def on_trials(

@@ -1,0 +1,133 @@
+"""What each source contributes to the track error of a recorded run, by the same run again without it."""
+
+import dataclasses
+import json
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from hdd_servo_ros.analysis.error_spectrum import error_by_source
+from hdd_servo_ros.analysis.misregistration import misregistration
+from hdd_servo_ros.graph.error_sources import Switch, error_sources
+from hdd_servo_ros.messages.topics import HEAD
+from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.parameters.schedule import THEN
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.source_panels import ErrorBySource
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.tools.replay import Recording
+
+
+def error_by_source_of_run(run: RecordedRun, after: float | None = None) -> ErrorBySource:
+    """
+    Run a recorded run again without each of its sources of error, by the compiled loop, in memory.
+
+    Parameters
+    ----------
+    run
+        The run.
+    after
+        Time before which errors do not count [s]; None for the first half of the run, 2 s at most.
+
+    Raises
+    ------
+    ValueError
+        If the head follows no reference, no source is on, the run with all sources does not come out as it was
+        recorded, or the loop diverges without one of them.
+    ReplayError
+        If the run cannot be run again.
+    """
+    if not follows_reference(run):
+        raise ValueError(
+            f'{run.path}: no track error: the head follows no reference, or /head or /reference is missing'
+        )
+    recording = Recording(run.path)
+    sources = _sources_of(run, recording)
+    if not sources:
+        raise ValueError(f'{run.path}: no source of error is on in this run')
+    late = slice(steady_start(run, after), None)
+    repetitions: dict[str, Switch | None] = {'all sources': None, **sources}
+    errors: dict[str, NDArray[np.float64]] = {}
+    steps = len(repetitions) * (recording.last_tick + 1)
+    with tqdm(total=steps, desc='error by source', unit='tick', disable=not sys.stderr.isatty()) as progress:
+        for source, switch in repetitions.items():
+            progress.set_postfix_str(source if switch is None else f'without {source}')
+            repeated = _repeated(recording, switch, progress)
+            if switch is None and not np.array_equal(repeated.position[run.ticks], run.position):
+                raise ValueError(
+                    f'{run.path}: the run with all sources does not come out as it was recorded; `replay {run.path}` '
+                    'shows where it differs'
+                )
+            errors[source] = repeated.track_error[run.ticks][late]
+            if not np.isfinite(errors[source]).all():
+                raise ValueError(f'{run.path}: the loop diverges without {source}')
+    complete = errors.pop('all sources')
+    return ErrorBySource(misregistration(complete), error_by_source(complete, errors))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Repeated:
+    """True position and track error of all ticks of a run [um]; not finite from where it diverged."""
+
+    position: NDArray[np.float64]
+    track_error: NDArray[np.float64]
+
+
+def _sources_of(run: RecordedRun, recording: Recording) -> dict[str, Switch]:
+    nodes = {name.rpartition('/')[2]: node['parameters'] for name, node in recording.nodes.items()}
+    changes = ((change.node.rpartition('/')[2], change.name, change.value) for change in run.parameter_changes)
+    return error_sources(nodes, changes)
+
+
+def _repeated(recording: Recording, switch: Switch | None, progress: 'tqdm[Any]') -> _Repeated:
+    simulation = _simulation(recording, switch)
+    count = recording.last_tick + 1
+    position, track_error = np.full(count, np.nan), np.full(count, np.nan)
+    for first_tick, length in simulation.pieces(recording.last_tick):
+        for _ in simulation.apply_schedule(first_tick):
+            pass
+        rows = simulation.experiment.run(first_tick, length)
+        part = slice(first_tick, first_tick + length)
+        position[part], track_error[part] = rows.position, rows.track_error
+        progress.update(length)
+        if not np.isfinite(rows[HEAD.name]).all():
+            break
+    return _Repeated(position, track_error)
+
+
+def _simulation(recording: Recording, switch: Switch | None) -> Simulation:
+    """Return the recorded run with a source switched off all along."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / 'run.yaml'
+        content = recording.parameter_file(Path(directory) / 'unused')
+        if switch is not None:
+            _switch_off(content, recording, switch)
+        path.write_text(json.dumps(content, ensure_ascii=False), 'utf8')
+        return Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(path), *recording.remaps()]))
+
+
+def _switch_off(content: dict[str, Any], recording: Recording, switch: Switch) -> None:
+    node, parameter, off = switch
+    for name, section in content.items():
+        if name.rpartition('/')[2] == node:
+            section['ros__parameters'][parameter] = off
+    timer = content[recording.timer]['ros__parameters']
+    timer['schedule'] = list(_without(timer.get('schedule', ()), node, parameter))
+    if not timer['schedule']:
+        del timer['schedule']
+
+
+def _without(schedule: list[str], node: str, parameter: str) -> Iterator[str]:
+    """Iterate over the entries of a schedule that do not change one parameter."""
+    for entry in schedule:
+        words = entry.split(None, 4)
+        changed, name = words[2:4] if words[0] == THEN else words[1:3]
+        if (changed.rpartition('/')[2], name) != (node, parameter):
+            yield entry
