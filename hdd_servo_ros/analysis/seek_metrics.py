@@ -322,7 +322,8 @@ def residual_spectrum(error: ArrayLike, sample_time: float) -> tuple[Array, Arra
     if len(y) % 2 == 0:
         # At the Nyquist frequency there is one line, not two that add up.
         amplitudes[-1] *= 0.5
-    return np.fft.rfftfreq(len(y), sample_time)[1:], amplitudes[1:]
+    frequencies = np.fft.rfftfreq(len(y), sample_time)
+    return np.asarray(frequencies[1:], dtype=np.float64), np.asarray(amplitudes[1:], dtype=np.float64)
 
 
 def _largest_line(error: Array, sample_time: float) -> float:
