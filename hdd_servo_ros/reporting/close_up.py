@@ -7,23 +7,30 @@ from hdd_servo_ros.messages.topics import REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.panel import CloseUp
 from hdd_servo_ros.reporting.reference_period import reference_period
+from hdd_servo_ros.reporting.seeks_of_run import responses_of, seeks_of, tolerance_of
 
 PERIODS = 3
 _LAST_SAMPLES = 300
 _BEFORE_EDGE, _AFTER_EDGE = 10, 100
 """Samples around an edge of the reference."""
+_BEFORE_SEEK, _AFTER_SEEK = 0.5e-3, 1.5e-3
+"""Time before a seek, and after its arrival [s]."""
 
 
 def close_up_of(run: RecordedRun) -> CloseUp | None:
     """
     Return what is drawn large of a run.
 
-    The last edge of a stepwise reference that has its response in the run, the last periods of a periodic one, the last
-    moments of any other; None for a run that is no longer than that.
+    The last seek that arrives, or the last one if none does; the last edge of another stepwise reference that has its
+    response in the run, the last periods of a periodic one, the last moments of any other; None for a run that is no
+    longer than that.
     """
     rows = len(run.ticks)
     start, end, title = rows - 1 - _LAST_SAMPLES, rows - 1, 'last moments'
     if REFERENCE.name in run:
+        seek = _last_seek(run)
+        if seek is not None:
+            return seek
         edge = _last_edge(run)
         period = reference_period(run)
         if edge is not None:
@@ -33,6 +40,20 @@ def close_up_of(run: RecordedRun) -> CloseUp | None:
     if start < 0 or (start == 0 and end == rows - 1):
         return None
     return CloseUp(float(run.time[start]), float(run.time[end]), title)
+
+
+def _last_seek(run: RecordedRun) -> CloseUp | None:
+    """Return the surroundings of a seek, None in a run without seeks."""
+    tolerance = tolerance_of(run)
+    if tolerance is None or not seeks_of(run):
+        return None
+    responses = responses_of(run, tolerance)
+    arrived = [response for response in responses if response.has_arrived]
+    shown = (arrived or responses)[-1]
+    start = float(run.time[shown.seek.row])
+    lasts = min(shown.watched, shown.seek_time + _AFTER_SEEK) if arrived else shown.watched
+    title = 'last seek that arrives' if arrived else 'last seek, which does not arrive'
+    return CloseUp(max(float(run.time[0]), start - _BEFORE_SEEK), min(float(run.time[-1]), start + lasts), title)
 
 
 def _last_edge(run: RecordedRun) -> int | None:

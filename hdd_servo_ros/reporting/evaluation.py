@@ -7,8 +7,10 @@ from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.topics import HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
-NOT_ADAPTED = ('t', 'r', 'e')
-"""Columns of `/estimates` that are no estimates: time and errors."""
+SEEK_MODE, SEEK_TARGET = 'seek_mode', 'seek_target'
+"""Columns of `/estimates` of a controller that seeks: its mode (0 follow, 1 seek, 2 settle), and the target [um]."""
+NOT_ADAPTED = ('t', 'r', 'e', SEEK_MODE, SEEK_TARGET, 'seek_distance', 'seek_time', 'seek_trajectory', 'seek_u')
+"""Columns of `/estimates` that are no estimates: time, errors, and what a controller that seeks is about to do."""
 REFERENCE_GENERATOR = 'reference_generator'
 SIGNAL_ANALYZER = 'signal_analyzer'
 LONGEST_TRANSIENT = 2.0

@@ -14,6 +14,7 @@ from hdd_servo_ros.messages.topics import ESTIMATES
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.picture import Stack
+from hdd_servo_ros.reporting.seek_view import view_of_estimates
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ class LiveView:
         rows = np.concatenate([block.rows for block in self._blocks])
         rows = rows[rows[:, 0] >= rows[-1, 0] - self._window]
         signals = BlockSignals(self._blocks[-1].names, rows, self._units)
-        self._stack.draw(loop_panels(signals, follows=True))
+        self._stack.draw(loop_panels(signals, follows=True, seeks=view_of_estimates(signals)))
 
 
 def lighten() -> None:

@@ -10,7 +10,8 @@ from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, ESTIMATES, HEAD,
 from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.reporting.decimation import rows_to_draw
 from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, changes_at_all
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace
+from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Shade, Trace
+from hdd_servo_ros.reporting.seek_view import COARSE, FINE, SeekView
 
 Array = NDArray[np.float64]
 
@@ -63,7 +64,9 @@ class Lines:
         return Trace(name, self._time[rows], values[rows], colour, wide)
 
 
-def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | None = None) -> list[Panel]:
+def loop_panels(
+    signals: TimedSignals, *, follows: bool, close_up: CloseUp | None = None, seeks: SeekView | None = None
+) -> list[Panel]:
     """
     Return the diagrams over time; those whose topics are missing are left out.
 
@@ -75,12 +78,22 @@ def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | Non
         Whether the head follows the reference; otherwise reference and error are left out.
     close_up
         What is drawn large next to the whole.
+    seeks
+        Target and mode of a run with seeks: its error is then that from the target, on two scales.
     """
     lines = Lines(signals, follows=follows, close_up=close_up)
     length, volt = shown(signals.units.length), shown(signals.units.control)
     panels: list[Panel] = []
 
-    def add(name: str, title: str, y_label: str, traces: list[Trace], largest_first: bool = False) -> None:
+    def add(
+        name: str,
+        title: str,
+        y_label: str,
+        traces: list[Trace],
+        largest_first: bool = False,
+        y_range: tuple[float, float] | None = None,
+        shades: tuple[Shade, ...] = (),
+    ) -> None:
         panels.append(
             Panel(
                 name,
@@ -90,13 +103,25 @@ def loop_panels(signals: TimedSignals, *, follows: bool, close_up: CloseUp | Non
                 tuple(traces),
                 over_time=True,
                 largest_first=largest_first,
+                y_range=y_range,
                 close_up=close_up,
+                shades=shades,
             )
         )
 
     if REFERENCE.name in signals and HEAD.name in signals:
         head = lines.over_time('head', signals.position, COLOURS[0])
-        if follows:
+        if follows and seeks is not None:
+            shades = seeks.shades(signals.time)
+            position, errors = _seek_lines(signals, lines, seeks)
+            title = 'Seeks' if seeks.mode is None else 'Seeks; not shaded: mode follow'
+            add('tracking', title, f'position [{length}]', [*position, head], shades=shades)
+            label, factor = error_label(signals.units), signals.units.error_factor
+            for name, scale, half in (('error', 'coarse', COARSE), ('error_fine', 'fine', FINE)):
+                limit = factor * half
+                title = f'Position error, {scale} scale'
+                add(name, title, label, errors, y_range=(-limit, limit), shades=shades)
+        elif follows:
             reference = lines.over_time('reference', signals.desired_position, GREY, wide=True)
             add('tracking', 'Tracking', f'position [{length}]', [reference, head])
             add(
@@ -128,14 +153,26 @@ def error_title(shown: Sequence[TimedSignals]) -> str:
     return 'Track error, x - x_d - track centre' if kinds == {True} else 'Tracking error, x - x_d'
 
 
-def error_name(signals: TimedSignals) -> str:
-    """Return what the position error of a run is made of."""
-    return 'head - reference - track centre' if signals.is_track_following else 'head - reference'
+def error_name(signals: TimedSignals, less: str = 'reference') -> str:
+    """Return what the position error of a run is made of, from the reference or from another position."""
+    return f'head - {less} - track centre' if signals.is_track_following else f'head - {less}'
 
 
 def error_label(units: Units) -> str:
     """Return what is written at an axis of errors."""
     return f'error [{shown(units.error)}]'
+
+
+def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[list[Trace], list[Trace]]:
+    """Return target, and trajectory to it if there is one, and the head's errors from both."""
+    factor = signals.units.error_factor
+    position = [lines.over_time('target', seeks.target, GREY, wide=True)]
+    error = factor * (signals.error + signals.desired_position - seeks.target)
+    errors = [lines.over_time(error_name(signals, 'target'), error, COLOURS[1])]
+    if not np.array_equal(seeks.target, signals.desired_position):
+        position.append(lines.over_time('trajectory', signals.desired_position, COLOURS[3]))
+        errors.insert(0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.error, COLOURS[3]))
+    return position, errors
 
 
 def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:

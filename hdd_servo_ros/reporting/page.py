@@ -21,13 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from hdd_servo_ros.reporting.panel import BAR_WIDTH, Panel, Trace
+from hdd_servo_ros.reporting.panel import BAR_WIDTH, SHADE_OPACITY, Panel, Shade, Trace
 
 _PANEL_HEIGHT = 260
 _TALL_HEIGHT = 420
 _SPLIT = (0.63, 0.7)
 """Where the whole ends and its close-up begins, as fractions of the figure's width."""
 _MANY_POINTS = 20_000
+_MANY_SHADES = 1000
+"""More parts than this are not shaded: each is a shape of its own, and none would be seen."""
 _MARK = '! '
 """Begins a cell of a table that is to be seen."""
 
@@ -87,7 +89,7 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
     gap = 0.28 / count
     height = (1.0 - gap * (count - 1)) / count
     total = _PANEL_HEIGHT * count + 60 if panels[0].over_time else _TALL_HEIGHT
-    layout: dict[str, Any] = {'height': total, 'annotations': []}
+    layout: dict[str, Any] = {'height': total, 'annotations': [], 'shapes': []}
     data: list[dict[str, Any]] = []
     has_close_up = any(panel.close_up is not None for panel in panels)
     for index, panel in enumerate(panels):
@@ -98,6 +100,7 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
         layout[f'yaxis{whole.number}']['title'] = {'text': panel.y_label}
         layout['annotations'].append(_title(panel.title, 0.0, top))
         data += whole.lines(panel, panel.traces, sample_time, legend=f'legend{whole.number}')
+        layout['shapes'] += whole.shades(panel.shades, legend=f'legend{whole.number}')
         if panel.close_up is not None:
             first = next(number for number, other in enumerate(panels) if other.close_up is not None)
             close_up = _Axes(_number(count + index), _number(count + first), [_SPLIT[1], 1.0], vertical)
@@ -105,6 +108,7 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
             layout[f'xaxis{close_up.number}']['range'] = [panel.close_up.start, panel.close_up.end]
             layout['annotations'].append(_title(panel.close_up.title, _SPLIT[1], top))
             data += close_up.lines(panel, panel.in_close_up(), sample_time, legend=None)
+            layout['shapes'] += close_up.shades(panel.shades_in_close_up(), legend=None)
     return {'data': data, 'layout': layout}
 
 
@@ -160,6 +164,31 @@ class _Axes:
                 **({} if legend is None else {'legend': legend}),
             }
             for index in panel.drawing_order()
+        ]
+
+    def shades(self, shades: Sequence[Shade], legend: str | None) -> list[dict[str, Any]]:
+        """Return the shaded parts of the horizontal axis, each of whose kinds is in the legend once."""
+        if sum(len(shade.intervals) for shade in shades) > _MANY_SHADES:
+            return []
+        return [
+            {
+                'type': 'rect',
+                'layer': 'below',
+                'xref': f'x{self.number}',
+                'yref': f'y{self.number} domain',
+                'x0': start,
+                'x1': end,
+                'y0': 0,
+                'y1': 1,
+                'fillcolor': shade.colour,
+                'opacity': SHADE_OPACITY,
+                'line': {'width': 0},
+                'name': shade.name,
+                'showlegend': legend is not None and index == 0,
+                **({} if legend is None else {'legend': legend}),
+            }
+            for shade in shades
+            for index, (start, end) in enumerate(shade.intervals.tolist())
         ]
 
 

@@ -10,6 +10,7 @@ COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8
 GREY = '#999999'
 BAR_WIDTH = 0.6
 """Of the distance of two bars."""
+SHADE_OPACITY = 0.5
 _MARGIN = 0.05
 """Free space below and above the lines, as a fraction of their span."""
 
@@ -60,6 +61,31 @@ class Trace:
 
 
 @dataclasses.dataclass(frozen=True)
+class Shade:
+    """
+    Parts of a horizontal axis whose background is shaded.
+
+    Attributes
+    ----------
+    name
+        What they are, in the legend.
+    intervals
+        Begin and end of each, shape (m, 2).
+    colour
+        As ``#rrggbb``.
+    """
+
+    name: str
+    intervals: NDArray[np.float64]
+    colour: str
+
+    def between(self, start: float, end: float) -> 'Shade':
+        """Return the parts within a range."""
+        inside = np.clip(self.intervals, start, end)
+        return dataclasses.replace(self, intervals=inside[inside[:, 1] > inside[:, 0]])
+
+
+@dataclasses.dataclass(frozen=True)
 class CloseUp:
     """Part of a horizontal axis that is drawn a second time, in full width next to the whole."""
 
@@ -93,6 +119,8 @@ class Panel:
         What is drawn a second time next to the whole.
     categories
         What is written at 0, 1, ... of the horizontal axis in place of the numbers.
+    shades
+        What is shaded behind the lines.
 
     Raises
     ------
@@ -112,6 +140,7 @@ class Panel:
     y_range: tuple[float, float] | None = None
     close_up: CloseUp | None = None
     categories: tuple[str, ...] = ()
+    shades: tuple[Shade, ...] = ()
 
     def __post_init__(self) -> None:
         if self.logarithmic and self.y_range is not None and self.y_range[0] <= 0.0:
@@ -132,6 +161,12 @@ class Panel:
         if self.close_up is None:
             return self.traces
         return tuple(trace.between(self.close_up.start, self.close_up.end) for trace in self.traces)
+
+    def shades_in_close_up(self) -> tuple[Shade, ...]:
+        """Return the shades within the close-up; all of them if there is none."""
+        if self.close_up is None:
+            return self.shades
+        return tuple(shade.between(self.close_up.start, self.close_up.end) for shade in self.shades)
 
     def drawing_order(self) -> list[int]:
         """Return the indices of the lines in the order in which they are drawn, one over the other."""

@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from hdd_servo_ros.reporting.panel import BAR_WIDTH, Panel
+from hdd_servo_ros.reporting.panel import BAR_WIDTH, SHADE_OPACITY, Panel, Shade
 
 _COLUMNS = 6
 """Of the grid: a close-up takes two of them, one of two panels in a row three."""
@@ -103,14 +104,17 @@ def draw_panel(
     """
     traces = panel.in_close_up() if close_up else panel.traces
     handles: dict[int, Artist] = {}
+    shaded = [_shade(axis, shade) for shade in (panel.shades_in_close_up() if close_up else panel.shades)]
     for rank, index in enumerate(panel.drawing_order()):
         trace = traces[index]
         if trace.barred:
             handles[index] = axis.bar(trace.x, trace.y, width=BAR_WIDTH, color=trace.colour, label=trace.name)[0]
             continue
-        line, marker = ('', 'o') if trace.marked else ('-', '')
+        line, marker = ('none', 'o') if trace.marked else ('-', '')
         (handles[index],) = axis.plot(
-            *(trace.x, trace.y, line),
+            trace.x,
+            trace.y,
+            linestyle=line,
             marker=marker,
             color=trace.colour,
             label=trace.name,
@@ -139,20 +143,38 @@ def draw_panel(
             axis.set_title(title, fontsize=10)
             return
     axis.set_ylabel(panel.y_label, fontsize=9)
-    named = 1 < len(traces) <= _LEGEND_LINES and not panel.categories
+    named = 1 < len(traces) + len(shaded) <= _LEGEND_LINES and not panel.categories
     # The legend is between title and frame, or next to the title, where it hides nothing.
-    lines = -(-len(traces) // _LEGEND_COLUMNS) if named and not title_beside_legend else 0
+    columns = max(_LEGEND_COLUMNS, len(traces) + len(shaded)) if title_beside_legend else _LEGEND_COLUMNS
+    lines = -(-len(traces) // columns) if named and not title_beside_legend else 0
     axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_beside_legend else 'center')
     if named:
         axis.legend(
-            handles=[handles[index] for index in range(len(traces))],
+            handles=[*(handles[index] for index in range(len(traces))), *shaded],
             loc='lower right' if title_beside_legend else 'lower center',
             bbox_to_anchor=(1.0 if title_beside_legend else 0.5, 1.0),
             borderaxespad=0.2,
-            ncols=_LEGEND_COLUMNS,
+            ncols=columns,
             fontsize=7,
             frameon=False,
         )
+
+
+def _shade(axis: Axes, shade: Shade) -> Artist:
+    """Shade parts of the horizontal axis, from bottom to top, and return what the legend shows of it."""
+    corners = [[(start, 0.0), (start, 1.0), (end, 1.0), (end, 0.0)] for start, end in shade.intervals.tolist()]
+    collection = PolyCollection(
+        corners,
+        facecolors=shade.colour,
+        edgecolors='none',
+        alpha=SHADE_OPACITY,
+        label=shade.name,
+        transform=axis.get_xaxis_transform(),
+        zorder=0.5,
+    )
+    # Not through the limits: lines alone scale the axes.
+    axis.add_collection(collection, autolim=False)
+    return collection
 
 
 class Stack:

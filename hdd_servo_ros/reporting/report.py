@@ -21,6 +21,7 @@ from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.saturation import saturation_line, saturation_of
+from hdd_servo_ros.reporting.seek_report import for_yaml, lost_seeks, seek_tables
 from hdd_servo_ros.reporting.source_panels import ErrorBySource, source_metrics, source_panel
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
@@ -76,7 +77,8 @@ def report_run(
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
     clipped, judged = saturation_of(run), verdict_of(run, after)
     low_margin = low_margin_of(run)
-    caveats = [*_caveats(run, judged), *filter(None, [low_margin])]
+    lost = lost_seeks(run)
+    caveats = [*_caveats(run, judged), *filter(None, [lost, low_margin])]
     content = {
         'status': run.status,
         'reason': run.reason,
@@ -86,13 +88,15 @@ def report_run(
         'left_out': missing,
         'errors_from': float(run.time[steady_start(run, after)]),
         'metrics': {metric.name: {'value': metric.value, 'unit': metric.unit} for metric in metrics},
+        **for_yaml(run),
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
     write_picture(panels, '\n'.join([title, *textwrap.wrap('; '.join(caveats), _TITLE_WIDTH)]), written[1])
     lines = [('verdict', _in_table(judged))] if judged is not None else []
     lines += [(metric.label, f'{_number(metric.value)} {shown(metric.unit)}') for metric in metrics]
-    subtitle = '; '.join([_subtitle(run, after, judged, clipped), *filter(None, [low_margin]), *missing])
-    write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, _details(run))
+    subtitle = '; '.join([_subtitle(run, after, judged, clipped), *filter(None, [lost, low_margin]), *missing])
+    details = seek_tables(run) | _details(run)
+    write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, details)
     return written, [*caveats, *missing]
 
 

@@ -18,6 +18,7 @@ from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity, why_no_sensitivity
+from hdd_servo_ros.reporting.seek_report import seek_metrics, why_no_seek_metrics
 from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
 
 
@@ -40,6 +41,9 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
         lines.append(f'no peak sensitivity: {unknown}')
     if follows_reference(run):
         lines += track_left_out(run, steady_start(run, after))
+        why = why_no_seek_metrics(run)
+        if why:
+            lines.append(f'no metrics of seeks: {why}')
     if follows_reference(run) and not is_stepwise(run.desired_position):
         period = reference_period(run)
         if period is None:
@@ -80,6 +84,7 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         if is_stepwise(run.desired_position):
             found += _steps(run)
         found += track_metrics(run, start)
+        found += seek_metrics(run)
     if 'control' in run:
         found += _control(run, start)
     return found + _sensitivity(run)

@@ -16,6 +16,9 @@ from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
 from hdd_servo_ros.reporting.panel import COLOURS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
+from hdd_servo_ros.reporting.seek_panels import seek_panels
+from hdd_servo_ros.reporting.seek_view import view_of_run
+from hdd_servo_ros.reporting.seeks_of_run import seeks_of
 from hdd_servo_ros.reporting.track_panels import track_error_panel, track_panels
 
 _LINES_IN_FULL = 1000
@@ -27,7 +30,7 @@ _EDGES = 8
 
 def panels_over_time(run: RecordedRun) -> list[Panel]:
     """Return the diagrams of a run over its time, with a close-up; those whose topics are missing are left out."""
-    return loop_panels(run, follows=follows_reference(run), close_up=close_up_of(run))
+    return loop_panels(run, follows=follows_reference(run), close_up=close_up_of(run), seeks=view_of_run(run))
 
 
 def run_panels(run: RecordedRun, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
@@ -47,7 +50,9 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
     for panel in panels_over_time(run):
         track = track_error_panel(run) if panel.name == 'error' else None
         # With the servo sensor both are the same error, and the diagram of the track has the limits of the pitch.
-        panels += [panel] if track is None else [track] if run.is_track_following else [panel, track]
+        is_same = run.is_track_following and not seeks_of(run)
+        panels += [panel] if track is None else [track] if is_same else [panel, track]
+    panels += seek_panels(run)
     if follows_reference(run):
         error = run.error_factor * run.error[steady_start(run, after) :]
         line = spectrum_line('error', error, run.sample_time, COLOURS[0], BUCKETS)

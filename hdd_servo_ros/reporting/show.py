@@ -7,6 +7,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
+from hdd_servo_ros.reporting.seek_report import seek_line
 from hdd_servo_ros.reporting.summary import summary
 
 
@@ -18,6 +19,9 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory))
+    seeks = seek_line(run)
+    if seeks:
+        print(f'{"seeks":>16}  {seeks}')
     low_margin = low_margin_of(run)
     if low_margin:
         print(f'{"margin":>16}  {low_margin}')

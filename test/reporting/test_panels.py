@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from hdd_servo_ros.reporting.page import _figures
-from hdd_servo_ros.reporting.panel import CloseUp, Panel, Trace, fitted_range
-from hdd_servo_ros.reporting.picture import Stack, write_picture
+from hdd_servo_ros.reporting.panel import CloseUp, Panel, Shade, Trace, fitted_range
+from hdd_servo_ros.reporting.picture import Stack, draw_panel, write_picture
 
 X = np.linspace(0.1, 1.0, 200)
 SMALL = Trace('small', X, 1.0 + 0.5 * np.sin(40.0 * X), '#ff0000')
@@ -37,6 +37,7 @@ CHANGES = {
     'largest_first': changed(largest_first=True),
     'y_range': changed(y_range=(0.5, 20.0)),
     'close_up': changed(close_up=CloseUp(0.4, 0.5, 'part')),
+    'shades': changed(shades=(Shade('shaded', np.array([[0.2, 0.3], [0.45, 0.8]]), '#00ff00'),)),
     'traces': changed(trace={'y': SMALL.y + 0.3}),
     'categories': changed(categories=('first', 'second')),
 }
@@ -112,6 +113,55 @@ def test_the_page_draws_what_each_field_asks_for():
     low, high = figure(TRACE_CHANGES['clipped'])['layout']['yaxis']['range']
     assert 0.4 < low < 0.5
     assert 1.5 < high < 1.6
+
+
+def pixels(colour, path):
+    """Return the columns of a picture in which a colour is."""
+    image = matplotlib.image.imread(path)[:, :, :3]
+    return np.flatnonzero((np.abs(image - np.array(colour)) < 0.02).all(axis=2).any(axis=0))
+
+
+def test_shades_are_behind_their_parts_of_the_axis(tmp_path):
+    shades = CHANGES['shades'].shades
+    panel = changed(shades=shades, close_up=CloseUp(0.4, 0.5, 'part'))
+    found = figure(panel)['layout']['shapes']
+    assert [(shape['x0'], shape['x1'], shape['xref']) for shape in found] == [
+        (0.2, 0.3, 'x'),
+        (0.45, 0.8, 'x'),
+        (0.45, 0.5, 'x2'),
+    ]
+    assert [shape['showlegend'] for shape in found] == [True, False, False]
+    plain = dataclasses.replace(PLAIN, over_time=True, traces=(SMALL,))
+    write_picture([dataclasses.replace(plain, shades=shades)], '', tmp_path / 'shaded.png')
+    # Green over white, half transparent; the legend shows it as well.
+    found = pixels((0.5, 1.0, 0.5), tmp_path / 'shaded.png')
+    assert len(found) > 100
+    write_picture([plain], '', tmp_path / 'plain.png')
+    assert len(pixels((0.5, 1.0, 0.5), tmp_path / 'plain.png')) == 0
+
+
+def test_shades_do_not_scale_the_axes(tmp_path):
+    wide = Shade('shaded', np.array([[-5.0, 8.0]]), '#00ff00')
+    limits = []
+    for shades in ((), (wide,)):
+        axis = Figure().add_subplot()
+        draw_panel(axis, changed(shades=shades))
+        limits.append((axis.get_xlim(), axis.get_ylim()))
+    assert limits[0] == limits[1]
+
+
+def test_too_many_shades_are_left_out_of_the_page_but_not_of_its_close_up():
+    starts = np.linspace(0.1, 0.9, 2000)
+    many = Shade('many', np.column_stack([starts, starts + 1e-4]), '#00ff00')
+    found = figure(changed(shades=(many,), close_up=CloseUp(0.4, 0.5, 'part')))['layout']['shapes']
+    assert {shape['xref'] for shape in found} == {'x2'}
+    assert 200 < len(found) < 300
+
+
+def test_marked_points_are_not_joined():
+    axis = Figure().add_subplot()
+    draw_panel(axis, TRACE_CHANGES['marked'])
+    assert [line.get_linestyle() for line in axis.lines] == ['None', '-']
 
 
 def test_a_close_up_is_drawn_next_to_the_whole():

@@ -1,0 +1,133 @@
+"""The diagrams of a run's seeks: access times over length with their bounds, errors on two scales, residual spectra."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
+from hdd_servo_ros.analysis.seek_metrics import RESIDUAL_TIME, SeekResponse, residual_spectrum
+from hdd_servo_ros.messages.units import shown
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.loop_panels import error_label
+from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
+from hdd_servo_ros.reporting.seek_view import COARSE, FINE
+from hdd_servo_ros.reporting.seeks_of_run import bound_curve, responses_of, seeks_of, tolerance_of
+
+_SEEKS = 7
+"""How many seeks are drawn over each other."""
+_AFTER_ARRIVAL = 3e-3
+"""What is drawn after the last arrival [s]."""
+
+
+def seek_panels(run: RecordedRun) -> list[Panel]:
+    """Return the diagrams of a run's seeks; none of a run without seeks, or of a drive that is not in um."""
+    tolerance = tolerance_of(run)
+    if tolerance is None or not seeks_of(run):
+        return []
+    responses = responses_of(run, tolerance)
+    chosen = _spread(responses)
+    return [
+        _access_times(run, responses, tolerance),
+        *_errors(run, chosen, tolerance),
+        *_spectrum(run, _spread([response for response in responses if response.has_arrived])),
+    ]
+
+
+def _spread(responses: list[SeekResponse]) -> list[SeekResponse]:
+    """Return some responses, evenly over their lengths, the shortest seek first."""
+    ordered = sorted(responses, key=lambda response: abs(response.seek.length))
+    if not ordered:
+        return []
+    rows = np.unique(np.linspace(0, len(ordered) - 1, _SEEKS).round().astype(int))
+    return [ordered[row] for row in rows.tolist()]
+
+
+def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -> Panel:
+    traces = []
+    curve = bound_curve(run, tolerance)
+    if curve is not None:
+        known = np.isfinite(curve.fastest)
+        traces = [
+            Trace('T*, time-optimal rigid body', curve.lengths, 1e3 * curve.time_optimal, GREY, wide=True),
+            Trace('fastest with modes', curve.lengths[known], 1e3 * curve.fastest[known], COLOURS[2]),
+        ]
+    for name, arrived, colour in (
+        ('seek', True, COLOURS[0]),
+        ('seek that does not arrive: time watched', False, COLOURS[1]),
+    ):
+        part = [response for response in responses if response.has_arrived == arrived]
+        times = [1e3 * (response.seek_time if arrived else response.watched) for response in part]
+        lengths = [abs(response.seek.length) for response in part]
+        # A logarithm has no 0, that of a head that is there when it is asked.
+        points = np.array([(x, max(y, 1e3 * run.sample_time)) for x, y in zip(lengths, times, strict=True)])
+        if len(points):
+            traces.append(Trace(name, points[:, 0], points[:, 1], colour, marked=True))
+    within = f'{run.error_factor * tolerance:.4g} {shown(run.error_unit)}'
+    return Panel(
+        'access_times',
+        f'Seek time, within {within} until the next seek',
+        f'length of the seek [{shown(run.length_unit)}]',
+        'time [ms]',
+        tuple(traces),
+        logarithmic=True,
+    )
+
+
+def _name(response: SeekResponse) -> str:
+    return f'{response.seek.length:+.4g} {shown("um")} at {response.time:.4g} s'
+
+
+def _errors(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -> list[Panel]:
+    factor, position = run.error_factor, run.error + run.desired_position
+    arrivals = [response.seek_time for response in responses if response.has_arrived]
+    longest = max(arrivals, default=math.inf) + _AFTER_ARRIVAL
+    traces, last = [], 0.0
+    for index, response in enumerate(responses):
+        seek = response.seek
+        rows = slice(seek.row, seek.row + math.ceil(min(response.watched, longest) / run.sample_time))
+        since = 1e3 * (run.time[rows] - run.time[seek.row])
+        last = max(last, float(since[-1]))
+        error = factor * (position[rows] - seek.target)
+        traces.append(Trace(_name(response), since, error, COLOURS[index % len(COLOURS)]))
+    x, limit = np.array([0.0, last, last, 0.0, last]), factor * tolerance
+    limits = Trace(f'{100.0 * WRITE_LIMIT:g} % of pitch', x, np.array([limit, limit, np.nan, -limit, -limit]), GREY)
+    return [
+        Panel(
+            f'seek_errors_{scale}',
+            f'Position error after the start of a seek, {scale} scale',
+            'time from the start of the seek [ms]',
+            error_label(run.units),
+            (limits, *traces),
+            y_range=(-factor * half, factor * half),
+        )
+        for scale, half in (('coarse', COARSE), ('fine', FINE))
+    ]
+
+
+def _spectrum(run: RecordedRun, responses: list[SeekResponse]) -> list[Panel]:
+    traces: list[Trace] = []
+    position: NDArray[np.float64] = run.error + run.desired_position
+    for response in responses:
+        arrival = response.seek.row + round(response.seek_time / run.sample_time)
+        end = min(
+            response.seek.row + round(response.watched / run.sample_time),
+            arrival + math.ceil(RESIDUAL_TIME / run.sample_time - 1e-9),
+        )
+        error = run.error_factor * (position[arrival:end] - response.seek.target)
+        if len(error) < 4:
+            continue
+        frequencies, amplitudes = residual_spectrum(error, run.sample_time)
+        traces.append(Trace(_name(response), frequencies, amplitudes, COLOURS[len(traces) % len(COLOURS)]))
+    if not traces:
+        return []
+    return [
+        Panel(
+            'residual_spectrum',
+            f'Residual vibration, {1e3 * RESIDUAL_TIME:g} ms after arrival',
+            'frequency [Hz]',
+            f'amplitude of a sine [{shown(run.error_unit)}]',
+            tuple(traces),
+            logarithmic=True,
+        )
+    ]

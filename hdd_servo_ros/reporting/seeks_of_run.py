@@ -1,0 +1,172 @@
+"""The seeks of a recorded run, how the head responded to each, and the bounds of their time."""
+
+import dataclasses
+import math
+import weakref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.analysis.metrics import is_stepwise
+from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
+from hdd_servo_ros.analysis.seek_metrics import Seek, SeekResponse, find_seeks, seek_responses
+from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, SEEK_MODE, follows_reference
+from hdd_servo_ros.reporting.run_sensitivity import PLANT, parameters_at_start
+from hdd_servo_ros.reporting.track_of_run import track_pitch
+
+Array = NDArray[np.float64]
+
+_CURVE_POINTS = 12
+"""Lengths for which bounds are computed, where a run has more different ones."""
+_LONGEST_PROGRAM = 5e-3
+"""Time-optimal time of the longest seek whose linear program is solved [s]: beyond, modes hardly cost time."""
+
+
+@dataclasses.dataclass(frozen=True)
+class BoundCurve:
+    """
+    Bounds of the seek time over length.
+
+    Attributes
+    ----------
+    lengths
+        Ascending [um], shape (n,).
+    time_optimal
+        T* of the rigid body [s], shape (n,); see :func:`~hdd_servo_ros.analysis.seek_bounds.time_optimal_seek`.
+    fastest
+        That of the sampled drive with its modes [s], shape (n,), nan for long seeks; see
+        :func:`~hdd_servo_ros.analysis.seek_bounds.fastest_seek`.
+    """
+
+    lengths: Array
+    time_optimal: Array
+    fastest: Array
+
+    def fastest_at(self, length: float) -> float:
+        """Return the fastest time of a length [s], between two of the curve by interpolation of the logarithms."""
+        return float(np.exp(np.interp(math.log(length), np.log(self.lengths), np.log(self.fastest))))
+
+
+class _Found:
+    """What was computed for a run."""
+
+    def __init__(self) -> None:
+        self.seeks: tuple[Seek, ...] | None = None
+        self.responses: dict[tuple[float, float | None, int], list[SeekResponse]] = {}
+        self.curves: dict[float, BoundCurve | None] = {}
+
+
+_FOUND: weakref.WeakKeyDictionary[RecordedRun, _Found] = weakref.WeakKeyDictionary()
+
+
+def modes_of(run: RecordedRun) -> Array | None:
+    """Return the mode of the controller at each row: 0 follow, 1 seek, 2 settle; None if it gives none."""
+    if ESTIMATES.name not in run or SEEK_MODE not in run.estimate_names:
+        return None
+    return run.estimates[SEEK_MODE]
+
+
+def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
+    """
+    Return the seeks of a run.
+
+    A run has seeks if its reference has the waveform ``seek``, or if its reference is stepwise and its controller gives
+    its mode in the estimate ``seek_mode``. A reference that is away from the head at the first row begins with one.
+    """
+    found = _FOUND.setdefault(run, _Found())
+    if found.seeks is None:
+        found.seeks = tuple(_search(run))
+    return found.seeks
+
+
+def _search(run: RecordedRun) -> list[Seek]:
+    if not follows_reference(run):
+        return []
+    try:
+        waveform = run.parameter(REFERENCE_GENERATOR, 'waveform')
+    except LookupError:
+        waveform = ''
+    along_trajectory = False
+    if waveform == 'seek':
+        along_trajectory = run.parameter(REFERENCE_GENERATOR, 'seek.trajectory') != 'step'
+    elif modes_of(run) is None or not is_stepwise(run.desired_position):
+        return []
+    seeks = find_seeks(run.desired_position, run.reference.velocity, along_trajectory)
+    first, head = float(run.desired_position[0]), float(run.position[0])
+    pitch = track_pitch(run)
+    if pitch is not None and abs(first - head) > WRITE_LIMIT * pitch and not (seeks and seeks[0].row == 0):
+        seeks.insert(0, Seek(0, head, first))
+    return seeks
+
+
+def tolerance_of(run: RecordedRun, of_pitch: float = WRITE_LIMIT) -> float | None:
+    """Return a fraction of the track pitch [um], None for a drive in other units."""
+    pitch = track_pitch(run)
+    return None if pitch is None else of_pitch * pitch
+
+
+def responses_of(run: RecordedRun, tolerance: float, stay: float | None = None, samples: int = 4) -> list[SeekResponse]:
+    """
+    Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
+
+    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target.
+    """
+    found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples)
+    if key not in found.responses:
+        position = run.error + run.desired_position
+        control = run.command if CONTROL.name in run else np.zeros(len(position))
+        found.responses[key] = seek_responses(
+            seeks_of(run),
+            position,
+            run.head.velocity,
+            control,
+            run.sample_time,
+            tolerance,
+            modes=modes_of(run),
+            samples=samples,
+            stay=stay,
+        )
+    return found.responses[key]
+
+
+def time_optimal_times(run: RecordedRun, seeks: list[Seek]) -> Array | None:
+    """Return T* of each seek [s], shape (n,); None if the drive of the run is not known."""
+    # Late: it needs the compiled blocks.
+    from hdd_servo_ros.analysis.seek_bounds import time_optimal_seek
+
+    nodes = parameters_at_start(run)
+    if PLANT not in nodes:
+        return None
+    plant = block_parameters(PLANT, nodes[PLANT])
+    return np.array([time_optimal_seek(plant, seek.length).time for seek in seeks])
+
+
+def bound_curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
+    """Return the bounds for the lengths of a run's seeks; None without seeks, or if its drive is not known."""
+    found = _FOUND.setdefault(run, _Found())
+    if tolerance not in found.curves:
+        found.curves[tolerance] = _curve(run, tolerance)
+    return found.curves[tolerance]
+
+
+def _curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
+    from hdd_servo_ros.analysis.seek_bounds import fastest_seek, time_optimal_seek
+
+    nodes, seeks = parameters_at_start(run), seeks_of(run)
+    if PLANT not in nodes or not seeks:
+        return None
+    plant = block_parameters(PLANT, nodes[PLANT])
+    lengths = np.unique(np.round([abs(seek.length) for seek in seeks], 6))
+    if len(lengths) > _CURVE_POINTS:
+        lengths = np.geomspace(lengths[0], lengths[-1], _CURVE_POINTS)
+    optimal = np.array([time_optimal_seek(plant, length).time for length in lengths.tolist()])
+    fastest = [
+        fastest_seek(plant, run.sample_time, length, tolerance).time if time <= _LONGEST_PROGRAM else math.nan
+        for length, time in zip(lengths.tolist(), optimal.tolist(), strict=True)
+    ]
+    # A seek within the tolerance takes no time, and has no logarithm.
+    times = np.array(fastest)
+    return BoundCurve(lengths, optimal, np.where(times > 0.0, times, math.nan))
