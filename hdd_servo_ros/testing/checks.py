@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import rms
+from hdd_servo_ros.analysis.seek_metrics import SeekResponse
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import edge_responses
+from hdd_servo_ros.testing.seek_checks import SeekChecks
 from hdd_servo_ros.testing.track_checks import TrackChecks
 
 plot_directory: Path | None = None
@@ -28,7 +31,7 @@ class CheckFailed(AssertionError):
     """A run is not what a test asks for."""
 
 
-class Checks(TrackChecks):
+class Checks(TrackChecks, SeekChecks):
     """
     Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
 
@@ -270,6 +273,41 @@ class Checks(TrackChecks):
             f'the median of all is {_text(float(np.median(values)), unit)}\n'
             f'{self._where()}\nplot: {plot}'
         )
+
+    def _compare_seeks(
+        self,
+        what: str,
+        values: Sequence[float],
+        at_most: float,
+        unit: str,
+        responses: Sequence[SeekResponse],
+        error: NDArray[np.float64],
+        tolerance: float,
+    ) -> Checks:
+        __tracebackhide__ = True
+        _refuse_no_limit(at_most)
+        # What is not a number is not within a limit.
+        numbers = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=math.inf, posinf=math.inf)
+        worst = int(numbers.argmax())
+        if numbers[worst] <= at_most:
+            return self
+        run, response = self._run, responses[worst]
+        row = response.seek.row
+        is_lost = not response.has_arrived
+        left = ', and leaves the tolerance again after its arrival' if response.first_arrival < math.inf else ''
+        how = f'; the head does not arrive within {_text(tolerance, run.error_unit)}{left}' if is_lost else ''
+        plot = self._plot(what, 'head - target', run.error_unit, error, tolerance, row)
+        raise CheckFailed(
+            f'{what} is {_text(float(numbers[worst]), unit)}, above {_text(at_most, unit)}, for the seek of '
+            f'{response.seek.length:+.4g} {run.length_unit} at tick {run.ticks[row]} ({run.time[row]:g} s){how}; '
+            f'{int((numbers > at_most).sum())} of {len(numbers)} seeks are above\n{self._where()}\nplot: {plot}'
+        )
+
+    def _fail_at(self, what: str, signal: str, values: NDArray[np.float64], row: int) -> Checks:
+        __tracebackhide__ = True
+        run = self._run
+        plot = self._plot(signal, signal, '', values, None, row)
+        raise CheckFailed(f'{what} is at tick {run.ticks[row]} ({run.time[row]:g} s)\n{self._where()}\nplot: {plot}')
 
     def _where(self) -> str:
         run = self._run
