@@ -15,9 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.sampled_drive import SampledDrive, sampled_drive
-from hdd_servo_ros.bench.dsp import DspParameters
-from hdd_servo_ros.bench.ldv import LdvParameters
-from hdd_servo_ros.control.seek import Seek, SeekPlans, SeekSurroundings
+from hdd_servo_ros.control.seek import SeekPlans
 from hdd_servo_ros.control.seek_parameters import SeekModelParameters, SeekParameters
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import PlantParameters
@@ -69,33 +67,6 @@ def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
         plans[row, :samples] = plan
         durations[row] = samples, vibration
     return SeekPlans(plans, durations, nominal.a.copy(), nominal.b[:, 0].copy(), np.ascontiguousarray(nominal.c), tail)
-
-
-def seek_surroundings(
-    parameters: SeekParameters, sample_time: float, dsp: DspParameters, sensor: LdvParameters | None
-) -> SeekSurroundings:
-    """
-    Return what a seek part has to know beside its parameters.
-
-    Parameters
-    ----------
-    parameters
-        The seek part's.
-    sample_time
-        T [s].
-    dsp
-        What lies behind the controller.
-    sensor
-        The vibrometer; None for a sensor whose velocity has no limit.
-    """
-    limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
-    return SeekSurroundings(seek_plans(parameters, sample_time), dsp.computation_delay, limit)
-
-
-def no_seek(sample_time: float) -> Seek:
-    """Return a seek part that stands for none, without a model."""
-    plans = SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
-    return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(plans))
 
 
 def plan_lengths(longest: int) -> list[int]:

@@ -13,12 +13,19 @@ no stiffness, and W = diag(q, q mu/w^2) gives
 
     F = -(w^2, 2 zeta w - c)/a,    P_12 = q/(2 w^2),    P_22 = q (1 + mu)/(4 zeta w^3).
 
-P scales with q, which rho would take up: q is chosen such that a^2 P_22 = 2 w. Then beta is what the nonlinear part
-adds to the damping ratio at the target, at the frequency w; it also stiffens the law, by 1 + 4 zeta beta/(1 + mu).
+P scales with q, which rho would take up: q is chosen such that a^2 P_22 = 2 w. At the target the law then has the
+damping 2 (zeta + beta) w and the stiffness w^2 (1 + 4 zeta beta/(1 + mu)).
 
-A seek of length L starts with u = w^2 L/a, so w falls as 1/sqrt(L) where that would exceed a share of u_max. The
-integral (enhanced CNF: Peng, Chen, Cheng, Lee, IEEE Trans. Control Systems Technology 13(5), 2005) takes up constant
-forces; it counts errors with the weight rho/beta, so that the way to the target does not fill it.
+A seek of length L starts with u = w^2 L/a. Beyond some length w falls as 1/sqrt(L), so that this is a given share of
+u_max. Close to the target all seeks shall be alike, with a natural frequency w_s and a damping ratio zeta_s. From these
+follow beta and mu of a length, with R = w_s/w,
+
+    beta = zeta_s R - zeta,    1 + mu = 4 zeta beta/(R^2 - 1),
+
+except that mu is at least 0, and the law less stiff than w_s where R is large.
+
+The integral (enhanced CNF: Peng, Chen, Cheng, Lee, IEEE Trans. Control Systems Technology 13(5), 2005) takes up
+constant forces; it counts errors with the weight -rho/beta, so that the way to the target does not fill it.
 """
 
 import dataclasses
@@ -32,7 +39,7 @@ from hdd_servo_ros.control.hold import middle_of_hold
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
 from hdd_servo_ros.numerics.records import layout, record, zeros
-from hdd_servo_ros.parameters import ParameterSet, parameter
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 Array = NDArray[np.float64]
 
@@ -40,22 +47,24 @@ CNF = layout(
     'gain',
     'limit',
     'friction_rate',
-    'square_of_frequency',
+    'frequency',
     'start_acceleration',
     'damping_ratio',
-    'added_damping',
-    'added_stiffness',
+    'settling_frequency',
+    'settling_damping_ratio',
     'steepness',
     'integral_step',
     'half_sample',
 )
 """
-Constants: a [um/s^2/V], u_max [V], c [1/s], the largest w^2 [1/s^2], the largest w^2 L [um/s^2], zeta, beta, the
-relative stiffness 4 zeta beta/(1 + mu) that the nonlinear part adds at the target, alpha, T times the integral's rate,
-T/2 [s].
+Constants: a [um/s^2/V], u_max [V], c [1/s], the largest w [rad/s], the largest w^2 L [um/s^2], zeta, w_s [rad/s],
+zeta_s, alpha, T times the integral's rate, T/2 [s].
 """
 CNF_STATE = layout('integral')
 """The integral's share of u [V]."""
+
+SHORTEST = 1e-3
+"""Least length of a seek [um], by which distances are divided."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,31 +72,37 @@ class CnfParameters(ParameterSet):
     """Parameters of :func:`cnf_step`."""
 
     natural_frequency: float = parameter(
-        500.0, 'natural frequency of the linear part in short seeks', unit='Hz', above=0.0, maximum=1e6
+        500.0, 'largest natural frequency w of the linear part, that in short seeks', unit='Hz', above=0.0, maximum=1e6
     )
-    damping_ratio: float = parameter(0.3, 'damping ratio zeta of the linear part', minimum=0.01, maximum=2.0)
+    damping_ratio: float = parameter(0.5, 'damping ratio zeta of the linear part', minimum=0.01, maximum=2.0)
     start_share: float = parameter(
-        1.0,
-        'share of the largest voltage with which the linear part may start; it is slower in longer seeks',
+        2.0,
+        'share of the largest voltage with which the linear part may start, above 1 to saturate there; its natural '
+        'frequency is lower in longer seeks',
         above=0.0,
         maximum=100.0,
     )
-    added_damping: float = parameter(
-        0.6, 'damping ratio beta that the nonlinear part adds at the target', minimum=0.0, maximum=100.0
+    settling_frequency: float = parameter(
+        900.0, 'natural frequency w_s of the law at the target, nonlinear part included', unit='Hz', above=0.0
     )
-    velocity_weight: float = parameter(
-        1.0,
-        'mu of the weights W = diag(1, mu/w^2) of position and velocity in the Lyapunov equation: the larger, the less '
-        'the nonlinear part adds to the stiffness',
-        minimum=0.0,
-        maximum=1e6,
+    settling_damping_ratio: float = parameter(
+        0.9, 'damping ratio zeta_s of the law at the target, nonlinear part included', minimum=0.01, maximum=10.0
     )
     steepness: float = parameter(
         3.0, 'exponent alpha: at the start the nonlinear part is exp(-alpha) of that at the target', minimum=0.0
     )
     integral_rate: float = parameter(
-        0.0, 'rate of the integral of enhanced CNF against the linear part, 0 for none', unit='1/s', minimum=0.0
+        0.0, 'rate of the integral of enhanced CNF against the proportional part, 0 for none', unit='1/s', minimum=0.0
     )
+
+    def check_together(self) -> None:
+        """Check that the nonlinear part adds damping and stiffness, and takes off neither."""
+        if self.settling_frequency < self.natural_frequency:
+            allowed = f'at least natural_frequency, which is {self.natural_frequency:g} [Hz]'
+            raise ParameterError('settling_frequency', self.settling_frequency, allowed)
+        if self.settling_damping_ratio < self.damping_ratio:
+            allowed = f'at least damping_ratio, which is {self.damping_ratio:g}'
+            raise ParameterError('settling_damping_ratio', self.settling_damping_ratio, allowed)
 
 
 def cnf_constants(
@@ -107,18 +122,18 @@ def cnf_constants(
     sample_time
         T [s].
     viscous_coefficient
-        Viscous friction c/a that the linear part knows of [V s/um]; 0 where something else cancels it.
+        Viscous friction c/a that the linear part allows for [V s/um]; 0 where a feedforward cancels it.
     """
     constants = zeros(CNF)
     c = record(constants, CNF)
     c.gain = gain
     c.limit = limit
     c.friction_rate = gain * viscous_coefficient
-    c.square_of_frequency = (TWO_PI * parameters.natural_frequency) ** 2
+    c.frequency = TWO_PI * parameters.natural_frequency
     c.start_acceleration = parameters.start_share * limit * gain
     c.damping_ratio = parameters.damping_ratio
-    c.added_damping = parameters.added_damping
-    c.added_stiffness = 4.0 * parameters.damping_ratio * parameters.added_damping / (1.0 + parameters.velocity_weight)
+    c.settling_frequency = TWO_PI * parameters.settling_frequency
+    c.settling_damping_ratio = parameters.settling_damping_ratio
     c.steepness = parameters.steepness
     c.integral_step = parameters.integral_rate * sample_time
     c.half_sample = 0.5 * sample_time
@@ -126,22 +141,41 @@ def cnf_constants(
 
 
 @compiled
+def cnf_design(c: np.record, length: float) -> tuple[float, float, float]:
+    """
+    Return what the law of a seek of a length has: w [rad/s], beta, and the relative stiffness that rho adds at most.
+
+    Parameters
+    ----------
+    c
+        Record of :data:`CNF`.
+    length
+        L, above 0 [um].
+    """
+    frequency = min(c.frequency, math.sqrt(c.start_acceleration / length))
+    ratio = c.settling_frequency / frequency
+    beta = c.settling_damping_ratio * ratio - c.damping_ratio
+    # 4 zeta beta/(1 + mu) with mu >= 0.
+    return frequency, beta, min(ratio * ratio - 1.0, 4.0 * c.damping_ratio * beta)
+
+
+@compiled
 def cnf_gains(c: np.record, nearness: float, length: float) -> tuple[float, float]:
     """
-    Return the gains of CNF on error [V/um] and on minus velocity [V s/um] for a value of rho/(-beta).
+    Return the gains on error [V/um] and on minus velocity [V s/um], for a value of rho/(-beta) from 0 to 1.
 
     Parameters
     ----------
     c
         Record of :data:`CNF`.
     nearness
-        exp(-alpha |e|/L), from 0 for the linear part alone to 1 at the target.
+        exp(-alpha |y - r|/L), with 0 for the linear part alone.
     length
-        L of the seek, above 0 [um].
+        L, above 0 [um].
     """
-    square = min(c.square_of_frequency, c.start_acceleration / length)
-    stiffness = square * (1.0 + nearness * c.added_stiffness)
-    damping = 2.0 * math.sqrt(square) * (c.damping_ratio + nearness * c.added_damping)
+    frequency, beta, added = cnf_design(c, length)
+    stiffness = frequency * frequency * (1.0 + nearness * added)
+    damping = 2.0 * frequency * (c.damping_ratio + nearness * beta)
     return stiffness / c.gain, (damping - c.friction_rate) / c.gain
 
 
@@ -157,23 +191,24 @@ def cnf_step(constants: Array, state: Array, error: float, velocity: float, leng
     constants
         Laid out as :data:`CNF`.
     state
-        Laid out as :data:`CNF_STATE`; zeros at the start of a seek. The integral moves on.
+        Laid out as :data:`CNF_STATE`; zeros at the start of a seek. The integral is advanced.
     error
-        e, target less position, at this tick [um].
+        e = r - y, target less position, at this tick [um].
     velocity
         Of the head, at this tick [um/s].
     length
-        L of the seek, magnitude of the error at its start [um]; below 1 nm as 1 nm.
+        L = |r - y_0|, magnitude of the error at the start of the seek [um].
     """
     c = record(constants, CNF)
     s = record(state, CNF_STATE)
-    length = max(length, 1e-3)
+    length = max(length, SHORTEST)
     middle = error - c.half_sample * velocity
     nearness = exp(-c.steepness * abs(middle) / length)
     stiffness, damping = cnf_gains(c, nearness, length)
-    free = (stiffness * middle - damping * velocity) / middle_of_hold(c.gain, c.half_sample, stiffness, damping)
-    u = saturated(free + s.integral, c.limit)
-    # While the voltage is limited the integral rests.
-    if u == free + s.integral:
+    wanted = (stiffness * middle - damping * velocity) / middle_of_hold(c.gain, c.half_sample, stiffness, damping)
+    wanted += s.integral
+    u = saturated(wanted, c.limit)
+    # The integral is frozen while u is saturated.
+    if u == wanted:
         s.integral += c.integral_step * nearness * stiffness * error
     return u

@@ -6,10 +6,15 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.control.cnf import CNF_STATE, cnf_constants
+from hdd_servo_ros.control.ptos import ptos_constants
 from hdd_servo_ros.control.seek_kernel import (
+    CNF_LAW,
     CONSTANTS,
     ESTIMATES,
+    FINAL_STATE,
     GAIN_PRIOR,
+    PTOS_LAW,
     STATE,
     SeekArrays,
     seek_after_law,
@@ -21,10 +26,11 @@ from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import record, zeros
 
 Array = NDArray[np.float64]
-PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]
+PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]
 """The fields of :class:`SeekArrays`."""
 
 ESTIMATE_NAMES: tuple[str, ...] = ESTIMATES.names or ()
+_METHODS = {'final_state': FINAL_STATE, 'ptos': PTOS_LAW, 'cnf': CNF_LAW}
 _CALM = 3.0
 """The model swings on for so many times the samples in which its vibration counts: then a nanometer is left."""
 
@@ -55,6 +61,8 @@ class SeekSurroundings(NamedTuple):
     """Computation delay behind the law [samples], 0 or 1."""
     velocity_limit: float = math.inf
     """Largest velocity that the sensor shows [um/s]."""
+    bias_gains: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Gains of the constant voltage after a switch, on error [V/um], velocity [V s/um] and gap."""
 
 
 class Seek:
@@ -82,7 +90,14 @@ class Seek:
     of the friction is learned after the trajectory's end, from the voltage that the law still adds (feedback error
     learning, Kawato, Furukawa and Suzuki, Biol. Cybern. 57, 1987): theta += mu u_law F/(F^2 + eps).
 
-    Modes: seek while there is a plan, settle until the measured position is on the target for some samples, follow.
+    ``ptos`` (:mod:`~hdd_servo_ros.control.ptos`) and ``cnf`` (:mod:`~hdd_servo_ros.control.cnf`) move the head by
+    feedback of error and velocity instead, with the friction of the measured velocity fed forward. They replace the
+    controller's voltage until the head is close to the target and slow; meanwhile the controller sees the head on the
+    target. At the switch u goes on without a step: a constant and a fading voltage are added to the controller's, which
+    take the place of its initial values (:mod:`hdd_servo_ros.analysis.initial_values`).
+
+    Modes: seek while there is a plan or the law of the seek acts, settle until the measured position is on the target
+    for some samples, follow.
 
     Parameters
     ----------
@@ -127,6 +142,9 @@ class Seek:
             outputs=plans.outputs.copy(),
             motion=np.zeros((3, len(plans.response))),
             ring=np.zeros(longest),
+            ptos=self._ptos(parameters),
+            cnf=self._cnf(parameters),
+            cnf_state=zeros(CNF_STATE),
             estimates=self.estimates,
         )
         self.arrays: PlainArrays = cast(PlainArrays, tuple(self._named))
@@ -143,8 +161,11 @@ class Seek:
         plans = surroundings.plans
         for name in ('plans', 'durations', 'transition', 'response', 'outputs'):
             getattr(self._named, name)[:] = getattr(plans, name)
-        friction, learning = parameters.friction, parameters.learning
+        self._named.ptos[:] = self._ptos(parameters)
+        self._named.cnf[:] = self._cnf(parameters)
+        friction, learning, switch = parameters.friction, parameters.learning, parameters.switch
         c = record(self._named.constants, CONSTANTS)
+        c.method = _METHODS[parameters.method]
         c.time_step = self.sample_time
         c.delay = float(surroundings.delay)
         c.threshold = parameters.threshold
@@ -153,6 +174,10 @@ class Seek:
         c.vibration_samples = _CALM * plans.vibration_samples
         c.arrival_tolerance = parameters.arrival_tolerance
         c.arrival_samples = float(parameters.arrival_samples)
+        c.switch_distance = switch.distance
+        c.switch_velocity = switch.velocity
+        c.fading = exp(-self.sample_time / switch.fade_time)
+        c.bias_of_error, c.bias_of_velocity, c.bias_of_gap = surroundings.bias_gains
         c.has_friction = float(friction.enabled)
         c.follows_friction = float(friction.range == 'always')
         c.learns_gain = float(learning.gain)
@@ -175,6 +200,16 @@ class Seek:
             s.gain = 1.0
         if not learning.friction:
             s.friction_level = 1.0
+
+    def _ptos(self, parameters: SeekParameters) -> Array:
+        return ptos_constants(parameters.ptos, parameters.model.gain, parameters.control_limit, self.sample_time)
+
+    def _cnf(self, parameters: SeekParameters) -> Array:
+        # What the friction's feedforward does not cancel, the linear part has to know.
+        model = parameters.model
+        return cnf_constants(
+            parameters.cnf, model.gain, parameters.control_limit, self.sample_time, model.viscous_coefficient
+        )
 
     def before_law(self, inputs: ControllerInputs, control: float) -> ControllerInputs:
         """

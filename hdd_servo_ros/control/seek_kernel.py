@@ -6,7 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.control.cnf import cnf_step
 from hdd_servo_ros.control.lugre_feedforward import BRISTLE, mean_friction
+from hdd_servo_ros.control.ptos import ptos_step
 from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.records import layout, record
 
@@ -14,8 +16,11 @@ Array = NDArray[np.float64]
 
 FOLLOW, SEEK, SETTLE = 0.0, 1.0, 2.0
 """The modes, as `/estimates` has them."""
+FINAL_STATE, PTOS_LAW, CNF_LAW = 1.0, 2.0, 3.0
+"""The methods."""
 
 CONSTANTS = layout(
+    'method',
     'time_step',
     'delay',
     'threshold',
@@ -24,6 +29,12 @@ CONSTANTS = layout(
     'vibration_samples',
     'arrival_tolerance',
     'arrival_samples',
+    'switch_distance',
+    'switch_velocity',
+    'fading',
+    'bias_of_error',
+    'bias_of_velocity',
+    'bias_of_gap',
     'has_friction',
     'follows_friction',
     'learns_gain',
@@ -36,7 +47,10 @@ CONSTANTS = layout(
     'friction_range',
     ('bristle', BRISTLE),
 )
-"""Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples."""
+"""
+Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples. ``fading`` is what a sample leaves of the
+fading voltage, the next three give the constant one, see :mod:`hdd_servo_ros.analysis.initial_values`.
+"""
 
 STATE = layout(
     'mode',
@@ -63,11 +77,21 @@ STATE = layout(
     'gain_products',
     'gain_squares',
     'friction_level',
+    'length',
+    'error',
+    'head_velocity',
+    'is_switching',
+    'law',
+    'held',
+    'bias',
+    'fading',
 )
 """
 ``first`` is where the ring of planned voltages begins, ``planned`` how many are left, ``idle`` the samples since the
 last one; ``goal`` [um] is the sum of the jumps under way, ``pending`` [um] what no plan was made for yet; then the
-model's position and velocity at this tick and the last one.
+model's position and velocity at this tick and the last one. From ``length`` on: of a seek by feedback, its length, the
+distance to the target and the velocity at this tick, the voltage of its law, what the controller gives on the target,
+and the two voltages after the switch.
 """
 
 ESTIMATES = layout(
@@ -115,6 +139,11 @@ class SeekArrays(NamedTuple):
     """States of the model, shape (3, n)."""
     ring: Array
     """The planned voltages that are still to come [V], shape (longest,)."""
+    ptos: Array
+    """Constants of :func:`~hdd_servo_ros.control.ptos.ptos_step`."""
+    cnf: Array
+    """Constants of :func:`~hdd_servo_ros.control.cnf.cnf_step`."""
+    cnf_state: Array
     estimates: Array
 
 
@@ -129,6 +158,9 @@ def seek_before_law(
     outputs: Array,
     motion: Array,
     ring: Array,
+    ptos: Array,
+    cnf: Array,
+    cnf_state: Array,
     estimates: Array,
     position: float,
     velocity: float,
@@ -144,16 +176,30 @@ def seek_before_law(
         return 0.0, 0.0
     s.samples_in_mode += 1.0
     jump = _jump(c, s, position, x_d, dx_d, ddx_d)
-    if abs(jump) > c.threshold:
-        _begin(c, s, motion, jump)
-    if s.pending != 0.0:
-        _plan(c, s, plans, durations, ring)
-    if c.learns_gain != 0.0 and s.mode == SEEK and s.samples_in_mode > 0.0:
-        _estimate_gain(c, s, transition, response, outputs, motion, velocity - dx_d, control)
-    offset, rate = s.position - s.goal, s.velocity
-    if c.delay > 0.0:
-        offset, rate = s.last_position - s.goal, s.last_velocity
-    if s.mode == SEEK and s.planned == 0.0 and s.pending == 0.0 and s.idle >= c.delay:
+    if c.method == FINAL_STATE:
+        if abs(jump) > c.threshold:
+            _begin(c, s, motion, jump)
+        if s.pending != 0.0:
+            _plan(c, s, plans, durations, ring)
+        if c.learns_gain != 0.0 and s.mode == SEEK and s.samples_in_mode > 0.0:
+            _estimate_gain(c, s, transition, response, outputs, motion, velocity - dx_d, control)
+        offset, rate = s.position - s.goal, s.velocity
+        if c.delay > 0.0:
+            offset, rate = s.last_position - s.goal, s.last_velocity
+        is_over = s.planned == 0.0 and s.pending == 0.0 and s.idle >= c.delay
+    else:
+        s.error, s.head_velocity = x_d - position, velocity - dx_d
+        if abs(jump) > c.threshold:
+            s.mode, s.samples_in_mode = SEEK, 0.0
+            s.length, s.law = abs(s.error), 0.0
+            cnf_state[:] = 0.0
+        is_over = abs(s.error) <= c.switch_distance and abs(s.head_velocity) <= c.switch_velocity
+        s.is_switching = 1.0 if s.mode == SEEK and is_over else 0.0
+        # While the law of the seek has the head, the controller sees it on the target, so that its states rest.
+        offset, rate = 0.0, 0.0
+        if s.mode == SEEK and not is_over:
+            offset, rate = -s.error, s.head_velocity
+    if s.mode == SEEK and is_over:
         s.mode, s.samples_in_mode, s.samples_inside = SETTLE, 0.0, 0.0
     if s.mode == SETTLE:
         s.samples_inside = s.samples_inside + 1.0 if abs(position - x_d) <= c.arrival_tolerance else 0.0
@@ -179,12 +225,38 @@ def seek_after_law(
     outputs: Array,
     motion: Array,
     ring: Array,
+    ptos: Array,
+    cnf: Array,
+    cnf_state: Array,
     estimates: Array,
     u: float,
 ) -> float:
     """Return what is added to the law's voltage ``u`` [V]; see :class:`Seek`."""
     c = record(constants, CONSTANTS)
     s = record(state, STATE)
+    if c.method == FINAL_STATE:
+        added = _along_plan(c, s, transition, response, outputs, motion, ring, u)
+    else:
+        added = _by_feedback(c, s, ptos, cnf, cnf_state, u)
+    found = record(estimates, ESTIMATES)
+    found.seek_u = added
+    found.seek_gain = s.gain
+    found.seek_friction = s.friction_level
+    return added
+
+
+@compiled
+def _along_plan(
+    c: np.record,
+    s: np.record,
+    transition: Array,
+    response: Array,
+    outputs: Array,
+    motion: Array,
+    ring: Array,
+    u: float,
+) -> float:
+    """Return the planned voltage with the friction of the trajectory [V], and move the model on."""
     voltage = 0.0
     if s.planned > 0.0:
         first = int(s.first)
@@ -215,18 +287,47 @@ def seek_after_law(
             s.reference_velocity + s.last_velocity,
             s.reference_velocity + time_step * s.reference_acceleration + s.velocity,
         )
-    is_learning = c.learns_friction != 0.0 and s.mode != SEEK
-    if is_learning and _FIRST_LEARNED < s.idle <= c.friction_window and abs(u) < math.inf:
+    if c.learns_friction != 0.0 and s.mode != SEEK and _is_learned(c, s) and abs(u) < math.inf:
         level = s.friction_level + c.friction_step * u * s.friction / (s.friction * s.friction + _FRICTION_FLOOR)
         s.friction_level = min(max(level, 1.0 - c.friction_range), 1.0 + c.friction_range)
     s.last_applied_friction = s.applied_friction
     s.applied_friction = s.friction_level * s.friction
-    added = voltage / s.gain + s.applied_friction
-    found = record(estimates, ESTIMATES)
-    found.seek_u = added
-    found.seek_gain = s.gain
-    found.seek_friction = s.friction_level
-    return added  # type: ignore[no-any-return]
+    return voltage / s.gain + s.applied_friction  # type: ignore[no-any-return]
+
+
+@compiled
+def _is_learned(c: np.record, s: np.record) -> bool:
+    """Return whether the level of the friction is learned at this tick, in view of the time since the last plan."""
+    return _FIRST_LEARNED < s.idle <= c.friction_window  # type: ignore[no-any-return]
+
+
+@compiled
+def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state: Array, u: float) -> float:
+    """Return what is added to the controller's voltage by PTOS or CNF, and after the switch [V]."""
+    velocity = s.head_velocity
+    if c.has_friction != 0.0 and s.mode != FOLLOW:
+        time_step = c.time_step
+        s.friction, s.deflection = mean_friction(
+            c.bristle, s.deflection, time_step, time_step * velocity, velocity, velocity
+        )
+    if s.mode == SEEK or s.is_switching != 0.0:
+        if c.method == PTOS_LAW:
+            law = ptos_step(ptos, s.error, velocity, s.law)
+        else:
+            law = cnf_step(cnf, cnf_state, s.error, velocity, s.length)
+        s.law = law
+        if s.is_switching == 0.0:
+            # On the target the controller gives what it holds against friction, which is fed forward now.
+            s.held = u
+            s.bias, s.fading = -u, law
+        else:
+            # Initial value compensation: no step in u, and the least transient.
+            gap = law - (u - s.held)
+            bias: float = c.bias_of_error * s.error + c.bias_of_velocity * velocity + c.bias_of_gap * gap
+            s.bias, s.fading = bias - s.held, gap - bias
+    else:
+        s.fading *= c.fading
+    return s.friction + s.bias + s.fading  # type: ignore[no-any-return]
 
 
 @compiled

@@ -2,13 +2,16 @@
 
 import dataclasses
 
+from hdd_servo_ros.control.cnf import CnfParameters
+from hdd_servo_ros.control.ptos import PtosParameters
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
-METHODS = ('none', 'final_state')
+METHODS = ('none', 'final_state', 'ptos', 'cnf')
 FRICTION_RANGES = ('seek', 'always')
 _METHOD = (
     'none: a jump of the reference goes to the controller as it is; final_state: the head follows a trajectory of the '
-    'sampled model to rest on the target, final-state control in two degrees of freedom'
+    'sampled model to rest on the target, final-state control in two degrees of freedom; ptos: proximate time-optimal '
+    'servomechanism; cnf: composite nonlinear feedback'
 )
 
 
@@ -84,6 +87,20 @@ class SeekLearningParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
+class SeekSwitchParameters(ParameterSet):
+    """When and how PTOS and CNF hand the head over to the controller."""
+
+    distance: float = parameter(0.5, 'largest distance from the target at the switch', unit='um', above=0.0)
+    velocity: float = parameter(5e3, 'largest velocity at the switch', unit='um/s', above=0.0)
+    fade_time: float = parameter(
+        3e-4,
+        'time constant with which the difference of the two voltages fades, as far as no constant is left of it',
+        unit='s',
+        above=0.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
 class SeekParameters(ParameterSet):
     """Parameters of :class:`hdd_servo_ros.control.seek.Seek`."""
 
@@ -120,6 +137,9 @@ class SeekParameters(ParameterSet):
     model: SeekModelParameters = group(SeekModelParameters)
     friction: SeekFrictionParameters = group(SeekFrictionParameters)
     learning: SeekLearningParameters = group(SeekLearningParameters)
+    switch: SeekSwitchParameters = group(SeekSwitchParameters)
+    ptos: PtosParameters = group(PtosParameters)
+    cnf: CnfParameters = group(CnfParameters)
 
     @property
     def is_used(self) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
-from hdd_servo_ros.analysis.seek_plans import no_seek, seek_surroundings
+from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
@@ -17,7 +17,7 @@ from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLim
 from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverParameters
-from hdd_servo_ros.control.seek import Seek
+from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
@@ -146,8 +146,17 @@ class ControllerNode(CatalogueNode):
                 refuse_seek_in_other_units(self.get_name(), seek, self._drive)
             except ParameterError as error:
                 raise RunError(str(error)) from None
-        surroundings = seek_surroundings(seek, sample_time, self._dsp.parameters, self._sensor)
-        self._seek = Seek(seek, sample_time, surroundings, self._scales)
+        self._seek = Seek(seek, sample_time, self._surroundings_of_seek(seek, sample_time), self._scales)
+
+    def _surroundings_of_seek(self, seek: SeekParameters, sample_time: float) -> SeekSurroundings:
+        return seek_surroundings(
+            seek,
+            lambda: self._make(self.parameters[self._kind], sample_time),
+            sample_time,
+            self._dsp.parameters,
+            self._scales,
+            self._sensor,
+        )
 
     def _prepare_feedforward(self, sample_time: float) -> None:
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
@@ -242,8 +251,7 @@ class ControllerNode(CatalogueNode):
             self._observer.update(self.parameters[ControllerObserverParameters].observer)
         if self._seek is not None:
             seek = self.parameters[seek_kind(self._row_name)].seek
-            sample_time = self._seek.sample_time
-            self._seek.update(seek, seek_surroundings(seek, sample_time, self._dsp.parameters, self._sensor))
+            self._seek.update(seek, self._surroundings_of_seek(seek, self._seek.sample_time))
         if self._feedforward is not None:
             parameters = self.parameters[ControllerFeedforwardParameters].feedforward
             knowledge = self._feedforward_knowledge(parameters, self._feedforward.sample_time)

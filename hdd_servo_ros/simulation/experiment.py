@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
-from hdd_servo_ros.analysis.seek_plans import no_seek, seek_surroundings
+from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
@@ -186,7 +186,8 @@ class Experiment:
         self.seek: Seek | None = None
         if seek.is_used:
             refuse_seek_in_other_units(node, seek, self.plant.parameters)
-            self.seek = Seek(seek, sample_time, self._surroundings_of_seek(seek), self.scales)
+            surroundings = self._surroundings_of_seek(seek, parameters_of_law)
+            self.seek = Seek(seek, sample_time, surroundings, self.scales)
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
             if disturbance is not None:
@@ -229,9 +230,17 @@ class Experiment:
             observer,
         )
 
-    def _surroundings_of_seek(self, seek: SeekParameters) -> SeekSurroundings:
+    def _surroundings_of_seek(self, seek: SeekParameters, law: Any) -> SeekSurroundings:
+        """Return what a seek part has to know of the loop, for a controller with these parameters."""
         sensor = None if self.servo is not None else self.ldv.parameters
-        return seek_surroundings(seek, self.sample_time, self.dsp.parameters, sensor)
+        return seek_surroundings(
+            seek,
+            lambda: self._make_law(law, self.sample_time),
+            self.sample_time,
+            self.dsp.parameters,
+            self.scales,
+            sensor,
+        )
 
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
@@ -256,7 +265,8 @@ class Experiment:
 
         if self.seek is not None and seek_kind(node) in sets:
             seek = sets[seek_kind(node)].seek
-            self.seek.update(seek, self._surroundings_of_seek(seek))
+            law = sets[NODES[node].block_parameters]
+            self.seek.update(seek, self._surroundings_of_seek(seek, law))
 
     @property
     def estimate_names(self) -> tuple[str, ...]:

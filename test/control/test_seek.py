@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from hdd_servo_ros.analysis.seek_plans import seek_plans, seek_surroundings
+from hdd_servo_ros.analysis.seek_plans import seek_plans
+from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_kernel import ESTIMATES, FOLLOW, SEEK, SETTLE
 from hdd_servo_ros.control.seek_parameters import SeekLearningParameters, SeekParameters
@@ -183,7 +185,12 @@ def test_new_parameters_leave_a_seek_under_way():
 
 def test_the_sensors_velocity_limit_is_known():
     sensor = LdvParameters(velocity_scale=5000.0)
-    found = seek_surroundings(PLAIN, T, DspParameters(computation_delay=1), sensor)
+
+    def make():
+        return Pid(PidParameters(), T)
+
+    scales = SensorScales(8.0, 5000.0)
+    found = seek_surroundings(PLAIN, make, T, DspParameters(computation_delay=1), scales, sensor)
     assert found.velocity_limit == pytest.approx(50000.0, rel=1e-3)
     assert found.delay == 1
-    assert seek_surroundings(PLAIN, T, DspParameters(), None).velocity_limit == math.inf
+    assert seek_surroundings(PLAIN, make, T, DspParameters(), scales, None).velocity_limit == math.inf

@@ -60,6 +60,11 @@ PURE_NUMBERS = {
     'seek.learning.gain_memory',
     'seek.learning.gain_range',
     'seek.learning.friction_range',
+    'seek.ptos.discount',
+    'seek.cnf.damping_ratio',
+    'seek.cnf.start_share',
+    'seek.cnf.settling_damping_ratio',
+    'seek.cnf.steepness',
 }
 """Ratios, exponents and what has several units in one list; their descriptions say so."""
 

@@ -1,0 +1,63 @@
+"""What a seek part has to know beside its parameters: plans, delay, the sensor's limit, and initial values."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hdd_servo_ros.analysis.initial_values import RigidDrive, initial_value_gains
+from hdd_servo_ros.analysis.seek_plans import seek_plans
+from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.seek import Seek, SeekPlans, SeekSurroundings
+from hdd_servo_ros.control.seek_parameters import SeekParameters
+from hdd_servo_ros.messages.controller_inputs import SensorScales
+
+
+def seek_surroundings(
+    parameters: SeekParameters,
+    make_controller: Callable[[], Controller],
+    sample_time: float,
+    dsp: DspParameters,
+    scales: SensorScales,
+    sensor: LdvParameters | None,
+) -> SeekSurroundings:
+    """
+    Return what a seek part has to know beside its parameters.
+
+    Parameters
+    ----------
+    parameters
+        The seek part's.
+    make_controller
+        Returns the following controller at rest, as it is at a switch.
+    sample_time
+        T [s].
+    dsp
+        What lies behind the controller.
+    scales
+        How the controller reads the sensor.
+    sensor
+        The vibrometer; None for a sensor whose velocity has no limit.
+    """
+    limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
+    if parameters.method == 'final_state':
+        return SeekSurroundings(seek_plans(parameters, sample_time), dsp.computation_delay, limit)
+    model = parameters.model
+    # Its friction is fed forward, so that the bristles are no spring.
+    drive = RigidDrive(model.gain, 0.0, model.viscous_coefficient)
+    fade_time = parameters.switch.fade_time
+    gains = initial_value_gains(make_controller, drive, fade_time, sample_time, dsp=dsp, sensor=scales)
+    bias_gains = (gains.error, gains.velocity, gains.gap)
+    return SeekSurroundings(no_plans(), dsp.computation_delay, limit, bias_gains)
+
+
+def no_plans() -> SeekPlans:
+    """Return plans for a method that has none, and a model that does not move."""
+    return SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
+
+
+def no_seek(sample_time: float) -> Seek:
+    """Return a seek part that stands for none."""
+    return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(no_plans()))
