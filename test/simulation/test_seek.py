@@ -56,7 +56,7 @@ def seeks(targets, controller='seek', seed=1, sensor=SENSOR, **nodes):
 
 
 def arrivals(head, targets, tolerance):
-    """Return the time from each target's step to the first sample within the tolerance that stays, or the dwell [ms]."""
+    """Return the time from each target's step to the first sample inside that stays, or the dwell [ms]."""
     outside = abs(head - np.array(targets)[:, None]) > tolerance
     last = DWELL - np.argmax(outside[:, ::-1], axis=1)
     return 1e3 * T * np.where(outside.any(axis=1), last, 0)
