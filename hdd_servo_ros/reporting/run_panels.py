@@ -109,7 +109,8 @@ def _bode_panels(response: FrequencyResponse) -> list[Panel]:
 
 def _edges_panel(run: RecordedRun) -> Panel | None:
     """Return the responses to the edges of a stepwise reference over each other."""
-    if not follows_reference(run) or not is_stepwise(run.desired_position):
+    # The diagrams of seeks show them on scales of their own.
+    if not follows_reference(run) or not is_stepwise(run.desired_position) or seeks_of(run):
         return None
     try:
         response = edge_responses(run)

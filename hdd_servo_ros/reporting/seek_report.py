@@ -23,6 +23,8 @@ from hdd_servo_ros.reporting.seeks_of_run import (
 LIMITS = (WRITE_LIMIT, READ_LIMIT)
 """Fractions of the track pitch within which a head may write, and read."""
 _MILLI = 1e3
+_MOST_LINES = 200
+"""Of the table of seeks on the page; ``metrics.yaml`` holds all."""
 
 
 def why_no_seek_metrics(run: RecordedRun) -> str:
@@ -186,8 +188,13 @@ def access_times_as_rows(run: RecordedRun) -> list[dict[str, float]]:
 
 def seek_tables(run: RecordedRun) -> dict[str, list[list[str]]]:
     """Return the tables of a report by their titles, the first line of each its head; none without seeks."""
-    tables = {'access times over length': access_times_as_rows(run), 'seeks': seeks_as_rows(run)}
-    return {title: _lines(rows) for title, rows in tables.items() if rows}
+    seeks, title = seeks_as_rows(run), 'seeks'
+    if len(seeks) > _MOST_LINES:
+        title = f'the {_MOST_LINES} slowest of {len(seeks)} seeks'
+        slowest = sorted(seeks, key=lambda row: row['seek_time_ms'])[-_MOST_LINES:]
+        seeks = sorted(slowest, key=lambda row: row['start_s'])
+    tables = {'access times over length': access_times_as_rows(run), title: seeks}
+    return {name: _lines(rows) for name, rows in tables.items() if rows}
 
 
 def _lines(rows: list[dict[str, float]]) -> list[list[str]]:

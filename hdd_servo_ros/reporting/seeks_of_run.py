@@ -112,14 +112,16 @@ def responses_of(run: RecordedRun, tolerance: float, stay: float | None = None, 
     """
     Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
 
-    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target.
+    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target. A last seek
+    of several is left out where the run ends before half the time between seeks is over.
     """
     found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples)
     if key not in found.responses:
         position = run.error + run.desired_position
         control = run.command if CONTROL.name in run else np.zeros(len(position))
-        found.responses[key] = seek_responses(
-            seeks_of(run),
+        seeks = seeks_of(run)
+        responses = seek_responses(
+            seeks,
             position,
             run.head.velocity,
             control,
@@ -129,6 +131,10 @@ def responses_of(run: RecordedRun, tolerance: float, stay: float | None = None, 
             samples=samples,
             stay=stay,
         )
+        # A run of a whole number of dwell times ends with the start of a seek.
+        if len(seeks) > 1 and len(position) - seeks[-1].row < 0.5 * (seeks[-1].row - seeks[-2].row):
+            responses.pop()
+        found.responses[key] = responses
     return found.responses[key]
 
 

@@ -103,3 +103,33 @@ def test_the_topics_of_blocks_are_read_as_those_of_a_run():
     assert 'ldv' not in live
     with pytest.raises(KeyError, match='ldv'):
         live['ldv']
+
+
+def test_seeks_show_target_mode_and_two_scales():
+    """From blocks of a controller that gives its mode and its target."""
+    count = 2000
+    time = T * np.arange(count)
+    target = np.where(time < 0.1, 0.0, 10.0)
+    head = np.where(time < 0.101, 0.0, 10.02)
+    zero = np.zeros(count)
+    mode = np.where((time >= 0.1) & (time < 0.101), 1.0, 0.0) + np.where((time >= 0.101) & (time < 0.103), 2.0, 0.0)
+    arrays = {
+        'reference': np.column_stack((target, zero, zero)),
+        'head': np.column_stack((head, zero, zero)),
+        'control': np.column_stack((zero, zero, zero)),
+        'estimates': np.column_stack((time, mode, target)),
+    }
+    figure = Figure()
+    view = LiveView(figure, 1.0)
+    view.add(make_block(SignalRows(0, T, arrays, ('t', 'seek_mode', 'seek_target'))), Units())
+    view.draw()
+    tracking, coarse, fine, _ = figure.axes
+    assert [line.get_label() for line in tracking.lines] == ['target', 'head']
+    assert (coarse.get_ylim(), fine.get_ylim()) == ((-1000.0, 1000.0), (-100.0, 100.0))
+    (error,) = fine.lines
+    assert np.asarray(error.get_ydata())[-1] == pytest.approx(20.0)
+    assert [shade.get_label() for shade in fine.collections] == ['mode: seek', 'mode: settle']
+    corners = [np.asarray(shade.get_paths()[0].vertices)[:, 0] for shade in fine.collections]
+    # To a bin of the block.
+    assert [x.min() for x in corners] == pytest.approx([0.1, 0.101], abs=1e-3)
+    assert [x.max() for x in corners] == pytest.approx([0.101, 0.103], abs=1e-3)

@@ -94,6 +94,13 @@ def test_arrivals_are_those_that_a_loop_finds(run):
         assert response.settling_time == pytest.approx(1e-4 * (arrival - switch))
 
 
+def test_a_seek_that_starts_as_the_run_ends_does_not_count(simulated, tmp_path):
+    for duration, counted in (('0.1', 5), ('0.1098', 5), ('0.11', 6)):
+        run = seeking_run(simulated, tmp_path / duration, f'duration:={duration}')
+        assert len(seeks_of(run)) == 6
+        assert len(responses_of(run, NANOMETRES)) == counted == by_name(seek_metrics(run))['seeks']
+
+
 def test_metrics_tables_and_lines_agree(run):
     metrics, rows = by_name(seek_metrics(run)), seeks_as_rows(run)
     assert metrics['seeks'] == metrics['seeks_arrived'] == len(rows) == 6
@@ -240,9 +247,13 @@ def test_the_live_view_takes_the_target_from_the_estimates(run, sine):
     assert view_of_estimates(sine) is None
 
 
-def test_many_lengths_have_a_curve_of_bounds_between_them(simulated, tmp_path):
+def test_many_lengths_have_a_curve_of_bounds_between_them(simulated, tmp_path, monkeypatch):
     arguments = ('controller:=pid', 'seek.source:=random', 'seek.count:=20', 'seek.shortest:=0.5', 'duration:=0.4')
     run = seeking_run(simulated, tmp_path / 'run', *arguments)
+    monkeypatch.setattr('hdd_servo_ros.reporting.seek_report._MOST_LINES', 3)
+    rows = seek_tables(run)['the 3 slowest of 20 seeks'][1:]
+    slowest = sorted(response.seek_time for response in responses_of(run, NANOMETRES))[-3:]
+    assert sorted(float(row[4]) for row in rows) == pytest.approx([1e3 * time for time in slowest])
     curve = bound_curve(run, NANOMETRES)
     assert curve is not None
     assert len(seeks_of(run)) == 20

@@ -24,9 +24,9 @@ def python_blocks(pytester):
 
 def test_the_tutorial(pytester, run_pytest, python_blocks):
     blocks = python_blocks('docs/bag-assertions.md')
-    assert len(blocks) == 3
+    assert len(blocks) == 4
     pytester.makepyfile('\n'.join(blocks))
-    run_pytest().assert_outcomes(passed=5)
+    run_pytest().assert_outcomes(passed=6)
 
 
 def test_readme_opens_a_run(pytester, kernel_cache, python_blocks):
