@@ -125,7 +125,7 @@ class SeekParameters(ParameterSet):
         'duration of the longest trajectory that is planned; a seek that needs more is made in several pieces',
         unit='s',
         minimum=1e-4,
-        maximum=0.1,
+        maximum=0.03,
         read_only=True,
     )
     arrival_tolerance: float = parameter(
