@@ -217,6 +217,25 @@ class LoopMargins:
         loop = (law * self._response(self._bare[index], frequencies)).sum(axis=1)
         return np.asarray(loop / self._through(law, frequencies))
 
+    def sensitivity(
+        self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        """Return S from position to position on the drive ``drives[index]`` [Hz], shape (len(frequencies),)."""
+        return np.asarray(1.0 / (1.0 + self.loop_gain(controller, index, frequencies)))
+
+    def path(
+        self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        """
+        Return the measured position over a voltage that is added to the controller's output [um/V].
+
+        The voltage is as late as the controller's own, by ``controller.delay`` samples.
+        """
+        law = controller.response(frequencies, self.sample_time)
+        response = self._response(self._bare[index], frequencies)
+        late = _on_circle(frequencies, self.sample_time) ** -controller.delay
+        return np.asarray(late * response[:, 0] / (self._through(law, frequencies) + (law * response).sum(axis=1)))
+
     def _own_command(self, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return what the velocity that the controller takes owes to its own command, shape (n, 2) as the responses."""
         own = np.zeros((len(frequencies), 2), dtype=np.complex128)

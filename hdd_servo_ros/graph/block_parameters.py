@@ -7,6 +7,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, ObserverParameters
+from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.catalogue import NODES
@@ -65,6 +66,24 @@ def feedforward_parameters(node: str, values: Mapping[str, object]) -> Feedforwa
     return output.feedforward
 
 
+def runout_parameters(node: str, values: Mapping[str, object]) -> RunoutParameters:
+    """
+    Return the parameters of a controller's cancellation of runout, from all that a file says of its node.
+
+    Raises
+    ------
+    ParameterError
+        If a value is refused, or the controller does not follow the reference and so has no error to reduce.
+    """
+    own = {declaration.name for declaration in declarations(ControllerRunoutParameters)}
+    given = {name: value for name, value in values.items() if name in own}
+    output: ControllerRunoutParameters = _constructed(ControllerRunoutParameters, node, given)
+    if output.runout.is_used and not NODES[node].follows_reference:
+        allowed = 'none, since this controller does not follow the reference'
+        raise ParameterError(f'{node}.runout.method', output.runout.method, allowed)
+    return output.runout
+
+
 def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverParameters:
     """Return the parameters of a controller's observer, from all that a file says of its node."""
     own = {declaration.name for declaration in declarations(ControllerObserverParameters)}
@@ -98,20 +117,14 @@ def seek_kind(node: str) -> type[ControllerSeekParameters]:
     return next(kind for kind in NODES[node].parameter_sets if issubclass(kind, ControllerSeekParameters))
 
 
-def refuse_seek_in_other_units(node: str, seek: SeekParameters, drive: PlantParameters) -> None:
-    """Refuse a seek part, whose parameters are in um and V, on a drive in other units: :class:`ParameterError`."""
+def refuse_other_units(
+    name: str, used: SeekParameters | FeedforwardParameters | RunoutParameters, drive: PlantParameters
+) -> None:
+    """Refuse what has parameters in um and V on a drive in other units: :class:`ParameterError` of ``name``."""
     units = drive.length_unit, drive.control_unit
-    if seek.is_used and units != ('um', 'V'):
+    if used.is_used and units != ('um', 'V'):
         allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
-        raise ParameterError(f'{node}.seek.method', seek.method, allowed)
-
-
-def refuse_feedforward_in_other_units(node: str, feedforward: FeedforwardParameters, drive: PlantParameters) -> None:
-    """Refuse a feedforward, whose parameters are in um and V, on a drive in other units: :class:`ParameterError`."""
-    units = drive.length_unit, drive.control_unit
-    if feedforward.is_used and units != ('um', 'V'):
-        allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
-        raise ParameterError(f'{node}.feedforward.method', feedforward.method, allowed)
+        raise ParameterError(name, used.method, allowed)
 
 
 def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:

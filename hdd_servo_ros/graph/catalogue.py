@@ -124,6 +124,7 @@ _EVERY_CONTROLLER = (
     'bench.dsp:ControllerInputParameters',
     'bench.dsp:ControllerOutputParameters',
     'control.feedforward_parameters:ControllerFeedforwardParameters',
+    'control.runout_parameters:ControllerRunoutParameters',
     'control.observer:ControllerObserverParameters',
     'control.seek_parameters:ControllerSeekParameters',
 )

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from hdd_servo_ros.analysis import fragility
-from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
+from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings
 from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
@@ -17,14 +18,16 @@ from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLim
 from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverParameters
+from hdd_servo_ros.control.runout import RunoutCancellation
+from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
     block_parameters,
     feedforward_parameters,
-    refuse_feedforward_in_other_units,
-    refuse_seek_in_other_units,
+    refuse_other_units,
+    runout_parameters,
     seek_kind,
     seek_parameters,
     sensor_scales,
@@ -83,6 +86,7 @@ class ControllerNode(CatalogueNode):
         self._loop: LoopSurroundings | None = None
         self._accelerometer: AccelerometerParameters | None = None
         self._feedforward: Feedforward | None = None
+        self._runout: RunoutCancellation | None = None
         self._observer: Observer | None = None
         self._seek: Seek | None = None
         # Compiles; the gains of the Kalman filter want a library that most runs do without.
@@ -94,6 +98,7 @@ class ControllerNode(CatalogueNode):
             compiles = no_seek(1e-4)
             compiles.before_law(NO_INPUTS, 0.0)
             compiles.after_law(0.0, 0.0, 0.0)
+        runout_parameters(name, to_mapping(self.parameters[ControllerRunoutParameters]))
 
     def last_tick_needed(self, sample_time: float) -> int:
         if not isinstance(self._controller, HasPlan):
@@ -122,9 +127,15 @@ class ControllerNode(CatalogueNode):
             scales = None if self._observer is not None else self._scales
             observer = None if self._observer is None else self._observer.parameters
             self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
-        self._prepare_seek(run.sample_time)
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
-        self._prepare_feedforward(run.sample_time)
+        names = (
+            *self._controller.estimate_names,
+            *self._prepare_seek(run.sample_time),
+            *self._prepare_feedforward(run.sample_time),
+            *self._prepare_runout(run.sample_time),
+            *(() if self._observer is None else self._observer.estimate_names),
+        )
+        self._estimates = ArrayCodec(names)
         for warning in self._warnings():
             self.get_logger().warning(warning)
 
@@ -136,17 +147,15 @@ class ControllerNode(CatalogueNode):
         self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
         self._held = 0.0
 
-    def _prepare_seek(self, sample_time: float) -> None:
+    def _prepare_seek(self, sample_time: float) -> tuple[str, ...]:
+        """Make the seek part, if there is one, and return the names of its estimates."""
+        parameters: SeekParameters = self.parameters[seek_kind(self._row_name)].seek
+        if not parameters.is_used:
+            return ()
+        self._refuse_other_units('seek.method', parameters)
         self._held = 0.0
-        seek: SeekParameters = self.parameters[seek_kind(self._row_name)].seek
-        if not seek.is_used:
-            return
-        if self._drive is not None:
-            try:
-                refuse_seek_in_other_units(self.get_name(), seek, self._drive)
-            except ParameterError as error:
-                raise RunError(str(error)) from None
-        self._seek = Seek(seek, sample_time, self._surroundings_of_seek(seek, sample_time), self._scales)
+        self._seek = Seek(parameters, sample_time, self._surroundings_of_seek(parameters, sample_time), self._scales)
+        return self._seek.estimate_names
 
     def _surroundings_of_seek(self, seek: SeekParameters, sample_time: float) -> SeekSurroundings:
         return seek_surroundings(
@@ -158,23 +167,38 @@ class ControllerNode(CatalogueNode):
             self._sensor,
         )
 
-    def _prepare_feedforward(self, sample_time: float) -> None:
+    def _prepare_feedforward(self, sample_time: float) -> tuple[str, ...]:
+        """Make the feedforward, if there is one, and return the names of its estimates."""
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
-        names = self._controller.estimate_names
-        if self._seek is not None:
-            names = (*names, *self._seek.estimate_names)
-        if parameters.is_used:
-            if self._drive is not None:
-                try:
-                    refuse_feedforward_in_other_units(self.get_name(), parameters, self._drive)
-                except ParameterError as error:
-                    raise RunError(str(error)) from None
-            knowledge = self._feedforward_knowledge(parameters, sample_time)
-            self._feedforward = Feedforward(parameters, sample_time, *knowledge)
-            names = (*names, *self._feedforward.estimate_names)
-        if self._observer is not None:
-            names = (*names, *self._observer.estimate_names)
-        self._estimates = ArrayCodec(names)
+        if not parameters.is_used:
+            return ()
+        self._refuse_other_units('feedforward.method', parameters)
+        knowledge = self._feedforward_knowledge(parameters, sample_time)
+        self._feedforward = Feedforward(parameters, sample_time, *knowledge)
+        return self._feedforward.estimate_names
+
+    def _prepare_runout(self, sample_time: float) -> tuple[str, ...]:
+        """Make the cancellation of runout, if there is one, and return the names of its estimates."""
+        parameters: RunoutParameters = self.parameters[ControllerRunoutParameters].runout
+        if not parameters.is_used:
+            return ()
+        self._refuse_other_units('runout.method', parameters)
+        try:
+            path = self._runout_path(parameters, sample_time)
+        except ParameterError as error:
+            raise RunError(f'{self.get_name()}: {error}') from None
+        RunoutCancellation(parameters, sample_time, path).step(0, 0.0)  # compiles
+        self._runout = RunoutCancellation(parameters, sample_time, path)
+        return self._runout.estimate_names
+
+    def _refuse_other_units(
+        self, name: str, parameters: SeekParameters | FeedforwardParameters | RunoutParameters
+    ) -> None:
+        if self._drive is not None:
+            try:
+                refuse_other_units(f'{self.get_name()}.{name}', parameters, self._drive)
+            except ParameterError as error:
+                raise RunError(str(error)) from None
 
     def _feedforward_knowledge(self, parameters: FeedforwardParameters, sample_time: float) -> Any:
         if self._accelerometer is None:
@@ -182,13 +206,21 @@ class ControllerNode(CatalogueNode):
                 f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is refused: none, since '
                 f'there is no {BASE_SENSOR} in this run'
             )
-        fresh = self._make(self.parameters[self._kind], sample_time)
-        observer = None
-        if self._observer is not None:
-            observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
+        fresh, observer = self._fresh(sample_time)
         return feedforward_knowledge(
             parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time, self._scales, observer
         )
+
+    def _runout_path(self, parameters: RunoutParameters, sample_time: float) -> Any:
+        fresh, observer = self._fresh(sample_time)
+        return runout_path(parameters, fresh, self._dsp.parameters, sample_time, self._scales, observer)
+
+    def _fresh(self, sample_time: float) -> tuple[Controller, Observer | None]:
+        """Return a controller and an observer as those of the run, both at rest."""
+        observer = None
+        if self._observer is not None:
+            observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
+        return self._make(self.parameters[self._kind], sample_time), observer
 
     def _sensor_scales(self) -> SensorScales:
         """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
@@ -207,7 +239,10 @@ class ControllerNode(CatalogueNode):
         """Return what a user should be told before the run."""
         if self._loop is None:
             return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
-        return fragility.warnings(self._controller, self._loop)
+        warnings = fragility.warnings(self._controller, self._loop)
+        if self._runout is None:
+            return warnings
+        return *warnings, *runout_warnings(self._controller, self._loop, self._runout.parameters, self._runout.path)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         controller, observer, offsets = self._controller, self._observer, self._offsets
@@ -230,6 +265,9 @@ class ControllerNode(CatalogueNode):
             output_1, output_2, _ = unpack_vector(messages[offsets[ACCELEROMETER.name]])
             law = feedforward.compensate(inputs.position - inputs.desired_position, output_1, output_2, *law)
             estimates = np.concatenate([estimates, feedforward.estimates])
+        if self._runout is not None:
+            law = self._runout.compensate(tick, inputs.position - inputs.desired_position, *law)
+            estimates = np.concatenate([estimates, self._runout.estimates])
         if observer is not None:
             estimates = np.concatenate([estimates, observer.estimates])
         u, unsaturated, feedback = self._dsp.step(*law)
@@ -256,6 +294,9 @@ class ControllerNode(CatalogueNode):
             parameters = self.parameters[ControllerFeedforwardParameters].feedforward
             knowledge = self._feedforward_knowledge(parameters, self._feedforward.sample_time)
             self._feedforward.update(parameters, *knowledge)
+        if self._runout is not None:
+            runout = self.parameters[ControllerRunoutParameters].runout
+            self._runout.update(runout, self._runout_path(runout, self._runout.sample_time))
 
     def _tell_limit(self) -> None:
         if isinstance(self._controller, KnowsOutputLimit):
@@ -273,6 +314,8 @@ class ControllerNode(CatalogueNode):
             yield Diagnosis('control', level, f'at its limit in {count} of {ticks} ticks', values)
         if self._feedforward is not None:
             yield _diagnosis_of(self._feedforward)
+        if self._runout is not None:
+            yield _diagnosis_of_runout(self._runout)
 
 
 def _diagnosis_of(feedforward: Feedforward) -> Diagnosis:
@@ -286,6 +329,15 @@ def _diagnosis_of(feedforward: Feedforward) -> Diagnosis:
     if feedforward.is_switched_off:
         return Diagnosis('feedforward', WARN, 'switched off, since the error is smaller without it', values)
     return Diagnosis('feedforward', OK, 'acts', values)
+
+
+def _diagnosis_of_runout(runout: RunoutCancellation) -> Diagnosis:
+    values = {'rms of the cancellation [V]': runout.learned_rms, 'learned in a revolution': runout.gain}
+    if not runout.parameters.enabled:
+        return Diagnosis('runout cancellation', OK, 'not enabled', values)
+    if runout.is_limited:
+        return Diagnosis('runout cancellation', WARN, 'at its limit: it may diverge', values)
+    return Diagnosis('runout cancellation', OK, 'acts', values)
 
 
 def run_plain_controller(name: str, arguments: Sequence[str] | None) -> int:

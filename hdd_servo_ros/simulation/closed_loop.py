@@ -16,6 +16,8 @@ from hdd_servo_ros.control.feedforward_kernel import feedforward_step
 from hdd_servo_ros.control.observer import ObserverArrays, observer_step
 from hdd_servo_ros.control.open_loop import OpenLoopArrays, open_loop_step
 from hdd_servo_ros.control.pid import PidArrays, pid_step
+from hdd_servo_ros.control.runout import PlainArrays as RunoutArrays
+from hdd_servo_ros.control.runout_kernel import runout_step
 from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
 from hdd_servo_ros.control.seek_kernel import seek_after_law, seek_before_law
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
@@ -59,6 +61,8 @@ def closed_loop(
     accelerometer: AccelerometerArrays,
     has_feedforward: bool,
     feedforward: FeedforwardArrays,
+    has_runout: bool,
+    runout: RunoutArrays,
     dsp: DspArrays,
     held: NDArray[np.float64],
     deviates: NDArray[np.float64],
@@ -69,7 +73,7 @@ def closed_loop(
 
     At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
     vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the
-    controller responds, seek part and feedforward are added, and the DSP makes u_k of it. The kernel calls the very
+    controller responds, what the blocks around it give is added, and the DSP makes u_k of it. The kernel calls the very
     kernels that the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the
     vibrometer's noise, which is a function of the tick, is drawn for all ticks beforehand.
 
@@ -88,9 +92,9 @@ def closed_loop(
         if there are rows for `/pes`, and there are none for `/ldv` then.
     controllers
         The ``arrays`` of the controllers; the last one of each is its estimates.
-    has_seek, seek, accelerometer, has_feedforward, feedforward, dsp
-        The ``arrays`` of the blocks around the controller. The accelerometers take part if there are rows for them,
-        seek part and feedforward if that is said.
+    has_seek, seek, accelerometer, has_feedforward, feedforward, has_runout, runout, dsp
+        The ``arrays`` of the blocks around the controller. The accelerometers are included if there are rows for them,
+        seek part, feedforward and cancellation of runout by their flags.
     held
         Array of four elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
         [m/s^2] and angular [rad/s^2] acceleration of the base.
@@ -168,6 +172,11 @@ def closed_loop(
             u += u_ff
             unsaturated += u_ff
             column = _write(feedforward[-1], estimate_rows, row, column)
+        if has_runout:
+            u_rro = runout_step(*runout, tick, measured - x_d)
+            u += u_rro
+            unsaturated += u_rro
+            column = _write(runout[-1], estimate_rows, row, column)
         if has_servo:
             _write(observer[-1], estimate_rows, row, column)
         u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
-from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
+from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings
 from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
@@ -20,6 +21,9 @@ from hdd_servo_ros.control.feedforward import AccelerometerScales, Feedforward
 from hdd_servo_ros.control.feedforward import PlainArrays as FeedforwardArrays
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverArrays, ObserverParameters
+from hdd_servo_ros.control.runout import PlainArrays as RunoutArrays
+from hdd_servo_ros.control.runout import RunoutCancellation, path_length
+from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
 from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
@@ -30,8 +34,8 @@ from hdd_servo_ros.graph.block_parameters import (
     feedforward_parameters,
     input_parameters,
     observer_parameters,
-    refuse_feedforward_in_other_units,
-    refuse_seek_in_other_units,
+    refuse_other_units,
+    runout_parameters,
     seek_kind,
     seek_parameters,
     sensor_scales,
@@ -95,6 +99,13 @@ def _arrays_of_no_seek() -> SeekArrays:
     return no_seek(1e-4).arrays
 
 
+@functools.cache
+def _arrays_of_no_runout() -> RunoutArrays:
+    """Return the arrays of a cancellation that does not run."""
+    parameters = RunoutParameters(method='harmonics')
+    return RunoutCancellation(parameters, 1e-4, np.zeros(path_length(parameters, 1e-4))).arrays
+
+
 class Experiment:
     """
     The closed loop of one reference, drive, sensor and controller.
@@ -151,6 +162,7 @@ class Experiment:
         self.controller: Controller
         scales = ControllerInputParameters()
         feedforward = FeedforwardParameters()
+        runout = RunoutParameters()
         observer = ObserverParameters()
         seek = SeekParameters()
         self._make_law: Callable[[Any, float], Controller]
@@ -171,6 +183,7 @@ class Experiment:
             dsp = dsp_parameters(node, own)
             scales = input_parameters(node, own)
             feedforward = feedforward_parameters(node, own)
+            runout = runout_parameters(node, own)
             observer = observer_parameters(node, own)
             seek = seek_parameters(node, own)
             if self.servo is not None and NODES[node].needs_ldv:
@@ -185,7 +198,7 @@ class Experiment:
         self.observer = None if self.servo is None else Observer(observer, sample_time)
         self.seek: Seek | None = None
         if seek.is_used:
-            refuse_seek_in_other_units(node, seek, self.plant.parameters)
+            refuse_other_units(f'{node}.seek.method', seek, self.plant.parameters)
             surroundings = self._surroundings_of_seek(seek, parameters_of_law)
             self.seek = Seek(seek, sample_time, surroundings, self.scales)
         self._disturbance = disturbance
@@ -198,9 +211,17 @@ class Experiment:
             self.accelerometer = self._block(BASE_SENSOR, sections)
         self.feedforward: Feedforward | None = None
         if feedforward.is_used:
-            refuse_feedforward_in_other_units(node, feedforward, self.plant.parameters)
+            refuse_other_units(f'{node}.feedforward.method', feedforward, self.plant.parameters)
             knowledge = self._knowledge_of(feedforward, parameters_of_law)
             self.feedforward = Feedforward(feedforward, sample_time, *knowledge)
+        self.runout: RunoutCancellation | None = None
+        if runout.is_used:
+            refuse_other_units(f'{node}.runout.method', runout, self.plant.parameters)
+            try:
+                path = self._runout_path(runout, parameters_of_law)
+            except ParameterError as error:
+                raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
+            self.runout = RunoutCancellation(runout, sample_time, path)
         self._held: NDArray[np.float64] = np.zeros(4)
         self._next_tick = 0
 
@@ -218,8 +239,7 @@ class Experiment:
     ) -> tuple[NDArray[np.float64], AccelerometerScales]:
         """Return what the feedforward has to know of loop and sensors, for a controller with these parameters."""
         assert self.accelerometer is not None
-        fresh = self._make_law(law, self.sample_time)
-        observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
+        fresh, observer = self._fresh(law)
         return feedforward_knowledge(
             feedforward,
             fresh,
@@ -242,6 +262,16 @@ class Experiment:
             sensor,
         )
 
+    def _runout_path(self, runout: RunoutParameters, law: Any) -> NDArray[np.float64]:
+        """Return the path of the cancellation of runout, for a controller with these parameters."""
+        fresh, observer = self._fresh(law)
+        return runout_path(runout, fresh, self.dsp.parameters, self.sample_time, self.scales, observer)
+
+    def _fresh(self, law: Any) -> tuple[Controller, Observer | None]:
+        """Return a controller with these parameters and an observer as that of the run, both at rest."""
+        observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
+        return self._make_law(law, self.sample_time), observer
+
     def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
         if node == DISTURBANCE_GENERATOR:
@@ -262,6 +292,9 @@ class Experiment:
             parameters = sets[ControllerFeedforwardParameters].feedforward
             law = sets[NODES[node].block_parameters]
             self.feedforward.update(parameters, *self._knowledge_of(parameters, law))
+        if self.runout is not None and ControllerRunoutParameters in sets:
+            runout = sets[ControllerRunoutParameters].runout
+            self.runout.update(runout, self._runout_path(runout, sets[NODES[node].block_parameters]))
 
         if self.seek is not None and seek_kind(node) in sets:
             seek = sets[seek_kind(node)].seek
@@ -271,22 +304,23 @@ class Experiment:
     @property
     def estimate_names(self) -> tuple[str, ...]:
         """Names of the columns of ``/estimates``: those of the controller, then those of the blocks around it."""
-        blocks = (self.controller, self.seek, self.feedforward, self.observer)
+        blocks = (self.controller, self.seek, self.feedforward, self.runout, self.observer)
         return tuple(name for block in blocks if block is not None for name in block.estimate_names)
 
     def warnings(self) -> tuple[str, ...]:
         """Return what a user should be told of the controller before a run."""
-        return fragility.warnings(
-            self.controller,
-            fragility.LoopSurroundings(
-                self.plant.parameters,
-                self.sample_time,
-                self.dsp.parameters.computation_delay,
-                self.ldv.parameters if self.observer is None else None,
-                self.scales if self.observer is None else None,
-                None if self.observer is None else self.observer.parameters,
-            ),
+        loop = fragility.LoopSurroundings(
+            self.plant.parameters,
+            self.sample_time,
+            self.dsp.parameters.computation_delay,
+            self.ldv.parameters if self.observer is None else None,
+            self.scales if self.observer is None else None,
+            None if self.observer is None else self.observer.parameters,
         )
+        warnings = fragility.warnings(self.controller, loop)
+        if self.runout is None:
+            return warnings
+        return *warnings, *runout_warnings(self.controller, loop, self.runout.parameters, self.runout.path)
 
     def saturation_warnings(self) -> dict[tuple[str, str], str]:
         """Return, for each instrument's node and output that has been clipped, what a user should be told."""
@@ -389,6 +423,8 @@ class Experiment:
                 (self.accelerometer or _default_accelerometer()).arrays,
                 self.feedforward is not None,
                 _arrays_of_no_feedforward() if self.feedforward is None else self.feedforward.arrays,
+                self.runout is not None,
+                _arrays_of_no_runout() if self.runout is None else self.runout.arrays,
                 self.dsp.arrays,
                 self._held,
                 np.empty((len(rows), 2)),
@@ -398,7 +434,7 @@ class Experiment:
 
     def _estimates(self) -> NDArray[np.float64]:
         """Return what ``/estimates`` carries after a step."""
-        blocks = (self.controller, self.seek, self.feedforward, self.observer)
+        blocks = (self.controller, self.seek, self.feedforward, self.runout, self.observer)
         return np.concatenate([block.estimates for block in blocks if block is not None])
 
     def _controllers(self) -> Controllers:
@@ -446,6 +482,8 @@ class Experiment:
                 law = self.seek.after_law(*law)
             if self.feedforward is not None:
                 law = self.feedforward.compensate(inputs.position - inputs.desired_position, *outputs, *law)
+            if self.runout is not None:
+                law = self.runout.compensate(tick, inputs.position - inputs.desired_position, *law)
             commanded = self.dsp.step(*law)
             self._held[:] = commanded[0], forces[row], base[row, LINEAR_Y], base[row, ANGULAR_Z]
             rows.reference[row] = reference

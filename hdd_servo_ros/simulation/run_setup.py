@@ -12,6 +12,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters
+from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
 from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekControllerParameters
 from hdd_servo_ros.graph.catalogue import (
     CONTROLLERS,
@@ -53,6 +54,7 @@ _AROUND_A_CONTROLLER = (
     ControllerInputParameters,
     ControllerOutputParameters,
     ControllerFeedforwardParameters,
+    ControllerRunoutParameters,
     ControllerObserverParameters,
     ControllerSeekParameters,
     SeekControllerParameters,

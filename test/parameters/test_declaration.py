@@ -65,6 +65,10 @@ PURE_NUMBERS = {
     'seek.cnf.start_share',
     'seek.cnf.settling_damping_ratio',
     'seek.cnf.steepness',
+    'runout.orders',
+    'runout.gain',
+    'runout.initial_gain',
+    'runout.wait',
 }
 """Ratios, exponents and what has several units in one list; their descriptions say so."""
 
