@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hdd_servo_ros.analysis.sensitivity import LinearController
 
 PLANT, SENSOR, SERVO_SENSOR = 'vcm_plant', 'ldv_sensor', 'servo_sensor'
-CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller'}
+CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller', 'seek': 'seek_controller'}
 """Controllers with a linear loop, and their nodes."""
 SAMPLES = 48
 """Ticks, evenly over the run, at which Ms is computed in addition to the extremes of the estimates."""
@@ -79,10 +79,11 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
     from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
     from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+    from hdd_servo_ros.control.pid import PidParameters
 
     loop = loop_surroundings(run, node)
     law = block_parameters(node, parameters_at_start(run)[node])
-    if node == 'pid_controller':
+    if isinstance(law, PidParameters):
         ms = loop.margins.peak_sensitivity(pid_law(law, loop.delay))
         return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
     frozen = loop.frozen_loop(AdaptiveNn(law, run.sample_time))
@@ -121,11 +122,12 @@ def linear_controller_at_end(run: RecordedRun) -> 'LinearController':
     """Return the controller of a run as a linear one, with the estimates at the end; see :func:`why_no_sensitivity`."""
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, frozen_law, pid_law
     from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
+    from hdd_servo_ros.control.pid import PidParameters
 
     node = CONTROLLERS[run.controller]
     own = parameters_at_start(run)[node]
     law, delay = block_parameters(node, own), dsp_parameters(node, own).computation_delay
-    if node == 'pid_controller':
+    if isinstance(law, PidParameters):
         return pid_law(law, delay)
     estimates = FrozenEstimates(*(float(run.estimates[name][-1]) for name in FrozenEstimates._fields))
     return frozen_law(AdaptiveNn(law, run.sample_time), estimates, delay)
