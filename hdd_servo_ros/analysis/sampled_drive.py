@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import PLANT_STATE, DisturbanceParameters, Plant, PlantParameters
+from hdd_servo_ros.drive.travel import TravelParameters
 from hdd_servo_ros.numerics.records import record
 
 Array = NDArray[np.float64]
@@ -102,6 +103,7 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
             initial_position=0.0,
             initial_velocity=0.0,
             disturbance=DisturbanceParameters(),
+            travel=TravelParameters(),
             friction=friction if presliding else sliding_friction(friction),
         ),
         sample_time,

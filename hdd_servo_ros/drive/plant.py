@@ -2,7 +2,8 @@
 The drive of the loop: actuator, rigid body with pivot friction, resonances of the head; one step a tick.
 
 The rigid body obeys m x'' + h + d = u (4.1) with m = 1/gain. It is integrated in substeps, each friction family by its
-own second-order step; the resonances follow the rigid body's mean acceleration of each substep exactly.
+own second-order step; the resonances follow the rigid body's mean acceleration of each substep exactly, and its jumps
+of velocity at the crash stops.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,17 @@ from hdd_servo_ros.drive.electrical import DRIVER, back_emf_current, driver_forc
 from hdd_servo_ros.drive.friction.dispatch import contact_after_change, friction_force, friction_substep
 from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants, friction_nodes
 from hdd_servo_ros.drive.resonance import MODE, ResonanceParameters, modal_arrays, modal_form
+from hdd_servo_ros.drive.travel import (
+    IMPACTS,
+    STOPS,
+    TRAVEL,
+    StopImpacts,
+    TravelParameters,
+    count_impact,
+    strike_modes,
+    travel_constants,
+    travel_substep,
+)
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
 from hdd_servo_ros.numerics.records import layout, record, zeros
@@ -37,11 +49,17 @@ PLANT = layout(
     'is_electrical',
     ('driver', DRIVER),
     ('friction', FRICTION),
+    ('travel', TRAVEL),
 )
 """The plant's constants; ``disturbance_amplitude`` is of its mean over a substep, r0 and r1 are R0, R1 of the head."""
 
-PLANT_STATE = layout('position', 'velocity', 'amplifier', 'coil', 'deflection', 'mean_friction', 'friction')
-"""The plant's state without the modes: x and v, the driver's b and c, the contact, and the friction at the tick."""
+PLANT_STATE = layout(
+    'position', 'velocity', 'amplifier', 'coil', 'deflection', 'mean_friction', 'friction', ('impacts', IMPACTS)
+)
+"""
+The plant's state without the modes: x and v, the driver's b and c, the contact, the friction at the tick, and the
+impacts on the crash stops so far.
+"""
 
 
 @dataclass(frozen=True)
@@ -71,7 +89,18 @@ class PlantParameters(ParameterSet):
     actuator: ActuatorParameters = group(ActuatorParameters)
     friction: FrictionParameters = group(FrictionParameters)
     resonance: ResonanceParameters = group(ResonanceParameters)
+    travel: TravelParameters = group(TravelParameters)
     disturbance: DisturbanceParameters = group(DisturbanceParameters)
+
+    def check_together(self) -> None:
+        """Check that the body starts between the crash stops; raises :class:`ParameterError`."""
+        travel = self.travel
+        if travel.is_limited and not travel.lower <= self.initial_position <= travel.upper:
+            raise ParameterError(
+                'initial_position',
+                self.initial_position,
+                f'between the travel limits, {travel.lower!r} and {travel.upper!r} um',
+            )
 
     @property
     def rigid_gain(self) -> float:
@@ -127,6 +156,29 @@ class Plant:
         """
         return plant_step(*self.arrays, tick, control, disturbance)
 
+    @property
+    def impacts(self) -> dict[str, StopImpacts]:
+        """The impacts so far on each crash stop that was hit, by its name: lower, upper."""
+        counted = record(self.state, PLANT_STATE).impacts
+        return {
+            name: StopImpacts(
+                int(counted[name].count), int(counted[name].first_tick), float(counted[name].largest_speed)
+            )
+            for name in STOPS
+            if counted[name].count
+        }
+
+    def impact_warnings(self) -> dict[str, str]:
+        """Return, for each crash stop that was hit, what a user should be told."""
+        travel = self.parameters.travel
+        limits = {'lower': travel.lower, 'upper': travel.upper}
+        unit = self.parameters.length_unit
+        return {
+            name: f'the actuator hits the {name} crash stop at {limits[name]:g} {unit} by tick {found.first_tick}; '
+            'further impacts are counted, not told'
+            for name, found in self.impacts.items()
+        }
+
     def update(self, parameters: PlantParameters) -> None:
         """
         Go on under other parameters from the present state.
@@ -178,6 +230,7 @@ def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
         plant.is_electrical = 1.0
         plant.driver = record(electrical_constants(parameters.actuator, substep), DRIVER)
     plant.friction = record(friction_constants(parameters.friction), FRICTION)
+    plant.travel = record(travel_constants(parameters.travel), TRAVEL)
     return constants
 
 
@@ -219,6 +272,8 @@ def plant_step(
     position, velocity = s.position, s.velocity
     amplifier, coil = s.amplifier, s.coil
     deflection, mean_friction = s.deflection, s.mean_friction
+    is_limited = c.travel.is_limited != 0.0
+    jump = 0.0
     _swing(modes, motion)
     for j in range(int(c.substeps)):
         applied = control
@@ -232,12 +287,31 @@ def plant_step(
             applied -= c.disturbance_amplitude * sine_cosine_of_turns(turns)[0]
         previous_position = position
         previous_velocity = velocity
-        position, velocity, deflection, mean_friction = friction_substep(
-            c.friction, nodes, substep, c.gain, position, velocity, deflection, mean_friction, applied, drag
-        )
+        if is_limited:
+            position, velocity, deflection, mean_friction, contact, jump, speed = travel_substep(
+                c.travel,
+                c.friction,
+                nodes,
+                substep,
+                c.gain,
+                position,
+                velocity,
+                deflection,
+                mean_friction,
+                applied,
+                drag,
+            )
+            if speed != 0.0:
+                count_impact(s.impacts, tick, speed)
+            if jump != 0.0:
+                strike_modes(modes, (c.substeps - float(j)) * substep - contact, jump, motion)
+        else:
+            position, velocity, deflection, mean_friction = friction_substep(
+                c.friction, nodes, substep, c.gain, position, velocity, deflection, mean_friction, applied, drag
+            )
         if c.is_electrical != 0.0:
             coil -= back_emf_current(c.driver, (position - previous_position) / substep)
-        _drive_modes(responses, j, (velocity - previous_velocity) / substep, motion)
+        _drive_modes(responses, j, (velocity - jump - previous_velocity) / substep, motion)
     s.position, s.velocity = position, velocity
     s.amplifier, s.coil = amplifier, coil
     s.deflection, s.mean_friction = deflection, mean_friction

@@ -33,6 +33,8 @@ MODE = layout(
     'position_of_rate',
     'velocity_of_q',
     'velocity_of_rate',
+    'half',
+    'damped',
 )
 """What the plant's kernel knows of a mode; see :func:`modal_arrays`."""
 
@@ -261,8 +263,8 @@ def modal_arrays(
     Returns
     -------
     modes
-        Transition over the sample time, and weights of q and q' in the head's position and velocity: a row of the
-        layout :data:`MODE` per mode.
+        Transition over the sample time, weights of q and q' in the head's position and velocity, decay rate [1/s] and
+        damped angular frequency [rad/s]: a row of the layout :data:`MODE` per mode.
     responses
         (q, q') at the end of the sample for a unit acceleration during one substep alone, of shape
         (substeps, modes, 2).
@@ -276,6 +278,8 @@ def modal_arrays(
         row.position_of_rate = mode.beta
         row.velocity_of_q = -mode.beta * mode.a0
         row.velocity_of_rate = mode.gamma - mode.beta * mode.a1
+        row.half = 0.5 * mode.a1
+        row.damped = math.sqrt(mode.a0 - row.half * row.half)
         after = [mode_transition(mode, sample_time * (substeps - j) / substeps)[4:] for j in range(substeps)]
         after.append((0.0, 0.0))
         for j in range(substeps):

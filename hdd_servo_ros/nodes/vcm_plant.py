@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
@@ -10,12 +10,17 @@ from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import DriveIdentityParameters
+from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
 class VcmPlant(CatalogueNode):
-    """Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before."""
+    """
+    Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before.
+
+    Warns of the first impact on each crash stop, and counts all.
+    """
 
     def __init__(self) -> None:
         super().__init__('vcm_plant')
@@ -23,6 +28,9 @@ class VcmPlant(CatalogueNode):
         self._plant = self.trial(Plant, PlantParameters)
         self._plant.output()
         self._plant.step(1, 0.0, 0.0)
+        self._is_limited = False
+        self._told: set[str] = set()
+        self._diagnosed: dict[str, int] = {}
 
     def offers(self) -> dict[str, str]:
         drive = self.parameters[PlantParameters]
@@ -35,6 +43,7 @@ class VcmPlant(CatalogueNode):
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
         self._plant = Plant(self.parameters[PlantParameters], run.sample_time)
+        self._is_limited = self._plant.parameters.travel.is_limited
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         if tick == 0:
@@ -43,6 +52,8 @@ class VcmPlant(CatalogueNode):
             control = self._voltage(1, tick, messages)
             disturbance = self._voltage(2, tick, messages) if len(messages) > 2 else 0.0
             x, v, friction = self._plant.step(tick, control, disturbance)
+            if self._is_limited:
+                self._warn()
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, friction), x, v, friction)
 
     def _voltage(self, port: int, tick: int, messages: Sequence[bytes]) -> float:
@@ -51,6 +62,24 @@ class VcmPlant(CatalogueNode):
             topic = self.inputs[port].name
             raise NotFiniteError(topic, tick - 1, (x, y, z), publishers_of(self, topic))
         return x
+
+    def _warn(self) -> None:
+        for stop, warning in self._plant.impact_warnings().items():
+            if stop not in self._told:
+                self._told.add(stop)
+                self.get_logger().warning(warning)
+
+    def diagnose(self) -> Iterable[Diagnosis]:
+        if not self._is_limited:
+            return
+        impacts = self._plant.impacts
+        new = {stop: found.count - self._diagnosed.get(stop, 0) for stop, found in impacts.items()}
+        self._diagnosed = {stop: found.count for stop, found in impacts.items()}
+        values: dict[str, object] = {f'{stop} stop: impacts, in all': found.count for stop, found in impacts.items()}
+        unit = self._plant.parameters.length_unit
+        values |= {f'{stop} stop: largest speed [{unit}/s]': found.largest_speed for stop, found in impacts.items()}
+        hits = ', '.join(f'{stop} stop {count} times' for stop, count in new.items() if count)
+        yield Diagnosis('travel', WARN if hits else OK, f'hit: {hits}' if hits else 'no new impacts', values)
 
     def update(self) -> None:
         self._plant.update(self.parameters[PlantParameters])

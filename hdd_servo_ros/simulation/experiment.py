@@ -323,8 +323,13 @@ class Experiment:
         return *warnings, *runout_warnings(self.controller, loop, self.runout.parameters, self.runout.path)
 
     def saturation_warnings(self) -> dict[tuple[str, str], str]:
-        """Return, for each instrument's node and output that has been clipped, what a user should be told."""
-        warnings = {('ldv_sensor', output): text for output, text in self.ldv.saturation_warnings().items()}
+        """
+        Return what a user should be told of an output that has been clipped, and of a crash stop that was hit.
+
+        By the node of the instrument and its output, and by that of the drive and its stop.
+        """
+        warnings = {('vcm_plant', stop): text for stop, text in self.plant.impact_warnings().items()}
+        warnings |= {('ldv_sensor', output): text for output, text in self.ldv.saturation_warnings().items()}
         if self.servo is not None:
             warnings.update(
                 (('servo_sensor', output), text) for output, text in self.servo.saturation_warnings().items()

@@ -99,6 +99,12 @@ EFFECTS = (
         lambda loop: loop.plant.actuator.is_electrical,
     ),
     Effect(
+        'travel',
+        'no crash stops',
+        'not covered: an impact is a force that the controller does not know',
+        lambda loop: loop.plant.travel.is_limited,
+    ),
+    Effect(
         'measurement',
         'state read exactly',
         'not covered: noise, ADC, lag and drop-outs of the vibrometer, and the filter of `velocity_source: difference`'

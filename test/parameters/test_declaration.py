@@ -31,6 +31,7 @@ PURE_NUMBERS = {
     'resonance.denominators',
     'resonance.damping_ratios',
     'resonance.residues',
+    'travel.restitution',
     'network.width',
     'width.factor',
     'compensator.width',
