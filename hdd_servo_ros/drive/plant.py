@@ -27,7 +27,7 @@ from hdd_servo_ros.drive.travel import (
     travel_constants,
     travel_substep,
 )
-from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI, sine_cosine_of_turns
 from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
@@ -265,6 +265,44 @@ def plant_step(
 ) -> tuple[float, float, float]:
     """Advance ``state`` and ``motion`` from ``tick`` - 1 to ``tick``; see :meth:`Plant.step`."""
     c = record(constants, PLANT)
+    if c.travel.is_limited != 0.0:
+        _limited_sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance)
+    else:
+        _sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance, False)
+    return plant_output(constants, nodes, modes, responses, state, motion)
+
+
+@compiled_apart
+def _limited_sample(
+    constants: Array,
+    nodes: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    control: float,
+    disturbance: float,
+) -> None:
+    """Advance a drive with crash stops; apart, so that a drive without them does not carry their code."""
+    _sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance, True)
+
+
+@compiled
+def _sample(
+    constants: Array,
+    nodes: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    control: float,
+    disturbance: float,
+    is_limited: bool,
+) -> None:
+    """Advance a drive; ``is_limited`` is a constant where this is inlined, which makes one loop for each case."""
+    c = record(constants, PLANT)
     s = record(state, PLANT_STATE)
     control = min(max(control, -c.control_limit), c.control_limit)
     substep = c.substep
@@ -272,7 +310,6 @@ def plant_step(
     position, velocity = s.position, s.velocity
     amplifier, coil = s.amplifier, s.coil
     deflection, mean_friction = s.deflection, s.mean_friction
-    is_limited = c.travel.is_limited != 0.0
     jump = 0.0
     _swing(modes, motion)
     for j in range(int(c.substeps)):
@@ -311,12 +348,14 @@ def plant_step(
             )
         if c.is_electrical != 0.0:
             coil -= back_emf_current(c.driver, (position - previous_position) / substep)
-        _drive_modes(responses, j, (velocity - jump - previous_velocity) / substep, motion)
+        gained = velocity - previous_velocity
+        if is_limited:
+            gained -= jump
+        _drive_modes(responses, j, gained / substep, motion)
     s.position, s.velocity = position, velocity
     s.amplifier, s.coil = amplifier, coil
     s.deflection, s.mean_friction = deflection, mean_friction
     s.friction = friction_force(c.friction, nodes, position, velocity, deflection, mean_friction)
-    return plant_output(constants, nodes, modes, responses, state, motion)
 
 
 @compiled
