@@ -35,9 +35,9 @@ def why_no_seek_metrics(run: RecordedRun) -> str:
 
 
 def _responses(run: RecordedRun, of_pitch: float = WRITE_LIMIT) -> list[SeekResponse]:
-    """Return the responses to the seeks within a fraction of the pitch; none if it is not known."""
+    """Return the responses to the seeks within a fraction of the pitch; none without seeks, or if it is not known."""
     tolerance = tolerance_of(run, of_pitch)
-    return [] if tolerance is None else responses_of(run, tolerance)
+    return [] if tolerance is None or not seeks_of(run) else responses_of(run, tolerance)
 
 
 def seek_line(run: RecordedRun) -> str:
