@@ -15,6 +15,7 @@ from hdd_servo_ros.reporting.loop_panels import BUCKETS, TIME_LABEL, Lines, erro
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace, fitted_range
 from hdd_servo_ros.reporting.run_names import run_names
 from hdd_servo_ros.reporting.run_panels import spectrum_line, spectrum_panel
+from hdd_servo_ros.reporting.seek_panels import access_times_of_runs
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
 _POINTS = 20_000
@@ -61,6 +62,9 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
         label = f'control [{shown(controlled[0].run.control_unit)}]'
         traces = _lines(controlled, close_up, lambda run: run.command)
         panels.append(_over_time('control', 'Control', label, traces, close_up))
+    seeks = access_times_of_runs({item.name: (item.run, item.colour) for item in following})
+    if seeks is not None:
+        panels.append(seeks)
     if following:
         lines = (
             spectrum_line(

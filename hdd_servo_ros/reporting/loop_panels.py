@@ -1,5 +1,6 @@
 """The diagrams over time: positions, error, control and estimates of whatever has the loop's signals."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -166,13 +167,18 @@ def error_label(units: Units) -> str:
 def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[list[Trace], list[Trace]]:
     """Return target, and trajectory to it if there is one, and the head's errors from both."""
     factor = signals.units.error_factor
-    position = [lines.over_time('target', seeks.target, GREY, wide=True)]
+    position = [_stairs(lines.over_time('target', seeks.target, GREY, wide=True))]
     error = factor * (signals.error + signals.desired_position - seeks.target)
     errors = [lines.over_time(error_name(signals, 'target'), error, COLOURS[1])]
     if not np.array_equal(seeks.target, signals.desired_position):
         position.append(lines.over_time('trajectory', signals.desired_position, COLOURS[3]))
         errors.insert(0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.error, COLOURS[3]))
     return position, errors
+
+
+def _stairs(trace: Trace) -> Trace:
+    """Return a line that holds each value until the next point, where it jumps."""
+    return dataclasses.replace(trace, x=np.repeat(trace.x, 2)[1:], y=np.repeat(trace.y, 2)[:-1])
 
 
 def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:

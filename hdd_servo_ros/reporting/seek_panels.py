@@ -1,9 +1,10 @@
 """The diagrams of a run's seeks: access times over length with their bounds, errors on two scales, residual spectra."""
 
+import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
 from hdd_servo_ros.analysis.seek_metrics import RESIDUAL_TIME, SeekResponse, residual_spectrum
@@ -14,6 +15,7 @@ from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
 from hdd_servo_ros.reporting.seek_view import COARSE, FINE
 from hdd_servo_ros.reporting.seeks_of_run import bound_curve, responses_of, seeks_of, tolerance_of
 
+_DARK = '#444444'
 _SEEKS = 7
 """How many seeks are drawn over each other."""
 _AFTER_ARRIVAL = 3e-3
@@ -43,6 +45,47 @@ def _spread(responses: list[SeekResponse]) -> list[SeekResponse]:
     return [ordered[row] for row in rows.tolist()]
 
 
+def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel | None:
+    """
+    Return the seek times of several runs over length, with the bounds of the one that has seeks of most lengths.
+
+    Parameters
+    ----------
+    runs
+        By name, each run and its colour.
+
+    Returns
+    -------
+    Panel or None
+        None where no run has seeks, or no drive is in um.
+    """
+    known = [(name, run, colour, tolerance_of(run)) for name, (run, colour) in runs.items() if seeks_of(run)]
+    seeking = [(name, run, colour, tolerance) for name, run, colour, tolerance in known if tolerance is not None]
+    if not seeking:
+        return None
+    _, run, _, tolerance = max(seeking, key=lambda item: len({abs(seek.length) for seek in seeks_of(item[1])}))
+    panel = _access_times(run, [], tolerance)
+    traces = []
+    for name, run, colour, tolerance in seeking:
+        responses = responses_of(run, tolerance)
+        lost = sum(not response.has_arrived for response in responses)
+        label = f'{name} ({lost} of {len(responses)} do not arrive)' if lost else name
+        traces += _marks(run, label, [response for response in responses if response.has_arrived], colour)
+    return dataclasses.replace(
+        panel, title='Seek times, within 10 % of the track pitch', traces=(*panel.traces, *traces)
+    )
+
+
+def _marks(run: RecordedRun, name: str, responses: list[SeekResponse], colour: str) -> list[Trace]:
+    """Return the seek times, or how long seeks that do not arrive were watched [ms], over length; none without any."""
+    if not responses:
+        return []
+    times = [1e3 * (response.seek_time if response.has_arrived else response.watched) for response in responses]
+    lengths = [abs(response.seek.length) for response in responses]
+    # A logarithm has no 0, the time of a head that is there when it is asked.
+    return [Trace(name, np.array(lengths), np.maximum(times, 1e3 * run.sample_time), colour, marked=True)]
+
+
 def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -> Panel:
     traces = []
     curve = bound_curve(run, tolerance)
@@ -50,19 +93,13 @@ def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: fl
         known = np.isfinite(curve.fastest)
         traces = [
             Trace('T*, time-optimal rigid body', curve.lengths, 1e3 * curve.time_optimal, GREY, wide=True),
-            Trace('fastest with modes', curve.lengths[known], 1e3 * curve.fastest[known], COLOURS[2]),
+            Trace('fastest with modes', curve.lengths[known], 1e3 * curve.fastest[known], _DARK),
         ]
     for name, arrived, colour in (
         ('seek', True, COLOURS[0]),
         ('seek that does not arrive: time watched', False, COLOURS[1]),
     ):
-        part = [response for response in responses if response.has_arrived == arrived]
-        times = [1e3 * (response.seek_time if arrived else response.watched) for response in part]
-        lengths = [abs(response.seek.length) for response in part]
-        # A logarithm has no 0, that of a head that is there when it is asked.
-        points = np.array([(x, max(y, 1e3 * run.sample_time)) for x, y in zip(lengths, times, strict=True)])
-        if len(points):
-            traces.append(Trace(name, points[:, 0], points[:, 1], colour, marked=True))
+        traces += _marks(run, name, [response for response in responses if response.has_arrived == arrived], colour)
     within = f'{run.error_factor * tolerance:.4g} {shown(run.error_unit)}'
     return Panel(
         'access_times',
@@ -79,7 +116,7 @@ def _name(response: SeekResponse) -> str:
 
 
 def _errors(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -> list[Panel]:
-    factor, position = run.error_factor, run.error + run.desired_position
+    factor, position = run.error_factor, run.relative_position
     arrivals = [response.seek_time for response in responses if response.has_arrived]
     longest = max(arrivals, default=math.inf) + _AFTER_ARRIVAL
     traces, last = [], 0.0
@@ -107,7 +144,7 @@ def _errors(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -
 
 def _spectrum(run: RecordedRun, responses: list[SeekResponse]) -> list[Panel]:
     traces: list[Trace] = []
-    position: NDArray[np.float64] = run.error + run.desired_position
+    position = run.relative_position
     for response in responses:
         arrival = response.seek.row + round(response.seek_time / run.sample_time)
         end = min(

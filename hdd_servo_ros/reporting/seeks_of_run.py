@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
-from hdd_servo_ros.analysis.seek_metrics import Seek, SeekResponse, find_seeks, seek_responses
+from hdd_servo_ros.analysis.seek_metrics import SAMPLES, Seek, SeekResponse, find_seeks, seek_responses
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, SEEK_MODE, follows_reference
-from hdd_servo_ros.reporting.run_sensitivity import PLANT, parameters_at_start
+from hdd_servo_ros.reporting.run_sensitivity import PLANT, SENSOR, parameters_at_start
 from hdd_servo_ros.reporting.track_of_run import track_pitch
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class _Found:
 
     def __init__(self) -> None:
         self.seeks: tuple[Seek, ...] | None = None
-        self.responses: dict[tuple[float, float | None, int], list[SeekResponse]] = {}
+        self.responses: dict[tuple[float, float | None, int, bool], list[SeekResponse]] = {}
         self.curves: dict[float, BoundCurve | None] = {}
 
 
@@ -108,16 +108,42 @@ def tolerance_of(run: RecordedRun, of_pitch: float = WRITE_LIMIT) -> float | Non
     return None if pitch is None else of_pitch * pitch
 
 
-def responses_of(run: RecordedRun, tolerance: float, stay: float | None = None, samples: int = 4) -> list[SeekResponse]:
+def measured_position(run: RecordedRun) -> Array:
+    """
+    Return the head's position as the run's sensor has measured it [um], shape (n,).
+
+    Raises
+    ------
+    ValueError
+        If the scale of the vibrometer is not known.
+    """
+    if run.is_track_following:
+        return run.pes.position
+    try:
+        scale = float(run.parameter(SENSOR, 'displacement_scale'))
+    except LookupError as error:
+        raise ValueError(f'{run.path}: no measured position: {error}') from None
+    return np.asarray(scale * run.ldv.displacement)
+
+
+def responses_of(
+    run: RecordedRun,
+    tolerance: float,
+    stay: float | None = None,
+    samples: int = SAMPLES,
+    *,
+    measured: bool = False,
+) -> list[SeekResponse]:
     """
     Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
 
-    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target. A last seek
-    of several is left out where the run ends before half the time between seeks is over.
+    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target, or that of
+    its measured position. A last seek of several is left out where the run ends before half the time between seeks is
+    over.
     """
-    found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples)
+    found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples, measured)
     if key not in found.responses:
-        position = run.error + run.desired_position
+        position = measured_position(run) if measured else run.relative_position
         control = run.command if CONTROL.name in run else np.zeros(len(position))
         seeks = seeks_of(run)
         responses = seek_responses(

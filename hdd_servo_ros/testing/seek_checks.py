@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.seek_metrics import SAMPLES, SeekResponse, returns_to_earlier_modes, targets_over_time
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.seeks_of_run import modes_of, responses_of, seeks_of, time_optimal_times, tolerance_of
+from hdd_servo_ros.reporting.seeks_of_run import (
+    measured_position,
+    modes_of,
+    responses_of,
+    seeks_of,
+    time_optimal_times,
+    tolerance_of,
+)
 
 if TYPE_CHECKING:
     from hdd_servo_ros.testing.checks import Checks
@@ -54,6 +61,7 @@ class SeekChecks(abc.ABC):
         longest: float = np.inf,
         samples: int = SAMPLES,
         stay: float | None = None,
+        measured: bool = False,
     ) -> Checks:
         """
         Assert the time [s] from the change of the target until the head has arrived, of every seek.
@@ -70,6 +78,8 @@ class SeekChecks(abc.ABC):
             How many samples in a row within the tolerance make an arrival.
         stay
             For how long no sample may leave the tolerance after it [s]; None until the next seek.
+        measured
+            Whether the measured position counts instead of the head's true one.
 
         Raises
         ------
@@ -81,7 +91,8 @@ class SeekChecks(abc.ABC):
         def time(response: SeekResponse) -> float:
             return response.seek_time
 
-        return self._check_seeks('seek time', time, at_most, 's', tolerance, shortest, longest, samples, stay)
+        what = 'measured seek time' if measured else 'seek time'
+        return self._check_seeks(what, time, at_most, 's', tolerance, shortest, longest, samples, stay, measured)
 
     def seek_overshoot(
         self, at_most: float, tolerance: float | None = None, *, shortest: float = 0.0, longest: float = np.inf
@@ -170,6 +181,7 @@ class SeekChecks(abc.ABC):
         longest: float,
         samples: int = SAMPLES,
         stay: float | None = None,
+        measured: bool = False,
     ) -> Checks:
         __tracebackhide__ = True
         run = self._run
@@ -184,13 +196,14 @@ class SeekChecks(abc.ABC):
         # A length that is asked for counts, whatever the last bit of the difference of two targets.
         chosen = [
             response
-            for response in responses_of(run, width, stay, samples)
+            for response in responses_of(run, width, stay, samples, measured=measured)
             if shortest * (1.0 - 1e-9) <= abs(response.seek.length) <= longest * (1.0 + 1e-9)
         ]
         if not chosen:
             raise ValueError(f'{run.path}: no seek from {shortest:g} to {longest:g} {run.length_unit}')
         seeks = seeks_of(run)
         target = targets_over_time(seeks, seeks[0].origin, len(run.ticks))
-        error = run.error_factor * (run.error + run.desired_position - target)
+        position = measured_position(run) if measured else run.relative_position
+        error = run.error_factor * (position - target)
         values = [number(response) for response in chosen]
         return self._compare_seeks(what, values, at_most, unit, chosen, error, run.error_factor * width)

@@ -8,6 +8,7 @@ from hdd_servo_ros.analysis.seek_bounds import fastest_seek, time_optimal_seek
 from hdd_servo_ros.analysis.seek_metrics import SETTLE
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.reporting.close_up import close_up_of
+from hdd_servo_ros.reporting.comparison_panels import comparison_panels
 from hdd_servo_ros.reporting.loop_panels import loop_panels
 from hdd_servo_ros.reporting.report import report_run
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
@@ -236,6 +237,28 @@ def test_the_panels_of_seeks(run):
     # The limits and six seeks.
     assert len(fine.traces) == 7
     assert {trace.x[0] for trace in fine.traces} == {0.0}
+
+
+def test_several_runs_are_compared_over_the_same_bounds(run, smooth, sine):
+    found = {panel.name: panel for panel in comparison_panels([run, smooth, sine])}
+    optimal, fastest, *seeks = found['access_times'].traces
+    assert (optimal.name, fastest.name) == ('T*, time-optimal rigid body', 'fastest with modes')
+    assert len(seeks) == 2
+    for trace, kind in zip(seeks, (run, smooth), strict=True):
+        times = [response.seek_time for response in responses_of(kind, NANOMETRES) if response.has_arrived]
+        assert trace.y == pytest.approx(1e3 * np.array(times))
+    assert len({trace.colour for trace in found['access_times'].traces}) == 4
+    assert 'access_times' not in {panel.name for panel in comparison_panels([sine, sine])}
+
+
+def test_the_target_is_drawn_as_stairs(run):
+    (tracking, *_) = panels_over_time(run)
+    target = tracking.traces[0]
+    assert np.all(np.diff(target.x) >= 0.0)
+    jumps = np.flatnonzero(np.diff(target.y))
+    assert np.all(target.x[jumps] == target.x[jumps + 1])
+    # The first seek begins at tick 0.
+    assert target.x[jumps] == pytest.approx(0.02 * np.arange(1, 6))
 
 
 def test_the_live_view_takes_the_target_from_the_estimates(run, sine):

@@ -59,6 +59,22 @@ def test_seek_times(run):
     holds_at(early, max(response.seek_time for response in responses(run, 0.1016, samples=1, stay=0.0)))
 
 
+def test_measured_seek_times(run):
+    """Of a position with 3 nm of noise."""
+    measured = 8.0 * run.ldv.displacement
+    assert np.std(measured - run.position) == pytest.approx(3e-3, rel=0.1)
+    origins = (0.0, *TARGETS)
+    seeks = [Seek(200 * index, origins[index], target) for index, target in enumerate(TARGETS)]
+    slowest = []
+    for position in (measured, run.position):
+        found = seek_responses(seeks, position, run.head.velocity, run.command, T, 0.006, samples=4, stay=0.0)
+        slowest.append(max(response.seek_time for response in found))
+    assert slowest[0] != slowest[1]
+    check = functools.partial(run.check.seek_time, tolerance=6.0, samples=4, stay=0.0)
+    holds_at(functools.partial(check, measured=True), slowest[0], 'measured seek time is')
+    holds_at(check, slowest[1])
+
+
 def test_how_the_head_arrives(run):
     found = responses(run, 0.1016)
     holds_at(run.check.seek_overshoot, 1e3 * max(response.overshoot for response in found), 'overshoot', ' nm')
