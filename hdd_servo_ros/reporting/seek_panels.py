@@ -71,6 +71,8 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
         lost = sum(not response.has_arrived for response in responses)
         label = f'{name} ({lost} of {len(responses)} do not arrive)' if lost else name
         traces += _marks(run, label, [response for response in responses if response.has_arrived], colour)
+    # A run with many seeks is drawn below those with few.
+    traces.sort(key=lambda trace: -len(trace.x))
     return dataclasses.replace(
         panel, title='Seek times, within 10 % of the track pitch', traces=(*panel.traces, *traces)
     )
