@@ -63,7 +63,7 @@ def make_block(signals: Signals) -> Block:
 
 def _columns(signals: Signals) -> Iterator[tuple[str, NDArray[np.float64]]]:
     yield TIME, signals.time
-    yield ERROR, signals.error
+    yield ERROR, signals.position_error
     for topic in SIGNAL_TOPICS:
         if topic.name in signals:
             for index, field in enumerate(topic.field_names):

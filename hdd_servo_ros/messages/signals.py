@@ -193,18 +193,24 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def error(self) -> Array:
-        """
-        Position error that the controller is to make zero, of the head's true position [um].
-
-        With the vibrometer the tracking error x - x_d, with the servo sensor the track error :attr:`track_error`.
-        """
-        return self.track_error if self.is_track_following else self.position - self.desired_position
+        """Tracking error, x - x_d of the head's true position [um]."""
+        return self.position - self.desired_position
 
     @functools.cached_property
     def track_error(self) -> Array:
-        """Track error, x - x_d - displacement of the track centre [um]; x - x_d without a disturbance."""
-        error = self.position - self.desired_position
-        return np.asarray(error - self[DISTURBANCE.name][:, 1]) if DISTURBANCE.name in self else error
+        """Track error, x - x_d - displacement of the track centre [um]; the tracking error without a disturbance."""
+        if DISTURBANCE.name not in self:
+            return self.error
+        return np.asarray(self.error - self[DISTURBANCE.name][:, 1])
+
+    @property
+    def position_error(self) -> Array:
+        """
+        Error that the controller is to make zero, of the head's true position [um].
+
+        With the vibrometer the tracking error :attr:`error`, with the servo sensor the track error.
+        """
+        return self.track_error if self.is_track_following else self.error
 
     @property
     def command(self) -> Array:

@@ -69,7 +69,7 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
         lines = (
             spectrum_line(
                 item.name,
-                item.run.error_factor * item.run.error[steady_start(item.run, after) :],
+                item.run.error_factor * item.run.position_error[steady_start(item.run, after) :],
                 item.run.sample_time,
                 item.colour,
                 _buckets(following),
@@ -82,7 +82,7 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
 
 def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
     """Return the position errors of several runs over their time."""
-    traces = _lines(items, close_up, lambda run: run.error_factor * run.error)
+    traces = _lines(items, close_up, lambda run: run.error_factor * run.position_error)
     return _over_time(
         'error', error_title([item.run for item in items]), error_label(items[0].run.units), traces, close_up
     )

@@ -1,6 +1,5 @@
 """The newest signals of a run that goes on, from the decimated blocks that its recorder publishes."""
 
-import functools
 from collections import deque
 
 import matplotlib as mpl
@@ -67,9 +66,9 @@ class BlockSignals(TimedSignals):
         """Return whether there are rows of a topic."""
         return any(name.startswith(f'{topic}.') for name in self._columns)
 
-    @functools.cached_property
-    def error(self) -> Array:
-        """Position error [um]; see :attr:`TimedSignals.error`."""
+    @property
+    def position_error(self) -> Array:
+        """Error that the controller is to make zero [um]."""
         return self._columns[ERROR]
 
 

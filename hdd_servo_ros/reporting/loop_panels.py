@@ -49,7 +49,7 @@ class Lines:
         rows = len(self._time)
         self._in_full = [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
         if follows:
-            peak = int(np.abs(signals.error).argmax())
+            peak = int(np.abs(signals.position_error).argmax())
             self._in_full.append(slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2))
         self._large = slice(0, 0)
         if close_up is not None:
@@ -129,7 +129,7 @@ def loop_panels(
                 'error',
                 error_title([signals]),
                 error_label(signals.units),
-                [lines.over_time(error_name(signals), signals.units.error_factor * signals.error, COLOURS[1])],
+                [lines.over_time(error_name(signals), signals.units.error_factor * signals.position_error, COLOURS[1])],
             )
         else:
             add('tracking', 'Head', f'position [{length}]', [head])

@@ -108,7 +108,7 @@ def _tracking(run: RecordedRun, start: int) -> list[Metric]:
     tracking = tracking_metrics(
         run.time, run.desired_position, run.relative_position, control, transient=float(run.time[start]), unit=factor
     )
-    error = factor * run.error[start:]
+    error = factor * run.position_error[start:]
     found = [
         Metric('rms_error', 'rms error', tracking.rms_error, unit),
         Metric('max_error', 'max error', tracking.max_error, unit),

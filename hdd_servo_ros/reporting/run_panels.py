@@ -54,7 +54,7 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
         panels += [panel] if track is None else [track] if is_same else [panel, track]
     panels += seek_panels(run)
     if follows_reference(run):
-        error = run.error_factor * run.error[steady_start(run, after) :]
+        error = run.error_factor * run.position_error[steady_start(run, after) :]
         line = spectrum_line('error', error, run.sample_time, COLOURS[0], BUCKETS)
         panels.append(spectrum_panel([] if line is None else [line], run.units))
         panels += track_panels(run, steady_start(run, after))

@@ -89,7 +89,7 @@ class RunSums:
             self.first_position = float(signals.position[0])
         self.early_reference.add(x_d[:start])
         self.late_reference.add(x_d[start:])
-        self.error.add(signals.error[start:])
+        self.error.add(signals.position_error[start:])
 
     def _add_estimates(self, signals: Signals) -> None:
         rows = signals[ESTIMATES.name]

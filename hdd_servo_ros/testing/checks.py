@@ -23,6 +23,8 @@ from hdd_servo_ros.testing.track_checks import TrackChecks
 plot_directory: Path | None = None
 """Where pictures of failed checks go; None for the run's own folder. The pytest plugin sets it."""
 
+_ERRORS = {'error': 'position_error', 'track_error': 'track_error'}
+"""Attributes of a run by the name of the signal."""
 _CLOSE_UP_ROWS = 250
 _BUCKETS = 2000
 
@@ -219,12 +221,12 @@ class Checks(TrackChecks, SeekChecks):
         return slice(rows.start, end)
 
     def _error(self, after: float, before: float | None) -> tuple[NDArray[np.float64], slice]:
-        return self._run.error_factor * self._run.error, self._rows(after, before)
+        return self._run.error_factor * self._run.position_error, self._rows(after, before)
 
     def _signal(self, name: str) -> tuple[NDArray[np.float64], str]:
         run = self._run
-        if name in ('error', 'track_error'):
-            return run.error_factor * getattr(run, name), run.error_unit
+        if name in _ERRORS:
+            return run.error_factor * getattr(run, _ERRORS[name]), run.error_unit
         units = {'position': run.length_unit, 'command': run.control_unit, 'feedback': run.control_unit}
         if name in units:
             return getattr(run, name), units[name]
@@ -234,7 +236,7 @@ class Checks(TrackChecks, SeekChecks):
             return run[topic][:, index], '' if field is None else field.unit_in(run.units)
         if 'estimates' in run and name in run.estimates:
             return run.estimates[name], ''
-        known = ['error', 'track_error', *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
+        known = [*_ERRORS, *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
         raise LookupError(f'{run.path}: no signal {name!r}; there are {", ".join(known)} and so on')
 
     def _compare(
@@ -322,7 +324,7 @@ class Checks(TrackChecks, SeekChecks):
     def _error_at_the_end(self) -> str:
         """Draw the error about the last tick; return the line that says where, empty if there is nothing to draw."""
         try:
-            error = self._run.error_factor * self._run.error
+            error = self._run.error_factor * self._run.position_error
         except BagError:  # what it is made of is not there, or damaged
             return ''
         row = len(error) - 1

@@ -38,7 +38,8 @@ def metrics(run):
 
 def test_every_error_is_relative_to_the_track(run):
     expected = 1e3 * (run.position - run.desired_position - run.disturbance.track_centre)
-    np.testing.assert_allclose(1e3 * run.error, expected, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(1e3 * run.position_error, expected, rtol=0.0, atol=1e-9)
+    np.testing.assert_array_equal(run.error, run.position - run.desired_position)
     late = expected[run.since(0.5 * run.duration)]
     found = metrics(run)
     assert found['rms_error'] == pytest.approx(np.sqrt(np.mean(late**2)), rel=1e-9)
@@ -70,8 +71,8 @@ def test_pictures_name_the_error_that_they_show(run):
 def test_with_the_vibrometer_the_error_stays_that_of_the_reference(tmp_path, simulated, run):
     arguments = ('-p', 'sensor:=ldv', '-p', 'disturbance_generator:flutter.enabled:=true', '-p', 'duration:=0.05')
     ldv = Run.open(simulated(tmp_path / 'run', '-p', 'controller:=pid', *arguments))
-    np.testing.assert_array_equal(ldv.error, ldv.position - ldv.desired_position)
-    assert not np.array_equal(ldv.error, ldv.track_error)
+    np.testing.assert_array_equal(ldv.position_error, ldv.position - ldv.desired_position)
+    assert not np.array_equal(ldv.position_error, ldv.track_error)
     assert {'error', 'track_error'} <= {panel.name for panel in run_panels(ldv)}
     (error, *_) = comparison_panels([run, ldv])
     assert error.title == 'Position error, x - x_d, with the servo sensor less the track centre'
@@ -87,7 +88,7 @@ def test_an_unrecorded_disturbance_is_named(tmp_path, simulated):
     topics = "['reference', 'head', 'pes', 'control']"
     recorded = ('-p', f'duration:={500 * T!r}', '-p', f'bag_recorder:topics:={topics}')
     part = Run.open(simulated(tmp_path / 'run', *FILES, *recorded))
-    np.testing.assert_array_equal(part.error, part.position - part.desired_position)
+    np.testing.assert_array_equal(part.position_error, part.position - part.desired_position)
     assert any('the errors are x - x_d' in line for line in left_out(part))
 
 

@@ -1,6 +1,7 @@
 """The contribution of each source to the error of a recorded run, against experiments made by hand without it."""
 
 import shutil
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_a_source_that_a_schedule_switches_on_is_off_all_along_without_it(tmp_pa
 
 
 def test_the_servo_sensor_and_the_accelerometers_have_noise_too():
-    nodes = {
+    nodes: dict[str, dict[str, Any]] = {
         'servo_sensor': {'noise': 0.003},
         'accelerometer': {'noise': 0.0125},
         'disturbance_generator': {'shock.enabled': True, 'flutter.enabled': False},
