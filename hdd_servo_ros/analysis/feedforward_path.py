@@ -82,6 +82,8 @@ def feedforward_path(
     length: int,
     sensor: SensorScales = NO_SCALES,
     observer: Observer | None = None,
+    *,
+    is_observed: bool = False,
     resonances: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> NDArray[np.float64]:
     """
@@ -106,6 +108,9 @@ def feedforward_path(
         Scales of the sensor, for a controller that reads its voltages.
     observer
         What gives the controller its velocity, at rest; it is stepped. None for the drive's own velocity.
+    is_observed
+        Whether the observer gets the pulse with the command: in a run it does not get the feedforward against
+        vibration, which is to cancel a force that it does not know of either.
     resonances
         b2, b1, b0 and a2, a1, a0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other.
 
@@ -118,11 +123,13 @@ def feedforward_path(
     drive = _SampledModel(model, *resonances, sample_time)
     path = np.zeros(length)
     held = 0.0
+    pulse_tick = dsp.computation_delay + 1
     for tick in range(length):
         position, velocity = drive.output()
         path[tick] = position / _PULSE
         if observer is not None:
-            _, velocity = observer.step(position, held)
+            is_hidden = tick == pulse_tick and not is_observed
+            _, velocity = observer.step(position, held - _PULSE if is_hidden else held)
         inputs = ControllerInputs(tick, position, velocity, *_volts(sensor, position, velocity), 0.0, 0.0, 0.0)
         u, unsaturated, feedback = controller.step(inputs)
         pulse = _PULSE if tick == 0 else 0.0
@@ -209,7 +216,9 @@ def runout_path(
     length = path_length(parameters, sample_time)
     model = parameters.model
     resonances = model.numerators, model.denominators
-    return feedforward_path(controller, dsp, model, sample_time, length, sensor, observer, resonances)
+    return feedforward_path(
+        controller, dsp, model, sample_time, length, sensor, observer, is_observed=True, resonances=resonances
+    )
 
 
 def _volts(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:

@@ -159,6 +159,11 @@ class Feedforward:
             record(self._named.state, STATE).next_pause = c.pause
 
     @property
+    def voltage(self) -> float:
+        """u_ff of the last step [V]."""
+        return float(record(self.estimates, ESTIMATES).u_ff)
+
+    @property
     def is_switched_off(self) -> bool:
         """Whether the supervisor has switched the feedforward off at present."""
         return bool(record(self._named.state, STATE).is_off)

@@ -92,6 +92,7 @@ class ControllerNode(CatalogueNode):
         # Compiles; the gains of the Kalman filter want a library that most runs do without.
         Observer(ObserverParameters(method='difference'), 1e-4).step(0.0, 0.0)
         self._held = 0.0
+        self._held_feedforward = self._last_feedforward = 0.0
         self._offsets: dict[str, int] = {}
         feedforward_parameters(name, to_mapping(self.parameters[ControllerFeedforwardParameters]))
         if seek_parameters(name, to_mapping(self.parameters[seek_kind(name)])).is_used:
@@ -145,7 +146,7 @@ class ControllerNode(CatalogueNode):
         self._sensor = None
         self._scales = SensorScales.none()
         self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
-        self._held = 0.0
+        self._held = self._held_feedforward = self._last_feedforward = 0.0
 
     def _prepare_seek(self, sample_time: float) -> tuple[str, ...]:
         """Make the seek part, if there is one, and return the names of its estimates."""
@@ -250,7 +251,8 @@ class ControllerNode(CatalogueNode):
             displacement, velocity, _ = unpack_vector(messages[offsets[LDV.name]])
         else:
             _, displacement, _ = unpack_vector(messages[offsets[PES.name]])
-            _, velocity = observer.step(displacement, self._held)
+            # The feedforward is to cancel a force that the observer does not know of either.
+            _, velocity = observer.step(displacement, self._held - self._held_feedforward)
         inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[offsets[REFERENCE.name]]))
         seek = self._seek
         if seek is not None:
@@ -265,6 +267,9 @@ class ControllerNode(CatalogueNode):
             output_1, output_2, _ = unpack_vector(messages[offsets[ACCELEROMETER.name]])
             law = feedforward.compensate(inputs.position - inputs.desired_position, output_1, output_2, *law)
             estimates = np.concatenate([estimates, feedforward.estimates])
+            u_ff = feedforward.voltage
+            self._held_feedforward = self._last_feedforward if self._dsp.parameters.computation_delay else u_ff
+            self._last_feedforward = u_ff
         if self._runout is not None:
             law = self._runout.compensate(tick, inputs.position - inputs.desired_position, *law)
             estimates = np.concatenate([estimates, self._runout.estimates])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.accelerometer import AccelerometerArrays, accelerometer_step
-from hdd_servo_ros.bench.dsp import DspArrays, dsp_step
+from hdd_servo_ros.bench.dsp import DSP, DspArrays, dsp_step
 from hdd_servo_ros.bench.ldv import LdvArrays, fill_ldv_deviates, ldv_output
 from hdd_servo_ros.bench.servo_sensor import ServoSensorArrays, servo_sensor_step
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerArrays, signal_analyzer_step
@@ -23,6 +23,7 @@ from hdd_servo_ros.control.seek_kernel import seek_after_law, seek_before_law
 from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
 from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.numerics.compiled import compiled
+from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.signals.reference import ReferenceArrays, reference_step
 
 
@@ -96,8 +97,8 @@ def closed_loop(
         The ``arrays`` of the blocks around the controller. The accelerometers are included if there are rows for them,
         seek part, feedforward and cancellation of runout by their flags.
     held
-        Array of four elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
-        [m/s^2] and angular [rad/s^2] acceleration of the base.
+        Array of six elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
+        [m/s^2] and angular [rad/s^2] acceleration of the base; and the feedforward in u and in the last command [V].
     deviates
         Room for the deviates of the vibrometer's noise, shape (n, 2).
     signals
@@ -124,7 +125,8 @@ def closed_loop(
         if has_servo:
             track_centre = disturbance_rows[row, 1] if is_disturbed else 0.0
             error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_centre)
-            _, velocity_volts = observer_step(*observer, displacement_volts, held[0])
+            # The feedforward is to cancel a force that the observer does not know of either.
+            _, velocity_volts = observer_step(*observer, displacement_volts, held[0] - held[4])
             pes_rows[row, 0] = error
             pes_rows[row, 1] = displacement_volts
             pes_rows[row, 2] = sector
@@ -172,6 +174,8 @@ def closed_loop(
             u += u_ff
             unsaturated += u_ff
             column = _write(feedforward[-1], estimate_rows, row, column)
+            held[4] = held[5] if record(dsp[0], DSP).delay > 0.0 else u_ff
+            held[5] = u_ff
         if has_runout:
             u_rro = runout_step(*runout, tick, measured - x_d)
             u += u_rro

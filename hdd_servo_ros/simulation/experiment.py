@@ -222,7 +222,7 @@ class Experiment:
             except ParameterError as error:
                 raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
             self.runout = RunoutCancellation(runout, sample_time, path)
-        self._held: NDArray[np.float64] = np.zeros(4)
+        self._held: NDArray[np.float64] = np.zeros(6)
         self._next_tick = 0
 
     def _block(self, name: str, sections: Mapping[str, Mapping[str, object]]) -> Any:
@@ -461,7 +461,8 @@ class Experiment:
             return ldv
         decoded = self.servo.step(tick, head[0], track_centre)
         rows.pes[row] = decoded
-        _, velocity = self.observer.step(decoded[1], control)
+        # The feedforward is to cancel a force that the observer does not know of either.
+        _, velocity = self.observer.step(decoded[1], control - float(self._held[4]))
         return decoded[1], velocity
 
     def _run_from_python(self, rows: SignalRows) -> None:
@@ -472,7 +473,7 @@ class Experiment:
         for row in range(len(rows)):
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
-            control, force, linear, angular = self._held.tolist()
+            control, force, linear, angular = self._held[:4].tolist()
             head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force)
             measured = self._measure(rows, row, tick, head, control, float(centres[row]))
             outputs = (0.0, 0.0)
@@ -487,10 +488,12 @@ class Experiment:
                 law = self.seek.after_law(*law)
             if self.feedforward is not None:
                 law = self.feedforward.compensate(inputs.position - inputs.desired_position, *outputs, *law)
+                u_ff = self.feedforward.voltage
+                self._held[4:] = self._held[5] if self.dsp.parameters.computation_delay else u_ff, u_ff
             if self.runout is not None:
                 law = self.runout.compensate(tick, inputs.position - inputs.desired_position, *law)
             commanded = self.dsp.step(*law)
-            self._held[:] = commanded[0], forces[row], base[row, LINEAR_Y], base[row, ANGULAR_Z]
+            self._held[:4] = commanded[0], forces[row], base[row, LINEAR_Y], base[row, ANGULAR_Z]
             rows.reference[row] = reference
             rows.head[row] = head
             rows.control[row] = commanded

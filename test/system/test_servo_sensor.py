@@ -53,6 +53,31 @@ def test_the_same_bits_however_it_is_run(bench):
         assert f'ticks 0 to {TICKS}' in ended.stdout
 
 
+@pytest.mark.parametrize('controller', ['pid', 'adaptive_nn'])
+def test_the_same_bits_with_feedforward_from_accelerometers(bench, controller):
+    node = CONTROLLERS[controller]
+    arguments = (
+        *('-p', f'deterministic_timer:duration:={TICKS / 10_000}', '-p', f'controller:={controller}'),
+        *('-p', 'sensor:=servo', '-p', 'disturbance_generator:vibration.rotational.enabled:=true'),
+        *('-p', 'disturbance_generator:flutter.enabled:=true', '-p', f'{node}:feedforward.method:=network'),
+        *('-p', f"schedule:=['0.02 {node} feedforward.enabled false', '0.03 {node} observer.bandwidth 900.0']"),
+    )
+    for name in ('rig', 'simulate'):
+        bench.run(name, *arguments, '-p', f'run_dir:={name}')
+    own = nodes_of_run({CONTROLLER: node, POSITION_SENSOR: 'servo_sensor'})
+    own = (*own, 'disturbance_generator', 'accelerometer')
+    for process in bench.start_nodes('processes', *arguments, nodes=own).values():
+        assert process.wait() == 0, process.output
+    for name in ('simulate', 'processes'):
+        assert first_difference(bench.directory / 'rig', bench.directory / name) is None
+    run = Run.open(bench.directory / 'rig')
+    assert run.estimate_names[-7:-2] == ('u_ff', 'ff_share', 'ff_rms', 'ff_rms_without', 'ff_weights')
+    assert run.estimate_names[-2:] == ('observed_position', 'observed_velocity')
+    assert run.estimates['u_ff'][100:200].any()
+    ended = bench.python('-m', 'hdd_servo_ros.tools.replay', 'rig', '--without-ros')
+    assert f'the same bits on every topic, ticks 0 to {TICKS}' in ended.stdout, ended.stdout + ended.stderr
+
+
 def test_a_live_change_of_the_observer_and_the_sensor_by_schedule(bench):
     schedule = "['0.01 pid_controller observer.bandwidth 900.0', '0.02 servo_sensor noise 0.02']"
     changed = ('-p', f'deterministic_timer:schedule:={schedule}')
