@@ -23,6 +23,9 @@ _SAMPLES_IN_FULL = 500
 _ESTIMATES = 8
 FEEDFORWARD = 'u_ff'
 """The estimate that is the feedforward from the accelerometers."""
+FEEDFORWARD_TITLE = 'Running rms of the measured error'
+_SHOWN_ELSEWHERE = (FEEDFORWARD, 'ff_rms', 'ff_rms_without', 'observed_position', 'observed_velocity')
+"""Estimates that are not adapted: feedforward and errors, which have diagrams of their own, and the observer's."""
 
 
 class Lines:
@@ -140,6 +143,9 @@ def loop_panels(
     if DISTURBANCE.name in signals and signals.disturbance.force.any():
         forces = _forces(signals, lines)
         add('disturbance', 'Disturbance', f'force [{volt}]', forces, largest_first=True)
+    if ESTIMATES.name in signals and FEEDFORWARD in signals.estimates and follows:
+        compared = _with_and_without(signals, lines)
+        add('feedforward', FEEDFORWARD_TITLE, f'rms error [{shown(signals.units.error)}]', compared)
     estimates = _estimates(signals, lines) if ESTIMATES.name in signals else []
     if estimates:
         add('estimates', 'Estimates', 'over largest magnitude', estimates)
@@ -183,17 +189,28 @@ def _stairs(trace: Trace) -> Trace:
 
 def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:
     """Return the force against u, and the feedforward that is to cancel it."""
-    forces = [lines.over_time('force against u', signals.disturbance.force, COLOURS[4])]
-    if ESTIMATES.name in signals and FEEDFORWARD in signals.estimates:
+    has_feedforward = ESTIMATES.name in signals and FEEDFORWARD in signals.estimates
+    # Wide, so that it shows behind a feedforward that is nearly equal.
+    forces = [lines.over_time('force against u', signals.disturbance.force, COLOURS[4], wide=has_feedforward)]
+    if has_feedforward:
         forces.append(lines.over_time('feedforward', signals.estimates[FEEDFORWARD], COLOURS[5]))
     return forces
+
+
+def _with_and_without(signals: TimedSignals, lines: Lines) -> list[Trace]:
+    """Return the running rms of the error, and as the supervisor estimates it to be without feedforward."""
+    factor, estimates = signals.units.error_factor, signals.estimates
+    return [
+        lines.over_time('without feedforward, estimated', factor * estimates['ff_rms_without'], GREY, wide=True),
+        lines.over_time('with feedforward', factor * estimates['ff_rms'], COLOURS[1]),
+    ]
 
 
 def _estimates(signals: TimedSignals, lines: Lines) -> list[Trace]:
     """Return what was adapted, each over its largest magnitude, which its name states."""
     traces: list[Trace] = []
     for name, values in signals.estimates.items():
-        if name in NOT_ADAPTED or not changes_at_all(values) or len(traces) == _ESTIMATES:
+        if name in NOT_ADAPTED or name in _SHOWN_ELSEWHERE or not changes_at_all(values) or len(traces) == _ESTIMATES:
             continue
         largest = float(np.abs(values).max())
         colour = COLOURS[len(traces) % len(COLOURS)]

@@ -17,12 +17,16 @@ def panels(*arguments):
 
 def test_a_disturbance_is_drawn_with_the_feedforward_that_is_to_cancel_it():
     rows, found = panels(*ON, '-p', 'pid_controller:feedforward.method:=fixed')
-    assert list(found) == ['tracking', 'error', 'control', 'disturbance', 'estimates']
+    assert list(found) == ['tracking', 'error', 'control', 'disturbance', 'feedforward', 'estimates']
     force, feedforward = found['disturbance'].traces
     assert (force.name, feedforward.name) == ('force against u', 'feedforward')
     np.testing.assert_array_equal(force.y, rows.disturbance.force)
     np.testing.assert_array_equal(feedforward.y, rows.estimates['u_ff'])
     assert found['disturbance'].y_label == 'force [V]'
+    without, with_it = found['feedforward'].traces
+    np.testing.assert_array_equal(without.y, 1e3 * rows.estimates['ff_rms_without'])
+    np.testing.assert_array_equal(with_it.y, 1e3 * rows.estimates['ff_rms'])
+    assert not any(trace.name.startswith(('u_ff', 'ff_rms')) for trace in found['estimates'].traces)
 
 
 def test_without_feedforward_the_force_alone():
