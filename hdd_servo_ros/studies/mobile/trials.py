@@ -60,6 +60,10 @@ class Trial:
         late = rows.time >= self.transient - HALF_MICROSECOND
         return np.asarray(NANOMETRES * rows.track_error[late])
 
+    def warnings(self) -> tuple[str, ...]:
+        """Return what `rig` and `simulate` warn of before such a run."""
+        return Experiment(self.sample_time, self.controller, self.parameters, sensor=self.sensor).warnings()
+
     def three_sigma(self) -> float:
         """Return three standard deviations of the error after the transient [nm]; NaN if the loop diverged."""
         return misregistration(self.error())
