@@ -4,6 +4,8 @@ import dataclasses
 import functools
 import math
 
+import numpy as np
+
 from hdd_servo_ros.analysis.frozen_estimates import FrozenLoop, allowed_estimates, initial_estimates
 from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LoopMargins
@@ -76,6 +78,11 @@ def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int 
     return loop.peak_sensitivity(initial_estimates(controller))
 
 
+UNCOMPUTABLE = (ArithmeticError, ValueError)
+"""What linear algebra raises for a loop whose numbers leave the range of numbers."""
+UNKNOWN_MARGIN = 'the stability margin of this loop cannot be computed'
+
+
 def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
     """
     Return the warnings of a controller before a run, one line each.
@@ -84,10 +91,14 @@ def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
     projection allows, instead of the gain on r against ``safe_gain``. For a PID controller its loop is checked. Others
     return their own warnings.
     """
-    if isinstance(controller, Pid):
-        return _pid_warnings(controller, loop)
-    if isinstance(controller, AdaptiveNn):
-        return _adaptive_nn_warnings(controller, loop)
+    try:
+        with np.errstate(all='ignore'):
+            if isinstance(controller, Pid):
+                return _pid_warnings(controller, loop)
+            if isinstance(controller, AdaptiveNn):
+                return _adaptive_nn_warnings(controller, loop)
+    except UNCOMPUTABLE as error:
+        return (f'{UNKNOWN_MARGIN}: {type(error).__name__}: {error}',)
     return tuple(controller.warnings()) if isinstance(controller, WarnsBeforeRun) else ()
 
 

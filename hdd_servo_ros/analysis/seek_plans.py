@@ -41,7 +41,6 @@ _DIGITS = 10
 _MODEL_DIGITS = 12
 
 
-@functools.lru_cache(maxsize=8)
 def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
     """
     Return the model of a seek part and its plans, from rest to rest over 1 um.
@@ -53,11 +52,15 @@ def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
     sample_time
         T [s].
     """
-    model = parameters.model
+    return _plans(parameters.model, parameters.longest_plan, sample_time)
+
+
+@functools.lru_cache(maxsize=8)
+def _plans(model: SeekModelParameters, longest_plan: float, sample_time: float) -> SeekPlans:
     nominal = model_drive(model, sample_time)
     spread = (1.0 - model.mode_spread, 1.0 + model.mode_spread) if model.mode_spread and model.numerators else ()
     drives = [nominal, *(model_drive(model, sample_time, factor) for factor in spread)]
-    longest = max(math.floor(parameters.longest_plan / sample_time + 1e-9), SHORTEST)
+    longest = max(math.floor(longest_plan / sample_time + 1e-9), SHORTEST)
     tail = math.ceil(VIBRATION_TIME / sample_time)
     responses = [_pulse_response(drive, longest + tail) for drive in drives]
     lengths = plan_lengths(longest)

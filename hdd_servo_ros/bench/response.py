@@ -64,6 +64,24 @@ class FrequencyResponse:
     hold: float = 0.0
     unit: str = 'um/V'
 
+    @property
+    def is_seen(self) -> NDArray[np.bool_]:
+        """At which points an output was measured; below the step of a converter it is 0. Shape (n,)."""
+        return np.asarray(self.response != 0.0)
+
+    def at(self, kept: NDArray[np.bool_]) -> 'FrequencyResponse':
+        """Return the response at some of the points, given by a mask of shape (n,)."""
+        return FrequencyResponse(
+            self.frequency[kept],
+            self.response[kept],
+            self.coherence[kept],
+            self.amplitude[kept],
+            self.averages[kept],
+            self.by_velocity[kept],
+            self.hold,
+            self.unit,
+        )
+
     @classmethod
     def of(cls, frequency: ArrayLike, response: ArrayLike, hold: float = 0.0) -> 'FrequencyResponse':
         """Return a response of which nothing else is known."""

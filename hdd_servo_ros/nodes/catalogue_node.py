@@ -1,7 +1,13 @@
 """A loop node whose parameters, inputs and outputs are those of its row in the catalogue."""
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.graph.connections import TopicInput, inputs_of, optional_inputs_of, outputs_of
+from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_for
+from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.loop_node import LoopNode
 
@@ -21,7 +27,11 @@ class CatalogueNode(LoopNode):
         If a parameter is not allowed.
     """
 
+    make: Callable[[Any, float], Any] | None = None
+    """Makes the law of a controller that is not of this package."""
+
     def __init__(self, name: str) -> None:
+        self.row_name = name
         # What every node has, LoopNode adds itself; how a node knows T differs.
         _, sample_time_kind, *own = NODES[name].parameter_sets
         super().__init__(
@@ -32,6 +42,20 @@ class CatalogueNode(LoopNode):
             sample_time_kind=sample_time_kind,
             optional_inputs=[_subscribed(found) for found in optional_inputs_of(name)],
         )
+
+    def attempt(
+        self, sets: Sets, sample_time: float, nodes: Mapping[str, Mapping[str, Any]], *, is_change: bool
+    ) -> Attempt | None:
+        def block_of(name: str) -> Any:
+            return block_parameters_in(nodes, name)
+
+        return attempt_for(self.row_name, sample_time, sets, block_of, make=self.make, is_change=is_change)
+
+
+def block_parameters_in(nodes: Mapping[str, Mapping[str, Any]], name: str) -> Any:
+    """Return the parameters of a node's block before tick 0, None if there is no such node among the given ones."""
+    found = next((node for full_name, node in nodes.items() if full_name.endswith(f'/{name}')), None)
+    return None if found is None else block_parameters(name, with_tuples(found['parameters']))
 
 
 def _subscribed(found: TopicInput) -> Input:

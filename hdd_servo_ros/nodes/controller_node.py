@@ -24,7 +24,6 @@ from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
-    block_parameters,
     feedforward_parameters,
     refuse_other_units,
     runout_parameters,
@@ -37,9 +36,9 @@ from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.topics import ACCELEROMETER, LDV, PES, REFERENCE
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalogue_node import CatalogueNode, block_parameters_in
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, to_mapping, with_tuples
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, to_mapping
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -49,8 +48,7 @@ _OFTEN = 0.5
 
 def block_parameters_of(run: RunPlan, name: str) -> Any:
     """Return the parameters of a node's block before tick 0, None if there is no such node in the run."""
-    found = next((node for full_name, node in run.nodes.items() if full_name.endswith(f'/{name}')), None)
-    return None if found is None else block_parameters(name, with_tuples(found['parameters']))
+    return block_parameters_in(run.nodes, name)
 
 
 class ControllerNode(CatalogueNode):
@@ -71,7 +69,6 @@ class ControllerNode(CatalogueNode):
     def __init__(self, name: str, make: Callable[[Any, float], Controller] | None = None) -> None:
         super().__init__(name)
         row = NODES[name]
-        self._row_name = name
         self._kind: type[ParameterSet] = row.block_parameters
         self._make: Callable[[Any, float], Controller] = make or resolve(row.block)
         self._controller = self.trial(self._make, self._kind)
@@ -141,7 +138,7 @@ class ControllerNode(CatalogueNode):
             self.get_logger().warning(warning)
 
     def _prepare_observer(self, sample_time: float) -> None:
-        if NODES[self._row_name].needs_ldv:
+        if NODES[self.row_name].needs_ldv:
             raise RunError(f'{self.get_name()}: /{PES.name} is refused: /{LDV.name}, which this controller measures')
         self._sensor = None
         self._scales = SensorScales.none()
@@ -150,7 +147,7 @@ class ControllerNode(CatalogueNode):
 
     def _prepare_seek(self, sample_time: float) -> tuple[str, ...]:
         """Make the seek part, if there is one, and return the names of its estimates."""
-        parameters: SeekParameters = self.parameters[seek_kind(self._row_name)].seek
+        parameters: SeekParameters = self.parameters[seek_kind(self.row_name)].seek
         if not parameters.is_used:
             return ()
         self._refuse_other_units('seek.method', parameters)
@@ -293,7 +290,7 @@ class ControllerNode(CatalogueNode):
         if self._observer is not None:
             self._observer.update(self.parameters[ControllerObserverParameters].observer)
         if self._seek is not None:
-            seek = self.parameters[seek_kind(self._row_name)].seek
+            seek = self.parameters[seek_kind(self.row_name)].seek
             self._seek.update(seek, self._surroundings_of_seek(seek, self._seek.sample_time))
         if self._feedforward is not None:
             parameters = self.parameters[ControllerFeedforwardParameters].feedforward

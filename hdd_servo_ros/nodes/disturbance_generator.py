@@ -3,14 +3,15 @@
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
+from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_change
 from hdd_servo_ros.messages.cdr import AccelerationCodec, VectorCodec
-from hdd_servo_ros.messages.errors import NotFiniteError, RunError
+from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
-from hdd_servo_ros.parameters import ParameterError, ParameterSet
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -33,23 +34,16 @@ class DisturbanceGeneratorNode(CatalogueNode):
     def prepare(self, run: RunPlan) -> None:
         self._vectors = VectorCodec(run.frame_id)
         self._accelerations = AccelerationCodec(run.frame_id)
-        try:
-            self._generator = DisturbanceGenerator(self.parameters[DisturbanceParameters], run.sample_time)
-        except ParameterError as error:
-            raise RunError(f'{self.get_name()}: {error}') from None
+        self._generator = DisturbanceGenerator(self.parameters[DisturbanceParameters], run.sample_time)
         self._is_of_run = True
-        for step in self.plan(run.changes):
-            try:
-                self._check(step.sets)
-            except ParameterError as error:
-                raise RunError(str(ParameterError('schedule', step.entry, str(error)))) from None
-        self.parameters.check_further(self._check)
 
-    def _check(self, sets: Mapping[type[ParameterSet], ParameterSet]) -> None:
-        """Refuse parameters that do not go with T, by ParameterError."""
-        parameters = sets[DisturbanceParameters]
-        assert isinstance(parameters, DisturbanceParameters)
-        self._generator.check(parameters)
+    def attempt(
+        self, sets: Sets, sample_time: float, nodes: Mapping[str, Mapping[str, Any]], *, is_change: bool
+    ) -> Attempt | None:
+        if self._is_of_run:
+            # A new one would read its files once more.
+            return attempt_change(self.row_name, self._generator, is_change=is_change)
+        return super().attempt(sets, sample_time, nodes, is_change=is_change)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         force, track_centre, linear, angular = self._generator.step(tick)

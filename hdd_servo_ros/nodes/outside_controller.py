@@ -35,6 +35,7 @@ class OutsideControllerNode(ControllerNode):
 
     def __init__(self, kind: ControllerKind) -> None:
         self._outside = kind
+        self.make = kind.make
         try:
             super().__init__(kind.node, kind.make)
         except ControllerError as error:

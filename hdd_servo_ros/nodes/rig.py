@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, nodes_of_run, resolve
-from hdd_servo_ros.graph.controller_loader import load_controller
+from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import roles_of_run
@@ -14,7 +14,8 @@ from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import Composition, run_nodes
 from hdd_servo_ros.nodes.outside_controller import OutsideControllerNode
-from hdd_servo_ros.parameters.files import RosArguments
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import RosArguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
 from hdd_servo_ros.recording.writer_process import launch_writer
 from hdd_servo_ros.reporting.show import show_run
@@ -23,10 +24,30 @@ from hdd_servo_ros.ros.node_metadata import last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 
 
-def make_node(name: str) -> LoopNode:
-    """Return a new node of this package by its name in the catalogue."""
-    path = NODES[name].node
-    node: LoopNode = resolve(path)() if path else ControllerNode(name)
+def make_node(name: str, custom: ControllerKind | None = None) -> LoopNode:
+    """
+    Return a new node by its name in the catalogue.
+
+    Parameters
+    ----------
+    name
+        The name.
+    custom
+        The controller that is not of this package, if there is one.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not allowed; names the node too.
+    """
+    try:
+        if custom is not None and name == custom.node:
+            return OutsideControllerNode(custom)
+        path = NODES[name].node
+        node: LoopNode = resolve(path)() if path else ControllerNode(name)
+    except ParameterError as error:
+        # What a controller's class lacks is named by the parameter `controller` of rig.
+        raise error if error.name == 'controller' else with_node(error, name) from error.__cause__
     return node
 
 
@@ -49,17 +70,25 @@ class Rig:
         timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
         # Before the other nodes: it gets ready while they are made.
         writer = launch_writer() if timer.record else None
-        self.nodes += [
-            OutsideControllerNode(custom) if custom is not None and name == custom.node else make_node(name)
-            for name in names[1:]
-            if name != RECORDER
-        ]
+        self.nodes += [make_node(name, custom) for name in names[1:] if name != RECORDER]
         # At once: the peers would find it out as well, but only when all are there.
         last_tick_of_run(timer, last_ticks_needed(self.nodes, timer.sample_time))
+        self._check(timer)
         self.recorder: BagRecorder | None = None
         if writer is not None:
             self.recorder = BagRecorder(process=writer)
             self.nodes.append(self.recorder)
+
+    def _check(self, timer: TimerParameters) -> None:
+        """Refuse parameters that do not go with each other or with T, as `simulate` does before a run."""
+        nodes = {node.get_fully_qualified_name(): {'parameters': node.parameters.as_mapping()} for node in self.nodes}
+        for node in self.nodes:
+            try:
+                node.check_start(timer.sample_time, nodes)
+            except ParameterError as error:
+                raise with_node(error, node.get_name()) from None
+        for node in self.nodes:
+            node.check_schedule(timer.changes, timer.sample_time, nodes)
 
     def show(self) -> None:
         """Sum up and draw the run that has ended."""

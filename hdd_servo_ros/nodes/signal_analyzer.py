@@ -1,8 +1,7 @@
 """`signal_analyzer`: sweeps a sine through the drive, in a controller's place, and writes the response."""
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer, SignalAnalyzerParameters
 from hdd_servo_ros.messages.outcome import Outcome
@@ -17,10 +16,11 @@ class SignalAnalyzerNode(ControllerNode):
     def __init__(self) -> None:
         super().__init__('signal_analyzer')
 
-    def trial(self, make: Callable[[Any, float], Any], kind: type[Any]) -> Any:
+    @property
+    def trial_sample_time(self) -> float:
         # Whether the sweep goes too high is for the run's sample time to say.
-        parameters: SignalAnalyzerParameters = self.parameters[kind]
-        return make(parameters, 0.1 / parameters.stop_frequency)
+        parameters: SignalAnalyzerParameters = self.parameters[SignalAnalyzerParameters]
+        return min(0.1 / parameters.stop_frequency, 1.0)
 
     def finish(self, outcome: Outcome) -> None:
         assert isinstance(self._controller, SignalAnalyzer)

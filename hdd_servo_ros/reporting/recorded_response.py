@@ -30,7 +30,8 @@ def response_of_run(run: RecordedRun) -> FrequencyResponse:
     for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
         if run.estimates[name][-1] != value:
             raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')
-    return analyzer.response()
+    measured = analyzer.response()
+    return measured.at(measured.is_seen)
 
 
 def node_parameters(run: RecordedRun, name: str) -> Mapping[str, object]:

@@ -21,12 +21,16 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
     directory
         Folder of the run; a new one below ``runs`` if there is none here.
     """
-    response = analyzer.response()
+    measured = analyzer.response()
+    response = measured.at(measured.is_seen)
     lines = []
-    overloaded = analyzer.overloaded_frequencies()
-    if overloaded:
-        frequencies = ', '.join(f'{frequency:.5g}' for frequency in overloaded)
-        lines.append(f'left out, since the vibrometer was overloaded: {frequencies} Hz')
+    for discarded, why in (
+        (analyzer.overloaded_frequencies(), 'the vibrometer was overloaded'),
+        (measured.frequency[~measured.is_seen].tolist(), 'the output of the vibrometer did not change'),
+    ):
+        if discarded:
+            frequencies = ', '.join(f'{frequency:.5g}' for frequency in discarded)
+            lines.append(f'left out, since {why}: {frequencies} Hz')
     if len(response.frequency) == 0:
         return lines
     if directory is None or not directory.is_dir():

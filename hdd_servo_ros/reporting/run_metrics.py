@@ -17,7 +17,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
-from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity, why_no_sensitivity
+from hdd_servo_ros.reporting.run_sensitivity import CONTROLLERS, run_sensitivity, why_no_sensitivity
 from hdd_servo_ros.reporting.seek_report import seek_metrics, why_no_seek_metrics
 from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
 
@@ -37,6 +37,8 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     if 'control' not in run:
         lines.append('no figures of the control: the bag holds no /control')
     unknown = why_no_sensitivity(run)
+    if not unknown and run.controller in CONTROLLERS and run_sensitivity(run) is None:
+        unknown = 'it cannot be computed for this loop'
     if unknown:
         lines.append(f'no peak sensitivity: {unknown}')
     if follows_reference(run):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import weakref
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,11 +70,31 @@ def why_no_sensitivity(run: RecordedRun) -> str:
     return f'parameters of {" and ".join(sorted(changed))} were changed during the run' if changed else ''
 
 
+_FOUND: weakref.WeakKeyDictionary[RecordedRun, RunSensitivity | None] = weakref.WeakKeyDictionary()
+
+
 def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
-    """Return the peak sensitivity of a run, None if :func:`why_no_sensitivity` or a controller without one."""
+    """
+    Return the peak sensitivity of a run.
+
+    None if :func:`why_no_sensitivity`, with a controller without one, or if the loop's numbers leave the range of
+    numbers.
+    """
     node = CONTROLLERS.get(run.controller)
     if node is None or why_no_sensitivity(run):
         return None
+    if run not in _FOUND:
+        from hdd_servo_ros.analysis.fragility import UNCOMPUTABLE
+
+        try:
+            with np.errstate(all='ignore'):
+                _FOUND[run] = _computed(run, node)
+        except UNCOMPUTABLE:
+            _FOUND[run] = None
+    return _FOUND[run]
+
+
+def _computed(run: RecordedRun, node: str) -> RunSensitivity:
     # Late: only these need the compiled blocks.
     from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY, ROUNDING, named_estimates
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law

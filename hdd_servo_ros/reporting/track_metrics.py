@@ -37,7 +37,7 @@ def track_left_out(run: RecordedRun, start: int) -> list[str]:
     if not why:
         try:
             run_bound(run, start)
-        except ValueError as error:
+        except (ValueError, ArithmeticError) as error:
             why = str(error)
     if why:
         lines.append(f'no least error of feedback: {why}')
@@ -118,7 +118,7 @@ def _bode(run: RecordedRun) -> list[Metric]:
     margins = loop_surroundings(run, CONTROLLERS[run.controller]).margins
     try:
         integral = bode_integrals(margins, linear_controller_at_end(run))[0]
-    except ValueError:
+    except (ValueError, ArithmeticError):
         # An unstable loop, which the report states by its peak sensitivity.
         return []
     return [
@@ -132,7 +132,7 @@ def _bode(run: RecordedRun) -> list[Metric]:
 def _bound(run: RecordedRun, start: int) -> list[Metric]:
     try:
         bound = run_bound(run, start)
-    except ValueError:
+    except (ValueError, ArithmeticError):
         # Listed by track_left_out.
         return []
     if bound is None:

@@ -8,10 +8,11 @@ from typing import Any
 from rclpy.publisher import Publisher
 from rclpy.time import Time
 
+from hdd_servo_ros.graph.trial import Attempt, Sets, refuse_failing
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import LoopTopic
-from hdd_servo_ros.parameters import ParameterSet
+from hdd_servo_ros.parameters import ParameterError, ParameterSet
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters.schedule import Change, Step, plan
 from hdd_servo_ros.ros.diagnosis import Diagnosis
@@ -75,6 +76,8 @@ class LoopNode(ParameterNode):
         """Whether :meth:`seconds_until_due` may delay a tick."""
         self.changes = 0
         """How often parameters were changed after tick 0."""
+        self._run: RunPlan | None = None
+        self._tried: set[tuple[Any, ...]] = set()
         self._halt = 0
         self._schedule: list[Step] = []
         self._ticks: Any = None
@@ -91,6 +94,78 @@ class LoopNode(ParameterNode):
 
     patience = 0.0
     """For how long the process may sleep on when a message has come, if no node in it is less patient [s]."""
+
+    def attempt(
+        self, sets: Sets, sample_time: float, nodes: Mapping[str, Mapping[str, Any]], *, is_change: bool
+    ) -> Attempt | None:
+        """
+        Return how to try parameters of this node before they are accepted; None if there is nothing to try.
+
+        Parameters
+        ----------
+        sets
+            The parameters.
+        sample_time
+            T [s].
+        nodes
+            The participating nodes by their full names, each with its ``parameters``.
+        is_change
+            Whether they are to change in the run.
+        """
+        return None
+
+    def check(
+        self,
+        sets: Sets,
+        accepted: Sets,
+        sample_time: float,
+        nodes: Mapping[str, Mapping[str, Any]],
+        *,
+        is_change: bool,
+    ) -> None:
+        """
+        Refuse parameters with which this node cannot run; see :meth:`attempt`.
+
+        Parameters
+        ----------
+        sets, sample_time, nodes, is_change
+            As of :meth:`attempt`.
+        accepted
+            Parameters with which it can: the defaults, or those before a change.
+
+        Raises
+        ------
+        ParameterError
+            Names the parameter.
+        """
+        attempt = self.attempt(sets, sample_time, nodes, is_change=is_change)
+        if attempt is not None:
+            refuse_failing(self.get_name(), sets, accepted, attempt)
+
+    def check_start(self, sample_time: float, nodes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Refuse the present parameters if this node cannot run with them; raises :class:`ParameterError`."""
+        sets = self.parameters.sets
+        self.check(sets, {kind: kind() for kind in sets}, sample_time, nodes, is_change=False)
+
+    def check_schedule(
+        self, changes: Sequence[Change], sample_time: float, nodes: Mapping[str, Mapping[str, Any]]
+    ) -> None:
+        """Refuse a schedule after one of whose changes this node cannot run; raises :class:`ParameterError`."""
+        accepted: Sets = self.parameters.sets
+        for step in self.plan(changes):
+            try:
+                self.check(step.sets, accepted, sample_time, nodes, is_change=True)
+            except ParameterError as error:
+                raise ParameterError('schedule', step.entry, str(error)) from None
+            self._tried.add(tuple(step.sets.values()))
+            accepted = step.sets
+
+    def _check_change(self, sets: Sets) -> None:
+        """Refuse a change with which this node cannot run on; one of the schedule has been tried before."""
+        if tuple(sets.values()) in self._tried:
+            return
+        assert self._run is not None
+        self.check(sets, self.parameters.sets, self._run.sample_time, self._run.nodes, is_change=True)
 
     def offers(self) -> dict[str, str]:
         """Return strings that concern the whole run, such as the drive's name."""
@@ -152,13 +227,25 @@ class LoopNode(ParameterNode):
     def finish(self, outcome: Outcome) -> None:
         """Receive how the run ended; called once, at the very end."""
 
+    @property
+    def trial_sample_time(self) -> float:
+        """T for a block that is made before that of the run is known [s]."""
+        return _TRIAL_SAMPLE_TIME
+
     def trial(self, make: Callable[[Any, float], Any], kind: type[ParameterSet]) -> Any:
         """
         Make a block before the run's sample time is known.
 
         It rejects bad parameters while the node starts, and a step of it compiles its kernel: both before others wait.
         """
-        return make(self.parameters[kind], _TRIAL_SAMPLE_TIME)
+        try:
+            return make(self.parameters[kind], self.trial_sample_time)
+        except ParameterError:
+            raise
+        except Exception:
+            # Names the parameter; if none is to blame, what was raised says more.
+            self.check_start(self.trial_sample_time, {})
+            raise
 
     # What the lockstep calls.
 
@@ -185,12 +272,31 @@ class LoopNode(ParameterNode):
         added = tuple(port for port in self.optional_inputs if run.publisher_of(port.name) is not None)
         present = {port.topic.name for port in added}
         self.inputs = (*(port for port in self.inputs if port.topic.replaced_by not in present), *added)
+        self._run = run
         self._messages = [b''] * len(self.inputs)
         for port in (*self.inputs, *self.optional_inputs):
             port.begin(run.ticks)
         self._schedule = list(self.plan(run.changes))
-        self.prepare(run)
+        try:
+            self.prepare(run)
+            self.check_schedule(run.changes, run.sample_time, run.nodes)
+        except RunError:
+            raise
+        except Exception as error:
+            raise RunError(self._why_not_prepared(error, run)) from error
+        self.parameters.check_further(self._check_change)
         self._set_halt()
+
+    def _why_not_prepared(self, error: Exception, run: RunPlan) -> str:
+        """Return why the block cannot be built for a run, with the parameter if one is to blame."""
+        if not isinstance(error, ParameterError):
+            try:
+                self.check_start(run.sample_time, run.nodes)
+            except ParameterError as refused:
+                error = refused
+            else:
+                raise error
+        return str(error) if error.name == 'schedule' else f'{self.get_name()}: {error}'
 
     @property
     def done(self) -> bool:

@@ -125,6 +125,11 @@ class NodeParameters:
         """Return the present values as an instance of one of the dataclasses."""
         return self._sets[kind]
 
+    @property
+    def sets(self) -> dict[type[ParameterSet], ParameterSet]:
+        """The present values, an instance of each of the dataclasses."""
+        return dict(self._sets)
+
     def as_mapping(self) -> dict[str, Value]:
         """Return all present values by their ROS names."""
         mapping: dict[str, Value] = {}

@@ -272,10 +272,9 @@ class Experiment:
         observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
         return self._make_law(law, self.sample_time), observer
 
-    def check_change(self, node: str, sets: Mapping[type[Any], Any]) -> None:
-        """Refuse parameters of a node that do not go with T: raises :class:`ParameterError`."""
-        if node == DISTURBANCE_GENERATOR:
-            self._blocks[node].check(sets[NODES[node].block_parameters])
+    def block(self, node: str) -> Any:
+        """Return the block of a node of this package; raises KeyError if it has none in this experiment."""
+        return self._blocks[node]
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
         """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""

@@ -12,6 +12,7 @@ from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputP
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
 from hdd_servo_ros.control.observer import ControllerObserverParameters
+from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
 from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekControllerParameters
 from hdd_servo_ros.graph.catalogue import (
@@ -25,7 +26,8 @@ from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
-from hdd_servo_ros.graph.roles import PLAYBACK, roles_of_run
+from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_run
+from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_change, attempt_for, has_extremes, refuse_failing
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -42,6 +44,7 @@ from hdd_servo_ros.parameters.run_parameters import (
 )
 from hdd_servo_ros.parameters.schedule import Step, plan, refuse_unknown_nodes
 from hdd_servo_ros.recording.playback import Playback
+from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 from hdd_servo_ros.simulation.experiment import Experiment
 
 CHUNK = 4096
@@ -124,23 +127,70 @@ class Simulation:
         }
         self.schedule = self._plan(sets, mappings)
         disturbance = None if self.playback is None else _PlayedDisturbance(self.playback)
-        self.experiment = Experiment(
-            self.timer.sample_time,
-            self.rig.controller,
-            blocks,
-            disturbance=disturbance,
-            sensor=self.rig.sensor,
-        )
-        for name, step in self.schedule:
-            try:
-                self.experiment.check_change(name, step.sets)
-            except ParameterError as error:
-                raise ParameterError('schedule', step.entry, str(error)) from None
+        self.experiment = self._experiment(sets, blocks, disturbance, outside)
+        self._check_schedule(sets, outside)
         law = self.experiment.controller
         needed = law.last_tick if isinstance(law, HasPlan) else 0
         self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
         if self.playback is not None:
             self.playback.check(self.timer.sample_time, self.last_tick)
+
+    def _experiment(
+        self,
+        sets: Mapping[str, Sets],
+        blocks: Mapping[str, Mapping[str, object]],
+        disturbance: DisturbanceSource | None,
+        outside: ControllerKind | None,
+    ) -> Experiment:
+        """Return the experiment; raises ParameterError if a block cannot be made or stepped with its parameters."""
+        # What cannot run with common numbers is found when it is made.
+        if any(has_extremes(kinds.values()) for kinds in sets.values()):
+            self._check_start(sets, outside)
+        try:
+            return Experiment(
+                self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance, sensor=self.rig.sensor
+            )
+        except (ParameterError, ControllerError):
+            raise
+        except Exception:
+            # Names the parameter; if none is to blame, what was raised says more.
+            self._check_start(sets, outside)
+            raise
+
+    def _check_start(self, sets: Mapping[str, Sets], outside: ControllerKind | None) -> None:
+        for name, kinds in sets.items():
+            attempt = self._attempt(name, sets, kinds, outside, is_change=False)
+            if attempt is not None:
+                try:
+                    refuse_failing(name, kinds, {kind: kind() for kind in kinds}, attempt)
+                except ParameterError as error:
+                    raise with_node(error, name) from error.__cause__
+
+    def _check_schedule(self, sets: Mapping[str, Sets], outside: ControllerKind | None) -> None:
+        """Refuse a schedule after one of whose changes a node cannot run."""
+        accepted = dict(sets)
+        for name, step in self.schedule:
+            attempt = self._attempt(name, sets, step.sets, outside, is_change=True)
+            if attempt is not None:
+                try:
+                    refuse_failing(name, step.sets, accepted[name], attempt)
+                except ParameterError as error:
+                    raise ParameterError('schedule', step.entry, str(error)) from error.__cause__
+            accepted[name] = step.sets
+
+    def _attempt(
+        self, name: str, sets: Mapping[str, Sets], own: Sets, outside: ControllerKind | None, *, is_change: bool
+    ) -> Attempt | None:
+        """Return how to try parameters of a node, as the node itself does it."""
+        if is_change and name == DISTURBANCE_GENERATOR:
+            # A new one would read its files once more.
+            return attempt_change(name, self.experiment.block(name), is_change=True)
+        make = outside.make if outside is not None and name == outside.node else None
+
+        def block_of(other: str) -> Any:
+            return sets[other][NODES[other].block_parameters] if other in sets else None
+
+        return attempt_for(name, self.timer.sample_time, own, block_of, make=make, is_change=is_change)
 
     def _optional_topics(self, names: Sequence[str]) -> Iterator[LoopTopic]:
         """Iterate over the optional topics that nodes of this run publish, in the order of the recorder."""

@@ -128,7 +128,8 @@ class SimulatedRun:
     def summary(self, outcome: Outcome) -> str:
         """Return the summary of a run that was not recorded; of a sweep that has measured something, that."""
         if isinstance(self._experiment.controller, SignalAnalyzer):
-            response = self._experiment.controller.response()
+            measured = self._experiment.controller.response()
+            response = measured.at(measured.is_seen)
             if len(response.frequency):
                 return response_line(response)
         looped = max(time.monotonic() - self._started, 1e-9)

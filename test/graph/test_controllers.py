@@ -331,9 +331,19 @@ def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys)
     assert capsys.readouterr().err.endswith(said)
 
 
-def test_a_scheduled_change_that_the_class_fails_to_take_ends_the_run(tmp_path, capsys):
+def test_a_scheduled_change_that_the_class_cannot_take_is_refused_before_the_run(tmp_path):
     refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
     module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
+    with pytest.raises(ParameterError, match=r"schedule = '0.03 spring stiffness 1.5' is refused: .*AssertionError"):
+        simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
+
+
+def test_a_scheduled_change_that_the_class_fails_to_take_in_the_run_ends_it(tmp_path, capsys):
+    # A trial cannot know what the class holds against it by then.
+    refusing = "assert parameters.stiffness < 1.0 or not hasattr(self, 'late'); self.parameters = parameters"
+    late = 'e = inputs.position - inputs.desired_position; self.__dict__.update({"late": 1} if inputs.tick > 9 else {})'
+    changes = (('self.parameters = parameters', refusing), ('e = inputs.position - inputs.desired_position', late))
+    module = write(tmp_path, GOOD, *changes)
     made = simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
     exit_code, directory = simulate(made, progress=False)
     assert exit_code == 1

@@ -39,6 +39,7 @@ FIELDS = {
     ParameterType.PARAMETER_INTEGER: 'integer_value',
     ParameterType.PARAMETER_DOUBLE: 'double_value',
     ParameterType.PARAMETER_STRING: 'string_value',
+    ParameterType.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
 }
 
 
@@ -125,6 +126,53 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
     assert statistics.median(run.seconds) < 30.0
     assert len(Run.open(bench.directory / 'run').time) == 30_001
     assert first_difference(bench.directory / 'simulated', bench.directory / 'run') is None
+
+
+UNTENABLE = [
+    ('adaptive_nn_controller', 'network.width', [1e-300], ParameterType.PARAMETER_DOUBLE_ARRAY),
+    ('adaptive_nn_controller', 'sigma.scale', 5e-324, SCALARS[float]),
+    ('reference_generator', 'start_time', 1.7e308, SCALARS[float]),
+    ('reference_generator', 'amplitude', 1.797e308, SCALARS[float]),
+    ('vcm_plant', 'gain', 1.797e308, SCALARS[float]),
+    ('ldv_sensor', 'demodulator_bandwidth', 5e-324, SCALARS[float]),
+]
+
+
+def test_a_value_with_which_a_block_cannot_run_is_refused_and_changes_nothing(bench, run):
+    for node, name, value, kind in UNTENABLE:
+        result = run.ask(node, SetParameters, parameters=[parameter(name, value, kind)]).results[0]
+        assert not result.successful, name
+        assert f'parameter {name} = ' in result.reason
+        assert f'is refused: a value with which {node} can run; with this one it cannot: ' in result.reason
+    # A change that can be made is made.
+    result = run.ask('reference_generator', SetParameters, parameters=[parameter('frequency', 120.0)]).results[0]
+    assert result.successful, result.reason
+    assert run.wait() == 0, run.output
+    changes = Run.open(bench.directory / 'run').parameter_changes
+    assert [(change.node, change.name, change.value) for change in changes] == [
+        ('/reference_generator', 'frequency', 120.0)
+    ]
+
+
+@pytest.mark.parametrize(
+    ('argument', 'named'),
+    [
+        ('adaptive_nn_controller:network.width:=[1e-300]', 'adaptive_nn_controller:network.width'),
+        ('reference_generator:start_time:=1.7e308', 'reference_generator:start_time'),
+        ("deterministic_timer:schedule:=['0.1 vcm_plant gain 1.797e308']", 'gain'),
+        ("deterministic_timer:schedule:=['0.1 reference_generator start_time 1.7e308']", 'start_time'),
+        ("deterministic_timer:schedule:=['0.1 adaptive_nn_controller network.width [1e-300]']", 'network.width'),
+    ],
+)
+def test_the_same_in_a_file_and_in_a_schedule_before_the_run(bench, argument, named):
+    for command in ('rig', 'simulate'):
+        process = bench.start(command, '-p', argument, '-p', f'bag_recorder:run_dir:={command}')
+        assert process.wait() == 2, process.output
+        (line,) = process.output.strip().splitlines()
+        assert line.startswith(f'{command}: parameter ')
+        assert named in line
+        assert 'is refused' in line
+        assert not (bench.directory / command).exists()
 
 
 def test_whatever_clock_a_user_chooses_the_bag_shows_the_tick(bench, run):

@@ -1,0 +1,354 @@
+"""Trial of parameters: whether a node's block can be made and stepped with them, before they are accepted."""
+
+import copy
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
+from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
+from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
+from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
+from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
+from hdd_servo_ros.control.feedforward import Feedforward
+from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
+from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer
+from hdd_servo_ros.control.runout import RunoutCancellation
+from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
+from hdd_servo_ros.control.seek import Seek
+from hdd_servo_ros.graph.block_parameters import seek_kind, sensor_scales
+from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, NODES, SENSORS, resolve
+from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
+from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
+from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping, to_mapping
+
+Sets = Mapping[type[Any], Any]
+"""All parameters of a node: an instance of each of its dataclasses."""
+Attempt = Callable[[Sets], object]
+"""Makes and steps a node's blocks; raises an exception of any kind if that cannot be done."""
+
+TICKS = 4
+"""Steps of a trial."""
+ORDINARY = (1e-30, 1e30)
+"""Magnitudes of which a few multiplied or divided are numbers still."""
+_FEW_TICKS = 2**53
+
+
+class NotFiniteInTrialError(ArithmeticError):
+    """An output of a trial is not finite."""
+
+    def __init__(self) -> None:
+        super().__init__('its output is not finite')
+
+
+def refuse_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> None:
+    """
+    Refuse parameters for which an attempt fails, whatever it raises.
+
+    Parameters
+    ----------
+    node
+        Name of the node, for the message.
+    sets
+        The parameters.
+    accepted
+        Parameters with which it does not fail: those of before, or the defaults.
+    attempt
+        What to try.
+
+    Raises
+    ------
+    ParameterError
+        Names the parameter that is to blame, of those that differ from ``accepted``.
+    """
+    error = _failure(sets, attempt)
+    if error is None:
+        return
+    if isinstance(error, ParameterError):
+        raise error
+    name, value = _to_blame(sets, accepted, attempt)
+    text = ' '.join(str(error).split())
+    reason = text if isinstance(error, NotFiniteInTrialError) else f'{type(error).__name__}{": " if text else ""}{text}'
+    raise ParameterError(
+        name, value, f'a value with which {node} can run; with this one it cannot: {reason}'
+    ) from error
+
+
+def _failure(sets: Sets, attempt: Attempt) -> Exception | None:
+    try:
+        with np.errstate(all='ignore'):
+            attempt(sets)
+    except Exception as error:  # whatever a block makes of a number that it cannot use
+        return error
+    return None
+
+
+def _to_blame(sets: Sets, accepted: Sets, attempt: Attempt) -> tuple[str, object]:
+    """Return name and value of the parameter without whose change the attempt does not fail, else of the first."""
+    changed = [
+        (kind, name, value)
+        for kind, values in sets.items()
+        for name, value in to_mapping(values).items()
+        if value != to_mapping(accepted[kind])[name]
+    ]
+    for kind, name, value in changed if len(changed) > 1 else ():
+        before = {**to_mapping(sets[kind]), name: to_mapping(accepted[kind])[name]}
+        try:
+            others: Sets = {**sets, kind: from_mapping(kind, before)}
+        except ParameterError:
+            # They go together only.
+            continue
+        if _failure(others, attempt) is None:
+            return name, value
+    # Without a change the rest of the run is to blame, which this node cannot name.
+    return changed[0][1:] if changed else ('', None)
+
+
+def has_extremes(sets: Iterable[ParameterSet]) -> bool:
+    """Return whether a number is so large or so small that computing with it may leave the range of numbers."""
+    return any(
+        isinstance(number, float) and number != 0.0 and not ORDINARY[0] <= abs(number) <= ORDINARY[1]
+        for values in sets
+        for value in to_mapping(values).values()
+        for number in (value if isinstance(value, tuple) else (value,))
+    )
+
+
+def attempt_block(node: str, sample_time: float, *, is_change: bool) -> Attempt:
+    """
+    Return the attempt for a node that is not a controller: make its block, and step it.
+
+    Parameters
+    ----------
+    node
+        Its row in the catalogue, which has a block.
+    sample_time
+        T [s].
+    is_change
+        Whether they are to change in a run; outputs that are not finite then count as a failure too. A run that begins
+        with them ends at once and says where.
+    """
+    kind = NODES[node].block_parameters
+
+    def attempt(sets: Sets) -> None:
+        _step(node, resolve(NODES[node].block)(sets[kind], sample_time), is_change)
+
+    return attempt
+
+
+def attempt_change(node: str, block: Any, *, is_change: bool) -> Attempt:
+    """Return the attempt to update a copy of a block of this package, as :func:`attempt_block` does a new one."""
+    kind = NODES[node].block_parameters
+
+    def attempt(sets: Sets) -> None:
+        tried = copy.deepcopy(block)
+        tried.update(sets[kind])
+        _step(node, tried, is_change)
+
+    return attempt
+
+
+def _step(node: str, block: Any, is_change: bool) -> None:
+    numbers = [number for tick in _ticks(node, block) for number in _flat(_STEPS[node](block, tick))]
+    if is_change and not all(map(math.isfinite, numbers)):
+        raise NotFiniteInTrialError
+
+
+def _ticks(node: str, block: Any) -> Iterator[int]:
+    yield from range(TICKS)
+    if node == 'reference_generator':
+        # What is constant before its start tells nothing.
+        start = math.ceil(block.parameters.start_time / block.sample_time)
+        yield from range(start, start + TICKS) if start < _FEW_TICKS else ()
+
+
+def _flat(values: Any) -> Iterator[float]:
+    for value in values:
+        if isinstance(value, tuple):
+            yield from value
+        else:
+            yield value
+
+
+_STEPS: dict[str, Callable[[Any, int], Any]] = {
+    'reference_generator': lambda block, tick: block.step(tick),
+    'vcm_plant': lambda block, tick: block.step(tick, 1.0, 0.1) if tick else block.output(),
+    'ldv_sensor': lambda block, tick: block.step(tick, 1.0, 1.0),
+    'servo_sensor': lambda block, tick: block.step(tick, 1.0, 0.1),
+    'accelerometer': lambda block, tick: block.step(tick, 1.0, 1.0, 1.0),
+    DISTURBANCE_GENERATOR: lambda block, tick: block.step(tick),
+}
+"""A step of each block, with inputs of the size of a common run's."""
+
+
+def attempt_for(
+    node: str,
+    sample_time: float,
+    sets: Sets,
+    block_of: Callable[[str], Any],
+    *,
+    make: Callable[[Any, float], Any] | None = None,
+    is_change: bool,
+) -> Attempt | None:
+    """
+    Return the attempt for a node in its run; None if it has no block.
+
+    Parameters
+    ----------
+    node
+        Its row in the catalogue.
+    sample_time
+        T [s].
+    sets
+        Its parameters; of these the scales count by which a controller reads its sensor.
+    block_of
+        Gives the parameters of another node's block by the node's name, None if it is not in the run.
+    make
+        Makes the law of a controller that is not of this package.
+    is_change
+        As of :func:`attempt_block`.
+    """
+    row = NODES[node]
+    if row.role != CONTROLLER:
+        return attempt_block(node, sample_time, is_change=is_change) if row.block else None
+    drive, vibrometer = block_of('vcm_plant'), block_of(SENSORS['ldv'])
+    own: ControllerInputParameters = sets[ControllerInputParameters]
+    has_servo = block_of(SENSORS['servo']) is not None
+    if has_servo:
+        scales = SensorScales.none()
+    elif vibrometer is not None:
+        scales = sensor_scales(own, vibrometer)
+    else:
+        scales = SensorScales(own.displacement_scale or 1.0, own.velocity_scale or 1.0)
+    return ControllerTrial(
+        node,
+        make or resolve(row.block),
+        sample_time,
+        math.inf if drive is None else drive.control_limit,
+        scales,
+        has_servo,
+        block_of(BASE_SENSOR),
+        is_custom=make is not None,
+    ).attempt(is_change=is_change)
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerTrial:
+    """
+    What a controller is tried with.
+
+    Attributes
+    ----------
+    node
+        Its row in the catalogue.
+    make
+        Makes the law from its parameters and T [s].
+    sample_time
+        T [s].
+    drive_limit
+        Limit of the drive's control [V].
+    scales
+        By which it reads the sensor's outputs.
+    has_observer
+        Whether an observer gives it the velocity.
+    accelerometer
+        Parameters of the accelerometers; None if there are none, so that a feedforward is not tried.
+    is_custom
+        Whether the law is not of this package; it is then stepped with zeros alone.
+    """
+
+    node: str
+    make: Callable[[Any, float], Controller]
+    sample_time: float
+    drive_limit: float = math.inf
+    scales: SensorScales = SensorScales(1.0, 1.0)  # noqa: RUF009 - a frozen value
+    has_observer: bool = False
+    accelerometer: AccelerometerParameters | None = None
+    is_custom: bool = False
+
+    def attempt(self, *, is_change: bool) -> Attempt:
+        """Return the attempt: make and step law and DSP, and the blocks around the law."""
+
+        def attempt(sets: Sets) -> None:
+            numbers = list(self._outputs(sets, is_change))
+            if is_change and not all(map(math.isfinite, numbers)):
+                raise NotFiniteInTrialError
+
+        return attempt
+
+    def _outputs(self, sets: Sets, is_change: bool) -> Iterator[float]:
+        law = self._law(sets, is_updated=is_change and self.is_custom)
+        dsp = Dsp(sets[ControllerOutputParameters].dsp, self.sample_time, self.drive_limit)
+        if isinstance(law, KnowsOutputLimit):
+            law.limit_output(dsp.limit)
+        observer = self._observer(sets)
+        seek, feedforward, runout = self._seek(sets), self._feedforward(sets), self._runout(sets)
+        held = 0.0
+        for tick in range(TICKS):
+            volts = (-1.0) ** tick * (not self.is_custom)
+            velocity = volts if observer is None else observer.step(volts, held)[1]
+            inputs = self.scales.inputs(tick, volts, velocity, *NO_INPUTS[-3:])
+            if seek is not None:
+                inputs = seek.before_law(inputs, held)
+            output = law.step(inputs)
+            error = inputs.position - inputs.desired_position
+            if seek is not None:
+                output = seek.after_law(*output)
+            if feedforward is not None:
+                output = feedforward.compensate(error, volts, -volts, *output)
+            if runout is not None:
+                output = runout.compensate(tick, error, *output)
+            held, *others = dsp.step(*output)
+            yield from (held, *others)
+
+    def _law(self, sets: Sets, *, is_updated: bool = False) -> Controller:
+        parameters = sets[NODES[self.node].block_parameters]
+        law: Any = self.make(parameters, self.sample_time)
+        if is_updated:
+            # A law that is not of this package may have no use for other parameters.
+            law.update(parameters)
+        made: Controller = law
+        return made
+
+    def _observer(self, sets: Sets) -> Observer | None:
+        return Observer(sets[ControllerObserverParameters].observer, self.sample_time) if self.has_observer else None
+
+    def _seek(self, sets: Sets) -> Seek | None:
+        parameters = sets[seek_kind(self.node)].seek
+        if not parameters.is_used:
+            return None
+        dsp = sets[ControllerOutputParameters].dsp
+        surroundings = seek_surroundings(parameters, lambda: self._law(sets), self.sample_time, dsp, self.scales, None)
+        return Seek(parameters, self.sample_time, surroundings, self.scales)
+
+    def _runout(self, sets: Sets) -> RunoutCancellation | None:
+        parameters = sets[ControllerRunoutParameters].runout
+        if not parameters.is_used:
+            return None
+        path = runout_path(
+            parameters,
+            self._law(sets),
+            sets[ControllerOutputParameters].dsp,
+            self.sample_time,
+            self.scales,
+            self._observer(sets),
+        )
+        return RunoutCancellation(parameters, self.sample_time, path)
+
+    def _feedforward(self, sets: Sets) -> Feedforward | None:
+        parameters = sets[ControllerFeedforwardParameters].feedforward
+        if not parameters.is_used or self.accelerometer is None:
+            return None
+        knowledge = feedforward_knowledge(
+            parameters,
+            self._law(sets),
+            sets[ControllerOutputParameters].dsp,
+            self.accelerometer,
+            self.sample_time,
+            self.scales,
+            self._observer(sets),
+        )
+        return Feedforward(parameters, self.sample_time, *knowledge)
