@@ -16,6 +16,7 @@ from hdd_servo_ros.studies.mobile import (
     table_hard_mount,
     table_parasitic,
     table_random_drives,
+    table_runout,
     table_shock,
     table_sources,
     table_vibration,
@@ -204,6 +205,8 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
         table_delay_rows,
     ):
         monkeypatch.setattr(module, 'SEEDS', 1)
+    monkeypatch.setattr(table_runout, 'SEEDS', 1)
+    monkeypatch.setattr(table_runout, 'DELAYED_SEEDS', 1)
     monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
     monkeypatch.setattr(table_parasitic, 'SHARES', (-0.5, 0.5))
     monkeypatch.setattr(table_delay_rows, 'SHARES', (0.1,))
@@ -240,3 +243,5 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
     assert next(row for row in delayed if row[:2] == ['vibration, gains without delay', 'PID'])[5].startswith(
         'is unstable'
     )
+    # Both sampling frequencies, controllers and methods, and the same with a delay.
+    assert [row[9] for row in rows(paths['table_runout'])] == ['1 of 1'] * 8 + [''] * 8

@@ -92,15 +92,24 @@ def trial(
         for name in parameters.get(node, {}):
             if name.rsplit('.', 1)[-1] == 'seed':
                 parameters[node][name] = seed
-    for key, value in (changes or {}).items():
-        node, name = key.split(':')
-        if name not in parameters[node]:
-            raise KeyError(f'{node} has no parameter {name}')
-        parameters[node][name] = value
+    parameters = with_changes(parameters, changes or {})
     if drive is not None:
         parameters['vcm_plant'] = random_drive(parameters['vcm_plant'], drive)
     sensor = 'servo' if SENSORS['servo'] in parameters else 'ldv'
     return Trial(runs[case].controller, runs[case].sample_time, parameters, sensor=sensor)
+
+
+def with_changes(
+    parameters: Mapping[str, Mapping[str, Any]], changes: Mapping[str, object]
+) -> dict[str, dict[str, Any]]:
+    """Return parameters of all nodes with others in their place, these under ``'node:parameter'``."""
+    changed = {node: dict(values) for node, values in parameters.items()}
+    for key, value in changes.items():
+        node, name = key.split(':')
+        if name not in changed[node]:
+            raise KeyError(f'{node} has no parameter {name}')
+        changed[node][name] = value
+    return changed
 
 
 def on_trials(
