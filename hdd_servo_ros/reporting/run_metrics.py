@@ -17,6 +17,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
+from hdd_servo_ros.reporting.run_impacts import run_impacts, why_no_impacts
 from hdd_servo_ros.reporting.run_sensitivity import CONTROLLERS, run_sensitivity, why_no_sensitivity
 from hdd_servo_ros.reporting.seek_report import seek_metrics, why_no_seek_metrics
 from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
@@ -41,6 +42,9 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
         unknown = 'it cannot be computed for this loop'
     if unknown:
         lines.append(f'no peak sensitivity: {unknown}')
+    unknown = why_no_impacts(run)
+    if unknown:
+        lines.append(f'no impacts on the crash stops: {unknown}')
     if follows_reference(run):
         lines += track_left_out(run, steady_start(run, after))
         why = why_no_seek_metrics(run)
@@ -89,7 +93,20 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         found += seek_metrics(run)
     if 'control' in run:
         found += _control(run, start)
-    return found + _sensitivity(run)
+    return found + _impacts(run) + _sensitivity(run)
+
+
+def _impacts(run: RecordedRun) -> list[Metric]:
+    found = run_impacts(run)
+    if found is None:
+        return []
+    count = sum(stop.count for stop in found.values())
+    metrics = [Metric('stop_impacts', 'impacts on the crash stops, whole run', float(count), '')]
+    if found:
+        speed = max(stop.largest_speed for stop in found.values())
+        unit = f'{run.length_unit}/s'
+        metrics.append(Metric('largest_impact_speed', 'largest speed of impact on a crash stop', speed, unit))
+    return metrics
 
 
 def _sensitivity(run: RecordedRun) -> list[Metric]:

@@ -1,0 +1,60 @@
+"""The impacts on the crash stops in a recorded run, by the drive run again on the recorded voltages."""
+
+import weakref
+from typing import TYPE_CHECKING
+
+from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, HEAD
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.run_sensitivity import PLANT, parameters_at_start
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.drive.travel import StopImpacts
+
+_FOUND: 'weakref.WeakKeyDictionary[RecordedRun, dict[str, StopImpacts]]' = weakref.WeakKeyDictionary()
+
+
+def has_stops(run: RecordedRun) -> bool:
+    """Return whether the drive of a run has crash stops, as far as its parameters are known."""
+    parameters = parameters_at_start(run).get(PLANT, {})
+    return any(parameters.get(name, 0.0) != 0.0 for name in ('travel.lower', 'travel.upper'))
+
+
+def why_no_impacts(run: RecordedRun) -> str:
+    """Return why the impacts on the crash stops of a run are not known; empty if they are, or if there are no stops."""
+    if not has_stops(run):
+        return ''
+    missing = [f'/{topic.name}' for topic in (CONTROL, HEAD) if topic.name not in run]
+    if missing:
+        return f'the bag holds no {" and no ".join(missing)}'
+    if run.ticks[0] != 0:
+        return 'the bag does not begin with tick 0'
+    if any(change.node.rpartition('/')[2] == PLANT for change in run.parameter_changes):
+        return f'parameters of {PLANT} were changed during the run'
+    if _impacts(run) is None:
+        return f'/{HEAD.name} is not the motion of the drive of run.yaml'
+    return ''
+
+
+def run_impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
+    """Return the impacts on each crash stop that was hit; None without stops, or if :func:`why_no_impacts` says why."""
+    if not has_stops(run) or why_no_impacts(run):
+        return None
+    return _impacts(run)
+
+
+def _impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
+    """Run the drive again; return None if its head does not end where the recorded one does."""
+    if run not in _FOUND:
+        # Late: only this needs the compiled block.
+        from hdd_servo_ros.drive.plant import Plant
+
+        plant = Plant(block_parameters(PLANT, parameters_at_start(run)[PLANT]), run.sample_time)
+        voltages = run.command[:-1].tolist()
+        disturbances = run[DISTURBANCE.name][:-1, 0].tolist() if DISTURBANCE.name in run else [0.0] * len(voltages)
+        for tick, (voltage, disturbance) in enumerate(zip(voltages, disturbances, strict=True), start=1):
+            plant.step(tick, voltage, disturbance)
+        if plant.output() != tuple(run[HEAD.name][-1].tolist()):
+            return None
+        _FOUND[run] = plant.impacts
+    return _FOUND[run]
