@@ -174,11 +174,13 @@ def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[l
     """Return target, and trajectory to it if there is one, and the head's errors from both."""
     factor = signals.units.error_factor
     position = [_stairs(lines.over_time('target', seeks.target, GREY, wide=True))]
-    error = factor * (signals.error + signals.desired_position - seeks.target)
+    error = factor * (signals.position_error + signals.desired_position - seeks.target)
     errors = [lines.over_time(error_name(signals, 'target'), error, COLOURS[1])]
     if not np.array_equal(seeks.target, signals.desired_position):
         position.append(lines.over_time('trajectory', signals.desired_position, COLOURS[3]))
-        errors.insert(0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.error, COLOURS[3]))
+        errors.insert(
+            0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.position_error, COLOURS[3])
+        )
     return position, errors
 
 

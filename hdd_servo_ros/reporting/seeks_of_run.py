@@ -137,9 +137,9 @@ def responses_of(
     """
     Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
 
-    The position error is that of the head's true position, as :attr:`RecordedRun.error`, from the target, or that of
-    its measured position. A last seek of several is left out where the run ends before half the time between seeks is
-    over.
+    The position error is that of the head's true position, as :attr:`RecordedRun.position_error`, from the target, or
+    that of its measured position. A last seek of several is left out where the run ends before half the time between
+    seeks is over.
     """
     found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples, measured)
     if key not in found.responses:

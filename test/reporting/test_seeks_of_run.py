@@ -1,5 +1,7 @@
 """The seeks of recorded runs against what their references were asked to do, and a measurement written out by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,8 @@ from hdd_servo_ros.reporting.show import show_run
 
 from .seeker import TARGETS, seeking_run
 
+PARAMS = Path(__file__).parents[2] / 'params'
+NSS = ('nss_100ktpi.yaml', 'nss_100ktpi_10_khz.yaml')
 LENGTHS = np.diff([0.0, *TARGETS])
 NANOMETRES = 0.1016
 """10 % of the default track pitch [um]."""
@@ -285,3 +289,29 @@ def test_many_lengths_have_a_curve_of_bounds_between_them(simulated, tmp_path, m
         fastest = fastest_seek(PlantParameters(), 1e-4, length, NANOMETRES).time
         # Of steps of a fifth of a sample.
         assert curve.fastest_at(length) == pytest.approx(fastest, abs=4e-5)
+
+
+def test_with_the_servo_sensor_the_head_arrives_on_the_displaced_track(simulated, tmp_path):
+    """Track pitch 254 nm, and runout of tens of nanometres."""
+    files = [part for name in NSS for part in ('--params-file', str(PARAMS / name))]
+    seeks = ('waveform:=seek', 'seek.trajectory:=minimum_jerk', 'seek.targets:=[2.0,0.0]', 'seek.dwell_times:=[0.05]')
+    given = (part for text in (*seeks, 'controller:=pid', f'duration:={2100 * 9.9206e-5!r}') for part in ('-p', text))
+    run = Run.open(simulated(tmp_path / 'run', *files, *given))
+    assert run.is_track_following
+    centre = run.disturbance.track_centre
+    assert 1e3 * np.ptp(centre) > 30.0
+    rows = [seek.row for seek in seeks_of(run)]
+    ends = [*rows, len(run.ticks)][1:]
+    # Tolerances of the tenth of a track are left now and then: of a track and a half.
+    for response, end in zip(responses_of(run, 0.381), ends, strict=False):
+        row = response.seek.row
+        outside = np.abs((run.position - centre)[row:end] - response.seek.target) > 0.381
+        assert response.seek_time == pytest.approx(run.sample_time * (1 + np.flatnonzero(outside)[-1]))
+    panels = {panel.name: panel for panel in panels_over_time(run)}
+    along, final = panels['error_fine'].traces
+    assert final.name == 'head - target - track centre'
+    seen = view_of_run(run)
+    assert seen is not None
+    expected = 1e3 * (run.position - centre - seen.target)
+    assert final.y == pytest.approx(np.interp(final.x, run.time, expected))
+    assert along.y == pytest.approx(np.interp(along.x, run.time, 1e3 * run.position_error))
