@@ -36,7 +36,7 @@ NOT_FINITE = [
     ('pid_controller', 'feedforward.model.separation', 5e-324),
 ]
 """An output that is not finite; a run that begins with such a parameter ends at once and says where."""
-ALSO = {
+ALSO: dict[str, dict[str, object]] = {
     'disturbance_generator': {'vibration.rotational.enabled': True, 'force_noise.enabled': True},
     'adaptive_nn_controller': {'compensator.enabled': True},
     'pid_controller': {'feedforward.method': 'fxlms'},

@@ -100,7 +100,10 @@ def test_runout_enters_as_a_force_with_the_vibrometer(method):
 
     amplitudes = []
     for used in ('none', method):
-        given = {'reference_generator': {'amplitude': 0.0}, 'pid_controller': {'runout.method': used}}
+        given: dict[str, dict[str, object]] = {
+            'reference_generator': {'amplitude': 0.0},
+            'pid_controller': {'runout.method': used},
+        }
         rows = Experiment(sample_time, 'pid', given, disturbance=Force()).run(0, 200 * sectors)
         late = rows.error[20 * sectors :].reshape(-1, sectors).mean(axis=0)
         amplitudes.append(np.abs(np.fft.rfft(late)[1]) / sectors)

@@ -149,7 +149,7 @@ def test_feedforward_knows_its_path_through_the_observer():
 @pytest.mark.parametrize('method', ['fixed', 'network'])
 def test_the_observer_does_not_get_the_feedforward(method, delay):
     """What cancels a force that the observer does not know moves nothing: the same by the kernel and block by block."""
-    sections = {
+    sections: dict[str, dict[str, object]] = {
         'reference_generator': {'waveform': 'constant', 'amplitude': 0.0},
         'disturbance_generator': {'vibration.rotational.enabled': True},
         'servo_sensor': {'noise': 0.003},
