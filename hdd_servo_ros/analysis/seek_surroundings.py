@@ -10,6 +10,7 @@ from hdd_servo_ros.analysis.seek_plans import seek_plans
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller
+from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.seek import Seek, SeekPlans, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
@@ -22,6 +23,7 @@ def seek_surroundings(
     dsp: DspParameters,
     scales: SensorScales,
     sensor: LdvParameters | None,
+    observer: ObserverParameters | None = None,
 ) -> SeekSurroundings:
     """
     Return what a seek part has to know beside its parameters.
@@ -40,17 +42,21 @@ def seek_surroundings(
         How the controller reads the sensor.
     sensor
         The vibrometer; None for a sensor whose velocity has no limit.
+    observer
+        What gives the velocity of a sensor that has none.
     """
     limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
+    constants = None if observer is None else Observer(observer, sample_time).arrays[0]
     if parameters.method == 'final_state':
-        return SeekSurroundings(seek_plans(parameters, sample_time), dsp.computation_delay, limit)
+        plans = seek_plans(parameters, sample_time)
+        return SeekSurroundings(plans, dsp.computation_delay, limit, observer=constants)
     model = parameters.model
     # Its friction is fed forward, so that the bristles are no spring.
     drive = RigidDrive(model.gain, 0.0, model.viscous_coefficient)
     fade_time = parameters.switch.fade_time
     gains = initial_value_gains(make_controller, drive, fade_time, sample_time, dsp=dsp, sensor=scales)
     bias_gains = (gains.error, gains.velocity, gains.gap)
-    return SeekSurroundings(no_plans(), dsp.computation_delay, limit, bias_gains)
+    return SeekSurroundings(no_plans(), dsp.computation_delay, limit, bias_gains, constants)
 
 
 def no_plans() -> SeekPlans:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.numerics.compiled import compiled_apart
+from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import TWO_PI, exp
 from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.numerics.transition import held_input_transition
@@ -59,6 +59,28 @@ class ControllerObserverParameters(ParameterSet):
     observer: ObserverParameters = group(ObserverParameters)
 
 
+@compiled
+def observed(c: np.record, position: float, travel: float, measured: float, control: float) -> tuple[float, float]:
+    """
+    Return the next estimates of position [um] and of velocity times T [um].
+
+    Parameters
+    ----------
+    c
+        Record of :data:`OBSERVER`.
+    position, travel
+        The estimates a sample ago [um].
+    measured
+        Position that is measured now [um].
+    control
+        Drive voltage held since then [V].
+    """
+    predicted = c.a11 * position + c.a12 * travel + c.b1 * control
+    ahead = c.a21 * position + c.a22 * travel + c.b2 * control
+    innovation = measured - predicted
+    return predicted + c.gain_1 * innovation, ahead + c.gain_2 * innovation
+
+
 @compiled_apart
 def observer_step(
     constants: Array, state: Array, estimates: Array, position: float, control: float
@@ -67,11 +89,7 @@ def observer_step(
     c = record(constants, OBSERVER)
     s = record(state, OBSERVER_STATE)
     if s.has_started != 0.0:
-        predicted = c.a11 * s.position + c.a12 * s.travel + c.b1 * control
-        travel = c.a21 * s.position + c.a22 * s.travel + c.b2 * control
-        innovation = position - predicted
-        s.position = predicted + c.gain_1 * innovation
-        s.travel = travel + c.gain_2 * innovation
+        s.position, s.travel = observed(c, s.position, s.travel, position, control)
     else:
         s.position, s.travel, s.has_started = position, 0.0, 1.0
     found = record(estimates, ESTIMATES)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.control.cnf import CNF_STATE, cnf_constants
+from hdd_servo_ros.control.observer import OBSERVER
 from hdd_servo_ros.control.ptos import ptos_constants
 from hdd_servo_ros.control.seek_kernel import (
     CNF_LAW,
@@ -63,6 +64,8 @@ class SeekSurroundings(NamedTuple):
     """Largest velocity that the sensor shows [um/s]."""
     bias_gains: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Gains of the constant voltage after a switch, on error [V/um], velocity [V s/um] and gap."""
+    observer: Array | None = None
+    """Constants of the observer that gives the velocity (:data:`~hdd_servo_ros.control.observer.OBSERVER`), if any."""
 
 
 class Seek:
@@ -95,6 +98,11 @@ class Seek:
     controller's voltage until the head is close to the target and slow; meanwhile the controller sees the head on the
     target. At the switch u goes on without a step: a constant and a fading voltage are added to the controller's, which
     take the place of its initial values (:mod:`hdd_servo_ros.analysis.initial_values`).
+
+    With a sensor that has no velocity output, the velocity comes from an observer
+    (:mod:`~hdd_servo_ros.control.observer`), which takes the voltage against friction for acceleration. What it makes
+    of the trajectory and of the added voltage is taken off what it shows of the head; the gain is then estimated from
+    positions.
 
     Modes: seek while there is a plan or the law of the seek acts, settle until the measured position is on the target
     for some samples, follow.
@@ -188,6 +196,11 @@ class Seek:
         c.friction_step = 1.0 - exp(-learning.friction_rate * self.sample_time)
         c.friction_window = learning.friction_window / self.sample_time
         c.friction_range = learning.friction_range
+        c.has_observer = float(surroundings.observer is not None)
+        if surroundings.observer is not None:
+            found = record(surroundings.observer, OBSERVER)
+            for name in OBSERVER.names or ():
+                setattr(c.observer, name, getattr(found, name))
         c.bristle.stiffness = friction.stiffness
         c.bristle.bristle_damping = friction.bristle_damping
         c.bristle.coulomb_level = friction.coulomb_level

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.control.cnf import cnf_step
 from hdd_servo_ros.control.lugre_feedforward import BRISTLE, mean_friction
+from hdd_servo_ros.control.observer import OBSERVER, observed
 from hdd_servo_ros.control.ptos import ptos_step
 from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.records import layout, record
@@ -45,7 +46,9 @@ CONSTANTS = layout(
     'friction_step',
     'friction_window',
     'friction_range',
+    'has_observer',
     ('bristle', BRISTLE),
+    ('observer', OBSERVER),
 )
 """
 Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples. ``fading`` is what a sample leaves of the
@@ -85,13 +88,21 @@ STATE = layout(
     'held',
     'bias',
     'fading',
+    'measured',
+    'driven_position',
+    'added',
+    'last_added',
+    'observed_position',
+    'observed_travel',
 )
 """
 ``first`` is where the ring of planned voltages begins, ``planned`` how many are left, ``idle`` the samples since the
 last one; ``goal`` [um] is the sum of the jumps under way, ``pending`` [um] what no plan was made for yet; then the
 model's position and velocity at this tick and the last one. From ``length`` on: of a seek by feedback, its length, the
 distance to the target and the velocity at this tick, the voltage of its law, what the controller gives on the target,
-and the two voltages after the switch.
+and the two voltages after the switch. From ``measured`` on: of a sensor without a velocity output, the measured
+position and the model's under the voltage that was held [um], what the seek part added of which the model's motion or
+the friction comes [V], now and at the last tick, and what the observer makes of that motion [um].
 """
 
 ESTIMATES = layout(
@@ -182,13 +193,23 @@ def seek_before_law(
         if s.pending != 0.0:
             _plan(c, s, plans, durations, ring)
         if c.learns_gain != 0.0 and s.mode == SEEK and s.samples_in_mode > 0.0:
-            _estimate_gain(c, s, transition, response, outputs, motion, velocity - dx_d, control)
-        offset, rate = s.position - s.goal, s.velocity
+            speed = velocity - dx_d
+            if c.has_observer != 0.0:
+                speed = (position - s.measured) / c.time_step - dx_d
+            _estimate_gain(c, s, transition, response, outputs, motion, speed, control)
+        s.measured = position
+        along, rate = s.position, s.velocity
         if c.delay > 0.0:
-            offset, rate = s.last_position - s.goal, s.last_velocity
+            along, rate = s.last_position, s.last_velocity
+        offset = along - s.goal
+        if c.has_observer != 0.0:
+            rate = _observed_velocity(c, s, along)
         is_over = s.planned == 0.0 and s.pending == 0.0 and s.idle >= c.delay
     else:
-        s.error, s.head_velocity = x_d - position, velocity - dx_d
+        unseen = 0.0
+        if c.has_observer != 0.0:
+            unseen = _observed_velocity(c, s, 0.0)
+        s.error, s.head_velocity = x_d - position, velocity - unseen - dx_d
         if abs(jump) > c.threshold:
             s.mode, s.samples_in_mode = SEEK, 0.0
             s.length, s.law = abs(s.error), 0.0
@@ -196,9 +217,9 @@ def seek_before_law(
         is_over = abs(s.error) <= c.switch_distance and abs(s.head_velocity) <= c.switch_velocity
         s.is_switching = 1.0 if s.mode == SEEK and is_over else 0.0
         # While the law of the seek has the head, the controller sees it on the target, so that its states rest.
-        offset, rate = 0.0, 0.0
+        offset, rate = 0.0, unseen
         if s.mode == SEEK and not is_over:
-            offset, rate = -s.error, s.head_velocity
+            offset, rate = -s.error, unseen + s.head_velocity
     if s.mode == SEEK and is_over:
         s.mode, s.samples_in_mode, s.samples_inside = SETTLE, 0.0, 0.0
     if s.mode == SETTLE:
@@ -276,6 +297,7 @@ def _along_plan(
         _rest(motion, PLANNED)
         s.position, s.velocity, s.goal = 0.0, 0.0, 0.0
         s.last_position, s.last_velocity = 0.0, 0.0
+        s.observed_position, s.observed_travel = 0.0, 0.0
     if c.has_friction != 0.0 and (s.mode != FOLLOW or c.follows_friction != 0.0):
         time_step = c.time_step
         drift = time_step * (s.reference_velocity + 0.5 * time_step * s.reference_acceleration)
@@ -292,7 +314,25 @@ def _along_plan(
         s.friction_level = min(max(level, 1.0 - c.friction_range), 1.0 + c.friction_range)
     s.last_applied_friction = s.applied_friction
     s.applied_friction = s.friction_level * s.friction
-    return voltage / s.gain + s.applied_friction  # type: ignore[no-any-return]
+    s.last_added = s.added
+    added: float = voltage / s.gain + s.applied_friction
+    s.added = added
+    return added
+
+
+@compiled
+def _observed_velocity(c: np.record, s: np.record, position: float) -> float:
+    """
+    Return the velocity that an observer would show of the model's motion, with what is added to the law's voltage.
+
+    An observer takes all voltage for acceleration, also that against friction, and knows no modes. It is linear: what
+    it shows of the head, less this, is what it would show of the head's deviation, with the law's voltage alone.
+    """
+    held = s.last_added if c.delay > 0.0 else s.added
+    s.observed_position, s.observed_travel = observed(
+        c.observer, s.observed_position, s.observed_travel, position, held
+    )
+    return s.observed_travel * c.observer.per_second  # type: ignore[no-any-return]
 
 
 @compiled
@@ -327,6 +367,8 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
             s.bias, s.fading = bias - s.held, gap - bias
     else:
         s.fading *= c.fading
+    s.last_added = s.added
+    s.added = s.friction
     return s.friction + s.bias + s.fading  # type: ignore[no-any-return]
 
 
@@ -359,6 +401,7 @@ def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
         s.gain_products = GAIN_PRIOR + c.gain_memory * (s.gain_products - GAIN_PRIOR)
         s.gain_squares = GAIN_PRIOR + c.gain_memory * (s.gain_squares - GAIN_PRIOR)
         _rest(motion, DRIVEN)
+        s.driven_position = 0.0
     s.mode, s.samples_in_mode = SEEK, 0.0
 
 
@@ -410,7 +453,11 @@ def _estimate_gain(
     """Compare the velocity with what the model has under the voltage that was held, less the friction."""
     friction = s.last_applied_friction if c.delay > 0.0 else s.applied_friction
     _move(transition, response, motion, DRIVEN, control - friction)
-    _, expected = _output(outputs, motion, DRIVEN)
+    place, expected = _output(outputs, motion, DRIVEN)
+    if c.has_observer != 0.0:
+        # An observer is biased by its own model: the quotient is that of travels per sample.
+        expected = (place - s.driven_position) / c.time_step
+        s.driven_position = place
     if max(abs(velocity), abs(expected)) < _CLIPPED * c.velocity_limit:
         products: float = s.gain_products + velocity * expected
         squares: float = s.gain_squares + expected * expected

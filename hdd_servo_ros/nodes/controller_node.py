@@ -163,6 +163,7 @@ class ControllerNode(CatalogueNode):
             self._dsp.parameters,
             self._scales,
             self._sensor,
+            None if self._observer is None else self._observer.parameters,
         )
 
     def _prepare_feedforward(self, sample_time: float) -> tuple[str, ...]:

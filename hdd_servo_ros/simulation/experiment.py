@@ -260,6 +260,7 @@ class Experiment:
             self.dsp.parameters,
             self.scales,
             sensor,
+            None if self.observer is None else self.observer.parameters,
         )
 
     def _runout_path(self, runout: RunoutParameters, law: Any) -> NDArray[np.float64]:

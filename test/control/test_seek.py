@@ -11,9 +11,10 @@ from hdd_servo_ros.analysis.seek_plans import seek_plans
 from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.control.seek import Seek, SeekSurroundings
-from hdd_servo_ros.control.seek_kernel import ESTIMATES, FOLLOW, SEEK, SETTLE
+from hdd_servo_ros.control.seek_kernel import ESTIMATES, FOLLOW, SEEK, SETTLE, STATE
 from hdd_servo_ros.control.seek_parameters import SeekLearningParameters, SeekParameters
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
 from hdd_servo_ros.numerics.records import record
@@ -194,3 +195,48 @@ def test_the_sensors_velocity_limit_is_known():
     assert found.velocity_limit == pytest.approx(50000.0, rel=1e-3)
     assert found.delay == 1
     assert seek_surroundings(PLAIN, make, T, DspParameters(), scales, None).velocity_limit == math.inf
+
+
+@pytest.mark.parametrize('delay', [0, 1])
+@pytest.mark.parametrize('method', ['kalman', 'difference'])
+def test_an_observer_shows_the_law_no_deviation_of_a_head_on_its_trajectory(method, delay):
+    targets = [0.0] * 3 + [50.0] * 60 + [45.0] * 40
+    known = dataclasses.replace(PLAIN, friction=dataclasses.replace(PARAMETERS.friction, range='always'))
+    planned = PerfectHead(known, delay).run(targets)
+    positions = [estimates['seek_trajectory'] for _, _, estimates, _ in planned]
+    held = [0.0] * (1 + delay) + [u for _, u, _, _ in planned]
+    parameters = ObserverParameters(method=method, stiffness=0.0)
+    observer = Observer(parameters, T)
+    seek = Seek(known, T, SeekSurroundings(seek_plans(known, T), delay, observer=observer.arrays[0]))
+    velocities = []
+    for tick, (x_d, position) in enumerate(zip(targets, positions, strict=True)):
+        _, velocity = observer.step(position, held[tick])
+        shifted = seek.before_law(ControllerInputs(tick, position, velocity, 0.0, 0.0, x_d, 0.0, 0.0), held[tick])
+        assert seek.after_law(0.0, 0.0, 0.0)[0] == held[tick + 1 + delay]
+        assert shifted.position == pytest.approx(x_d, abs=1e-9)
+        velocities.append((velocity, shifted.velocity))
+    shown, deviation = np.abs(velocities).max(axis=0)
+    assert shown > 5e4
+    # At the end the model is set to rest on the target, by some nanometers.
+    assert deviation < 1e-3 * shown
+
+
+def test_an_observer_takes_no_held_friction_for_velocity_after_a_seek_by_feedback():
+    parameters = dataclasses.replace(PARAMETERS, method='ptos')
+    observer = Observer(ObserverParameters(stiffness=0.0), T)
+    surroundings = seek_surroundings(
+        parameters, lambda: Pid(PidParameters(), T), T, DspParameters(), SensorScales.none(), None, observer.parameters
+    )
+    assert surroundings.observer is not None
+    seek, held, shown = Seek(parameters, T, surroundings), 0.0, []
+    for tick in range(60):
+        # The head goes on for 2 um, and then rests on the target, held by the friction.
+        position = 0.1 * min(tick, 20)
+        _, velocity = observer.step(position, held)
+        shifted = seek.before_law(ControllerInputs(tick, position, velocity, 0.0, 0.0, 2.0, 0.0, 0.0), held)
+        seek.after_law(0.0, 0.0, 0.0)
+        held = record(seek.arrays[1], STATE).friction
+        shown.append((velocity, shifted.velocity))
+    assert held > 0.01
+    assert shown[-1][0] > 5.0
+    assert shown[-1][1] == pytest.approx(0.0, abs=0.01 * shown[-1][0])

@@ -30,7 +30,7 @@ def drive(friction=1.0, gain=1.0, modes=1.0):
     return found
 
 
-def seeks(targets, controller='seek', seed=1, sensor=SENSOR, **nodes):
+def seeks(targets, controller='seek', seed=1, sensor=SENSOR, servo='ldv', **nodes):
     """Run seeks one after the other, DWELL samples each; return head and command by seek, and the estimates."""
     experiment = Experiment(
         T,
@@ -45,6 +45,7 @@ def seeks(targets, controller='seek', seed=1, sensor=SENSOR, **nodes):
             'ldv_sensor': {**sensor, 'seed': seed},
             **nodes,
         },
+        sensor=servo,
     )
     rows = experiment.run(0, DWELL * len(targets))
     estimates = dict(zip(experiment.estimate_names, rows['estimates'].T, strict=True))
@@ -143,3 +144,19 @@ def test_the_modes_follow_in_order_and_u_has_no_step_at_the_switch(method, lengt
         change = abs(voltage[switch] - voltage[switch - 1])
         own = abs(np.diff(added[switch - 3 : switch + 1])).max()
         assert change <= own + 0.1
+
+
+@pytest.mark.parametrize('method', ['final_state', 'ptos', 'cnf'])
+def test_a_servo_sensor_is_enough(method):
+    observer = {'observer.stiffness': 0.0, 'observer.bandwidth': 5450.0}
+    gains = {'proportional_gain': 0.25, 'derivative_gain': 1.69e-4, 'derivative_bandwidth': 5500.0}
+    learning = {'seek.learning.friction_window': 2e-3}
+    targets = [1.0, 0.0, 5.0, 0.0, 50.0, 0.0, 150.0, 0.0]
+    node = {'seek.method': method, **observer, **gains, **learning}
+    head, _, estimates = seeks(targets, servo='servo', seek_controller=node, servo_sensor={'noise': 3e-3})
+    assert arrivals(head, targets, TOLERANCE).max() <= 5.0
+    if method == 'final_state':
+        assert np.median(arrivals(head, targets, TOLERANCE)) <= 1.0
+        assert estimates['seek_gain'][:, -1] == pytest.approx(np.ones(8), abs=0.02)
+        _, _, estimates = seeks([50.0, 0.0], servo='servo', seek_controller=node, vcm_plant=drive(gain=1.1))
+        assert estimates['seek_gain'][:, -1] == pytest.approx(1.1 * np.ones(2), rel=0.02)
