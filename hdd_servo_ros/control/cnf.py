@@ -72,24 +72,24 @@ class CnfParameters(ParameterSet):
     """Parameters of :func:`cnf_step`."""
 
     natural_frequency: float = parameter(
-        500.0, 'largest natural frequency w of the linear part, that in short seeks', unit='Hz', above=0.0, maximum=1e6
+        900.0, 'largest natural frequency w of the linear part, that in short seeks', unit='Hz', above=0.0, maximum=1e6
     )
-    damping_ratio: float = parameter(0.5, 'damping ratio zeta of the linear part', minimum=0.01, maximum=2.0)
+    damping_ratio: float = parameter(0.75, 'damping ratio zeta of the linear part', minimum=0.01, maximum=2.0)
     start_share: float = parameter(
-        2.0,
+        2.7,
         'share of the largest voltage with which the linear part may start, above 1 to saturate there; its natural '
         'frequency is lower in longer seeks',
         above=0.0,
         maximum=100.0,
     )
     settling_frequency: float = parameter(
-        900.0, 'natural frequency w_s of the law at the target, nonlinear part included', unit='Hz', above=0.0
+        930.0, 'natural frequency w_s of the law at the target, nonlinear part included', unit='Hz', above=0.0
     )
     settling_damping_ratio: float = parameter(
         0.9, 'damping ratio zeta_s of the law at the target, nonlinear part included', minimum=0.01, maximum=10.0
     )
     steepness: float = parameter(
-        3.0, 'exponent alpha: at the start the nonlinear part is exp(-alpha) of that at the target', minimum=0.0
+        4.0, 'exponent alpha: at the start the nonlinear part is exp(-alpha) of that at the target', minimum=0.0
     )
     integral_rate: float = parameter(
         0.0, 'rate of the integral of enhanced CNF against the proportional part, 0 for none', unit='1/s', minimum=0.0

@@ -90,10 +90,10 @@ class SeekLearningParameters(ParameterSet):
 class SeekSwitchParameters(ParameterSet):
     """When and how PTOS and CNF hand the head over to the controller."""
 
-    distance: float = parameter(0.5, 'largest distance from the target at the switch', unit='um', above=0.0)
-    velocity: float = parameter(5e3, 'largest velocity at the switch', unit='um/s', above=0.0)
+    distance: float = parameter(1.7, 'largest distance from the target at the switch', unit='um', above=0.0)
+    velocity: float = parameter(1e4, 'largest velocity at the switch', unit='um/s', above=0.0)
     fade_time: float = parameter(
-        3e-4,
+        1e-4,
         'time constant with which the difference of the two voltages fades, as far as no constant is left of it',
         unit='s',
         above=0.0,
