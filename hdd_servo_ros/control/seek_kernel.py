@@ -453,11 +453,11 @@ def _estimate_gain(
     """Compare the velocity with what the model has under the voltage that was held, less the friction."""
     friction = s.last_applied_friction if c.delay > 0.0 else s.applied_friction
     _move(transition, response, motion, DRIVEN, control - friction)
-    place, expected = _output(outputs, motion, DRIVEN)
+    driven, expected = _output(outputs, motion, DRIVEN)
     if c.has_observer != 0.0:
         # An observer is biased by its own model: the quotient is that of travels per sample.
-        expected = (place - s.driven_position) / c.time_step
-        s.driven_position = place
+        expected = (driven - s.driven_position) / c.time_step
+        s.driven_position = driven
     if max(abs(velocity), abs(expected)) < _CLIPPED * c.velocity_limit:
         products: float = s.gain_products + velocity * expected
         squares: float = s.gain_squares + expected * expected
