@@ -7,7 +7,7 @@ PYTHON ?= $(shell for p in $(PYTHONS); do if $$p -c '$(SUITABLE)' 2>/dev/null; t
 
 VENV := .venv
 BIN := $(VENV)/bin
-CHAPTERS := chapter4 chapter5 baseline mobile
+CHAPTERS := chapter4 chapter5 baseline mobile seek
 # A run is this machine's own affair unless its user says otherwise.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # Where the environment's ROS packages lie; the wheels do not say it themselves.
@@ -30,7 +30,7 @@ PARAMS ?= params/seagate_7200_10.yaml
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
 	@echo 'make simulate  the same experiment without middleware'
-	@echo 'make figures   the experiments of chapters 4 and 5, of the baseline and of mobile use by the graph, figures and tables; ARGS="--without-ros" is faster'
+	@echo 'make figures   the experiments of chapters 4 and 5, of the baseline, of mobile use and of seeks by the graph, figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'

@@ -13,7 +13,7 @@ from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.parameters.files import ArgumentError
 
-CHAPTERS = ('chapter4', 'chapter5', 'baseline', 'mobile')
+CHAPTERS = ('chapter4', 'chapter5', 'baseline', 'mobile', 'seek')
 FIGURES = 'figures'
 """The folder of the pictures and tables, beside those of the runs."""
 _PREFIXES = ('fig_', 'table_')

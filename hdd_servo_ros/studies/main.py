@@ -1,7 +1,7 @@
 """
-`study`: the thesis's experiments, those with the best PID controllers and in mobile use; figures and tables.
+`study`: the thesis's experiments, those with the best PID controllers, in mobile use and of seeks; figures and tables.
 
-    ros2 run hdd_servo_ros study chapter4|chapter5|baseline|mobile [--without-ros] [--only FIGURE ...]
+    ros2 run hdd_servo_ros study chapter4|chapter5|baseline|mobile|seek [--without-ros] [--only FIGURE ...]
         [--output DIRECTORY]
 """
 
@@ -23,13 +23,14 @@ MINIMUM_SAMPLES = 50
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='study',
-        description="Run the thesis's experiments, or those in mobile use, keep their bags, make figures and tables.",
+        description="Run the thesis's experiments, those in mobile use or of seeks: bags, figures and tables.",
         epilog='A run that is there already, finished and with equal parameters, is not made again.',
     )
     parser.add_argument(
         'chapter',
         choices=CHAPTERS,
-        help='which part of the thesis; baseline: the best PIDs; mobile: vibration, shock, feedforward',
+        help='which part of the thesis; baseline: the best PIDs; mobile: vibration, shock, feedforward; '
+        'seek: access times and settling',
     )
     parser.add_argument(
         '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'

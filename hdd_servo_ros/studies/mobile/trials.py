@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from hdd_servo_ros.studies.mobile.cases import TRANSIENT
 
 DURATION = 3.0
 """Of a trial in the vibration [s]."""
+Item = TypeVar('Item')
 _SEEDED = ('disturbance_generator', 'ldv_sensor', 'servo_sensor', 'accelerometer')
 
 
@@ -113,9 +114,9 @@ def with_changes(
 
 
 def on_trials(
-    measure: Callable[[Trial], Any], due: Sequence[Trial], what: str, chunksize: int = 4
+    measure: Callable[[Item], Any], due: Sequence[Item], what: str, chunksize: int = 4
 ) -> NDArray[np.float64]:
-    """Return what a method of :class:`Trial` gives for each trial, by all cores, with progress on a terminal."""
+    """Return what a method of the trials gives for each, by all cores, with progress on a terminal."""
     found = on_all_cores(measure, due, chunksize)
     return np.array(list(tqdm(found, what, len(due), unit='run', disable=not sys.stderr.isatty())))
 

@@ -1,0 +1,67 @@
+"""Table: PTOS and CNF against final-state control, and their ratio to the time-optimal seek."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hdd_servo_ros.analysis.seek_bounds import time_optimal_seek
+from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.studies.output import write_table
+from hdd_servo_ros.studies.seek.access_times import access_measures, median_and_worst
+from hdd_servo_ros.studies.seek.cases import BASE, METHODS, PID
+
+LENGTHS = (1.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 1000.0)
+"""Of the seeks [um]."""
+SEEDS = 20
+CASES = (*BASE.values(), PID)
+PTOS_BARS = {100.0: 2.5, 150.0: 2.5, 1000.0: 1.7}
+"""Longest time of PTOS over T*, by length."""
+CNF_BAR = 0.8
+"""Longest time of CNF over that of PTOS."""
+
+
+def make(runs: RecordedRuns, path: Path) -> Path:
+    """Write one row per length."""
+    found = access_measures(runs, tuple(METHODS), LENGTHS, SEEDS)
+    plant, rows = PlantParameters(), []
+    for length in LENGTHS:
+        by_method = {method: found[method, length] for method in METHODS}
+        ptos, cnf = by_method['ptos'], by_method['cnf']
+        over_optimal = float(ptos['time'].max()) / (1e3 * time_optimal_seek(plant, length).time)
+        bar = PTOS_BARS.get(length)
+        verdict = '' if bar is None else f'{bar:g}: ' + ('kept' if over_optimal <= bar else '**missed**')
+        ratios = [float(np.median(cnf[name]) / np.median(ptos[name])) for name in ('time', 'settling')]
+        worst = float(cnf['time'].max() / ptos['time'].max())
+        rows.append(
+            (
+                f'{length:g}',
+                *(median_and_worst(by_method[method]['time']) for method in METHODS),
+                f'{over_optimal:.2f}',
+                verdict,
+                *(median_and_worst(each['settling']) for each in (ptos, cnf)),
+                f'{ratios[0]:.2f}, {worst:.2f}',
+                f'{ratios[1]:.2f}',
+                'kept' if max(ratios[0], worst) <= CNF_BAR else '**missed**',
+                *(f'{1e3 * each["overshoot"].max():.0f}' for each in (ptos, cnf)),
+            )
+        )
+    title = (
+        f'Seeks to and fro on the nominal drive, {SEEDS} seeds of six: median / worst time into +-100 nm [ms]. '
+        'Settling: from the first sample within +-2 um to the arrival; the whole time where a seek is not longer. '
+        'CNF is to need at most 0.8 of the time of PTOS, in the median and at worst.'
+    )
+    header = (
+        'length [um]',
+        *METHODS.values(),
+        'PTOS over T*',
+        'bar',
+        'settling, PTOS',
+        'settling, CNF',
+        'CNF / PTOS: median, worst',
+        'CNF / PTOS: settling',
+        'bar',
+        'overshoot, PTOS [nm]',
+        'overshoot, CNF [nm]',
+    )
+    return write_table(path, title, header, rows)
