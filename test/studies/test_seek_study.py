@@ -14,8 +14,8 @@ from hdd_servo_ros.studies.seek import (
     table_bounds,
     table_learning,
     table_methods,
+    table_others,
     table_random,
-    table_rates,
     table_times,
 )
 from hdd_servo_ros.studies.seek.access_times import access_measures, median_and_worst
@@ -129,10 +129,10 @@ def rows(path):
 
 
 def test_every_figure_and_table_is_made(directory, monkeypatch):
-    for module in (fig_access, table_methods, table_rates, table_learning):
+    for module in (fig_access, table_methods, table_others, table_learning):
         monkeypatch.setattr(module, 'SEEDS', 1)
     monkeypatch.setattr(fig_access, 'LENGTHS', (1.0, 10.0, 100.0))
-    for module in (table_times, table_rates):
+    for module in (table_times, table_others):
         monkeypatch.setattr(module, 'LENGTHS', (10.0, 50.0))
     monkeypatch.setattr(table_times, 'SEEDS', 1)
     monkeypatch.setattr(table_times, 'DRIVES', 1)

@@ -143,3 +143,10 @@ FAST = _case(
     deterministic_timer__duration=round(2376 * _FAST, 9),
 )
 """At 26.4 kHz."""
+AROUND_NN = Case(
+    'around_adaptive_nn',
+    'adaptive_nn',
+    (FILE, SEEK),
+    {**seeks_to(to_and_fro(50.0, 2)), 'adaptive_nn_controller:seek.method': 'final_state'},
+)
+"""Around the adaptive NN controller instead of PID."""

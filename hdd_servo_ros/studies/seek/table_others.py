@@ -1,4 +1,4 @@
-"""Table: seeks with one sample of computation delay, and at 26.4 kHz."""
+"""Table: seeks with one sample of computation delay, at 26.4 kHz, and around the adaptive NN controller."""
 
 from pathlib import Path
 
@@ -9,11 +9,16 @@ from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.seek.access_times import median_and_worst
-from hdd_servo_ros.studies.seek.cases import BASE, DELAYED, FAST, LENGTHS
+from hdd_servo_ros.studies.seek.cases import AROUND_NN, BASE, DELAYED, FAST, LENGTHS
 from hdd_servo_ros.studies.seek.trials import from_rest_and_after_others, measured, of_length, seek_trial
 
 SEEDS = 5
-RUNS = {'10 kHz': BASE['final_state'], '10 kHz, one sample of delay': DELAYED, '26.4 kHz': FAST}
+RUNS = {
+    '10 kHz': BASE['final_state'],
+    '10 kHz, one sample of delay': DELAYED,
+    '26.4 kHz': FAST,
+    '10 kHz, adaptive NN': AROUND_NN,
+}
 CASES = tuple(RUNS.values())
 
 
@@ -26,7 +31,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         for length in LENGTHS
         for seed in seeds
     ]
-    found = measured(due, 'rates').reshape(len(CASES), len(LENGTHS), -1)
+    found = measured(due, 'other runs').reshape(len(CASES), len(LENGTHS), -1)
     plant, rows = PlantParameters(), []
     for column, length in enumerate(LENGTHS):
         cells = [f'{length:g}']
