@@ -19,7 +19,8 @@ from hdd_servo_ros.control.observer import ControllerObserverParameters, Observe
 from hdd_servo_ros.control.runout import RunoutCancellation
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
 from hdd_servo_ros.control.seek import Seek
-from hdd_servo_ros.graph.block_parameters import seek_kind, sensor_scales
+from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.graph.block_parameters import refuse_other_units, seek_kind, sensor_scales
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, NODES, SENSORS, resolve
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
@@ -227,7 +228,7 @@ def attempt_for(
         node,
         make or resolve(row.block),
         sample_time,
-        math.inf if drive is None else drive.control_limit,
+        drive,
         scales,
         has_servo,
         block_of(BASE_SENSOR),
@@ -248,8 +249,8 @@ class ControllerTrial:
         Makes the law from its parameters and T [s].
     sample_time
         T [s].
-    drive_limit
-        Limit of the drive's control [V].
+    drive
+        Parameters of the drive, None if it is not known.
     scales
         By which it reads the sensor's outputs.
     has_observer
@@ -263,7 +264,7 @@ class ControllerTrial:
     node: str
     make: Callable[[Any, float], Controller]
     sample_time: float
-    drive_limit: float = math.inf
+    drive: PlantParameters | None = None
     scales: SensorScales = SensorScales(1.0, 1.0)  # noqa: RUF009 - a frozen value
     has_observer: bool = False
     accelerometer: AccelerometerParameters | None = None
@@ -281,7 +282,8 @@ class ControllerTrial:
 
     def _outputs(self, sets: Sets, is_change: bool) -> Iterator[float]:
         law = self._law(sets, is_updated=is_change and self.is_custom)
-        dsp = Dsp(sets[ControllerOutputParameters].dsp, self.sample_time, self.drive_limit)
+        limit = math.inf if self.drive is None else self.drive.control_limit
+        dsp = Dsp(sets[ControllerOutputParameters].dsp, self.sample_time, limit)
         if isinstance(law, KnowsOutputLimit):
             law.limit_output(dsp.limit)
         observer = self._observer(sets)
@@ -318,6 +320,8 @@ class ControllerTrial:
 
     def _seek(self, sets: Sets) -> Seek | None:
         parameters = sets[seek_kind(self.node)].seek
+        if self.drive is not None:
+            refuse_other_units('seek.method', parameters, self.drive)
         if not parameters.is_used:
             return None
         dsp = sets[ControllerOutputParameters].dsp
@@ -326,6 +330,8 @@ class ControllerTrial:
 
     def _runout(self, sets: Sets) -> RunoutCancellation | None:
         parameters = sets[ControllerRunoutParameters].runout
+        if self.drive is not None:
+            refuse_other_units('runout.method', parameters, self.drive)
         if not parameters.is_used:
             return None
         path = runout_path(
@@ -340,6 +346,8 @@ class ControllerTrial:
 
     def _feedforward(self, sets: Sets) -> Feedforward | None:
         parameters = sets[ControllerFeedforwardParameters].feedforward
+        if self.drive is not None:
+            refuse_other_units('feedforward.method', parameters, self.drive)
         if not parameters.is_used or self.accelerometer is None:
             return None
         knowledge = feedforward_knowledge(

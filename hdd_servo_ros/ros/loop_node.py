@@ -77,7 +77,8 @@ class LoopNode(ParameterNode):
         self.changes = 0
         """How often parameters were changed after tick 0."""
         self._run: RunPlan | None = None
-        self._tried: set[tuple[Any, ...]] = set()
+        self._scheduled: Sets = {}
+        """What the schedule is about to set."""
         self._halt = 0
         self._schedule: list[Step] = []
         self._ticks: Any = None
@@ -157,12 +158,11 @@ class LoopNode(ParameterNode):
                 self.check(step.sets, accepted, sample_time, nodes, is_change=True)
             except ParameterError as error:
                 raise ParameterError('schedule', step.entry, str(error)) from None
-            self._tried.add(tuple(step.sets.values()))
             accepted = step.sets
 
     def _check_change(self, sets: Sets) -> None:
-        """Refuse a change with which this node cannot run on; one of the schedule has been tried before."""
-        if tuple(sets.values()) in self._tried:
+        """Refuse a change with which this node cannot run on; one of the schedule has been tried before the run."""
+        if sets == self._scheduled:
             return
         assert self._run is not None
         self.check(sets, self.parameters.sets, self._run.sample_time, self._run.nodes, is_change=True)
@@ -351,7 +351,9 @@ class LoopNode(ParameterNode):
         while self._schedule and self._schedule[0].tick <= self.tick:
             step = self._schedule.pop(0)
             self.show_time()
+            self._scheduled = step.sets
             refused = self.parameters.set(step.values)
+            self._scheduled = {}
             if refused:
                 raise RunError(f'{self.get_fully_qualified_name()}: schedule {step.entry!r}: {refused}')
         self._set_halt()

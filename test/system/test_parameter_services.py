@@ -128,6 +128,7 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
     assert first_difference(bench.directory / 'simulated', bench.directory / 'run') is None
 
 
+VIBRATION = 'disturbance_generator:vibration.rotational'
 UNTENABLE = [
     ('adaptive_nn_controller', 'network.width', [1e-300], ParameterType.PARAMETER_DOUBLE_ARRAY),
     ('adaptive_nn_controller', 'sigma.scale', 5e-324, SCALARS[float]),
@@ -159,6 +160,9 @@ def test_a_value_with_which_a_block_cannot_run_is_refused_and_changes_nothing(be
     [
         ('adaptive_nn_controller:network.width:=[1e-300]', 'adaptive_nn_controller:network.width'),
         ('reference_generator:start_time:=1.7e308', 'reference_generator:start_time'),
+        ('vcm_plant:length_unit:=m -p adaptive_nn_controller:feedforward.method:=fixed', 'feedforward.method'),
+        ('adaptive_nn_controller:feedforward.taps:=400', 'adaptive_nn_controller:feedforward.taps'),
+        (f'{VIBRATION}.high:=6000.0 -p {VIBRATION}.enabled:=true', 'vibration.rotational.high'),
         ("deterministic_timer:schedule:=['0.1 vcm_plant gain 1.797e308']", 'gain'),
         ("deterministic_timer:schedule:=['0.1 reference_generator start_time 1.7e308']", 'start_time'),
         ("deterministic_timer:schedule:=['0.1 adaptive_nn_controller network.width [1e-300]']", 'network.width'),
@@ -166,7 +170,9 @@ def test_a_value_with_which_a_block_cannot_run_is_refused_and_changes_nothing(be
 )
 def test_the_same_in_a_file_and_in_a_schedule_before_the_run(bench, argument, named):
     for command in ('rig', 'simulate'):
-        process = bench.start(command, '-p', argument, '-p', f'bag_recorder:run_dir:={command}')
+        options = argument.split(' -p ')
+        arguments = [word for option in options for word in ('-p', option)]
+        process = bench.start(command, *arguments, '-p', f'bag_recorder:run_dir:={command}')
         assert process.wait() == 2, process.output
         (line,) = process.output.strip().splitlines()
         assert line.startswith(f'{command}: parameter ')
