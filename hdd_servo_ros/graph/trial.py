@@ -153,6 +153,9 @@ def attempt_change(node: str, block: Any, *, is_change: bool) -> Attempt:
 
 
 def _step(node: str, block: Any, is_change: bool) -> None:
+    if node not in _STEPS:
+        # Made, at least.
+        return
     numbers = [number for tick in _ticks(node, block) for number in _flat(_STEPS[node](block, tick))]
     if is_change and not all(map(math.isfinite, numbers)):
         raise NotFiniteInTrialError

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
-from hdd_servo_ros.graph.catalogue import NODES
-from hdd_servo_ros.graph.trial import attempt_change, attempt_for, has_extremes, refuse_failing
+from hdd_servo_ros.graph.catalogue import CONTROLLER, NODES
+from hdd_servo_ros.graph.trial import _STEPS, attempt_change, attempt_for, has_extremes, refuse_failing
 from hdd_servo_ros.parameters import ParameterError, from_mapping
 
 T = 1e-4
@@ -99,6 +99,10 @@ def test_the_defaults_are_accepted(node):
         refuse_failing(node, sets, sets, attempt)
     else:
         refuse(node, is_change=True)
+
+
+def test_every_block_that_is_not_a_controller_has_a_step():
+    assert {row.name for row in NODES.values() if row.block and row.role != CONTROLLER} == set(_STEPS)
 
 
 def test_of_several_changes_the_one_to_blame_is_named():
