@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, attempt_for
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.graph.connections import TopicInput, inputs_of, optional_inputs_of, outputs_of
-from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_for
 from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.loop_node import LoopNode

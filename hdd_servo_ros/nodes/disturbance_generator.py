@@ -5,9 +5,9 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, attempt_change
 from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
-from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_change
 from hdd_servo_ros.messages.cdr import AccelerationCodec, VectorCodec
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode

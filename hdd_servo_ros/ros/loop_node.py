@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.publisher import Publisher
 from rclpy.time import Time
 
-from hdd_servo_ros.graph.trial import Attempt, Sets, refuse_failing
+from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, refuse_failing
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import LoopTopic

@@ -8,6 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.analysis.parameter_trial import (
+    Attempt,
+    Sets,
+    attempt_change,
+    attempt_for,
+    has_extremes,
+    refuse_failing,
+)
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters
@@ -27,7 +35,6 @@ from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controlle
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_run
-from hdd_servo_ros.graph.trial import Attempt, Sets, attempt_change, attempt_for, has_extremes, refuse_failing
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds

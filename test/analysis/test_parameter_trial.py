@@ -5,9 +5,9 @@ import math
 
 import pytest
 
+from hdd_servo_ros.analysis.parameter_trial import _STEPS, attempt_change, attempt_for, has_extremes, refuse_failing
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.graph.catalogue import CONTROLLER, NODES
-from hdd_servo_ros.graph.trial import _STEPS, attempt_change, attempt_for, has_extremes, refuse_failing
 from hdd_servo_ros.parameters import ParameterError, from_mapping
 
 T = 1e-4
