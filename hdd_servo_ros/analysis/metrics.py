@@ -272,8 +272,9 @@ def step_response(
     overshoot, settling, steady = (np.empty(len(rows)) for _ in range(3))
     for step, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
         error = x[row:end] - x_d[row]
-        overshoot[step] = 100.0 * max(0.0, float((error / height).max()))
-        outside = np.flatnonzero(np.abs(error) > band * abs(height))
+        # Both such that what is not a number shows: as an overshoot that is none, and as outside of the band.
+        overshoot[step] = 100.0 * np.maximum(0.0, (error / height).max())
+        outside = np.flatnonzero(~(np.abs(error) <= band * abs(height)))
         inside = row + (int(outside[-1]) + 1 if len(outside) else 0)
         settling[step] = t[inside] - t[row] if inside < end else np.inf
         steady[step] = error[min(len(error) - 1, int(len(error) * (1.0 - steady_part))) :].mean()

@@ -44,7 +44,8 @@ def off_track(error: ArrayLike, limit: float, sample_time: float) -> OffTrack:
     ValueError
         If there is no sample.
     """
-    beyond = np.abs(np.asarray(error, dtype=np.float64)) > limit
+    # What is not a number is beyond any limit.
+    beyond = ~(np.abs(np.asarray(error, dtype=np.float64)) <= limit)
     if not len(beyond):
         raise ValueError('no sample after the transient')
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(np.int8)))
@@ -127,7 +128,7 @@ def shock_responses(time: ArrayLike, error: ArrayLike, shocks: Sequence[float], 
     found = []
     for row, end in zip(rows, [*rows[1:], len(t)], strict=True):
         part = magnitude[row:end]
-        outside = np.flatnonzero(part > band)
+        outside = np.flatnonzero(~(part <= band))
         last = int(outside[-1]) + 1 if len(outside) else 0
         recovery = last * sample_time if last < len(part) else float('inf')
         found.append(ShockResponse(float(t[row]), float(part.max()), len(outside) * sample_time, recovery))

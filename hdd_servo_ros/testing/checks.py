@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import rms
 from hdd_servo_ros.analysis.seek_metrics import SeekResponse
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, Field
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROL, LDV, PES, Field
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import edge_responses
@@ -52,7 +52,7 @@ class Checks(TrackChecks, SeekChecks):
     # How the run went.
 
     def finished(self) -> Checks:
-        """Assert that the run came to its planned end, with every sample of every topic."""
+        """Assert that the run came to its planned end, with every sample of every topic, and that all are finite."""
         __tracebackhide__ = True
         run = self._run
         if not run.description:
@@ -68,7 +68,11 @@ class Checks(TrackChecks, SeekChecks):
                 f'run {run.status}{f": {run.reason}" if run.reason else ""}; {held}{until}\n'
                 f'{self._where()}{self._error_at_the_end()}'
             )
-        return self.samples(None if planned is None else planned + 1)
+        self.samples(None if planned is None else planned + 1)
+        for topic in run.counts:
+            for column in np.atleast_2d(run[topic].T):
+                self._require_finite('end of the run', f'a number of {topic}', column, '')
+        return self
 
     def samples(self, count: int | None = None) -> Checks:
         """Assert that every topic of the loop holds ``count`` messages, of ticks 0 to count - 1; None: as the last."""
@@ -175,6 +179,11 @@ class Checks(TrackChecks, SeekChecks):
         from hdd_servo_ros.reporting.saturation import saturated_rows
 
         run, first = self._run, self._rows(after, None).start
+        for topic in (LDV, PES, CONTROL):
+            if topic.name in run:
+                for index, field in enumerate(topic.fields):
+                    values = run[topic.name][:, index]
+                    self._require_finite('saturation', f'{topic.name}.{field.name}', values, field.unit_in(run.units))
         for name, rows in saturated_rows(run, run.description).items():
             late = rows[rows >= first]
             if len(late):
@@ -244,9 +253,12 @@ class Checks(TrackChecks, SeekChecks):
     ) -> Checks:
         __tracebackhide__ = True
         _refuse_no_limit(at_most)
+        run, part = self._run, values[rows]
+        # A comparison with what is not a number is false, in the check as in what it is made of.
+        if value <= at_most and not np.isfinite(part).all():
+            value = math.nan
         if value <= at_most:
             return self
-        run, part = self._run, values[rows]
         bad = np.flatnonzero(~np.isfinite(part))
         row = (rows.start or 0) + int(bad[0] if len(bad) else np.abs(part).argmax())
         plot = self._plot(what, signal, unit, values, at_most, row)
@@ -261,6 +273,8 @@ class Checks(TrackChecks, SeekChecks):
         __tracebackhide__ = True
         _refuse_no_limit(at_most)
         run = self._run
+        self._require_finite(name.replace('_', ' '), 'position', run.position)
+        self._require_finite(name.replace('_', ' '), 'reference', run.desired_position)
         response = edge_responses(run, band)
         values = factor * np.abs(getattr(response, name))
         worst = int(values.argmax())
@@ -310,6 +324,20 @@ class Checks(TrackChecks, SeekChecks):
         run = self._run
         plot = self._plot(signal, signal, '', values, None, row)
         raise CheckFailed(f'{what} is at tick {run.ticks[row]} ({run.time[row]:g} s)\n{self._where()}\nplot: {plot}')
+
+    def _require_finite(self, what: str, name: str, values: NDArray[np.float64], unit: str | None = None) -> None:
+        """Fail if a signal is not finite somewhere: what is not a number would pass comparisons."""
+        __tracebackhide__ = True
+        finite = np.isfinite(values)
+        if finite.all():
+            return
+        run, row = self._run, int(np.flatnonzero(~finite)[0])
+        unit = run.length_unit if unit is None else unit
+        plot = self._plot(what, name, unit, values, None, row)
+        raise CheckFailed(
+            f'{what} is not known: {name} is {_text(values[row], unit)} at tick {run.ticks[row]} '
+            f'({run.time[row]:g} s), and at {int((~finite).sum())} ticks in all\n{self._where()}\nplot: {plot}'
+        )
 
     def _where(self) -> str:
         run = self._run

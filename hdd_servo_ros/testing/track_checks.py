@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT, ShockResponse, off_track, shock_responses
 from hdd_servo_ros.analysis.runout import RunoutParts, runout_parts
+from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.track_of_run import sectors_of, shocks_of, track_pitch, why_no_sectors
 
@@ -39,6 +40,10 @@ class TrackChecks(abc.ABC):
         self, what: str, value: float, at_most: float, unit: str, signal: str, values: NDArray[np.float64], rows: slice
     ) -> Checks:
         """Compare a value with its limit."""
+
+    @abc.abstractmethod
+    def _require_finite(self, what: str, name: str, values: NDArray[np.float64], unit: str | None = None) -> None:
+        """Fail if a signal is not finite somewhere."""
 
     def track_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
         """Assert 3 sigma of the track error between two times."""
@@ -186,6 +191,10 @@ class TrackChecks(abc.ABC):
 
     def _shocks(self, shocks: Sequence[float] | None, band: float) -> tuple[NDArray[np.float64], list[ShockResponse]]:
         run = self._run
+        if shocks is None and BASE_ACCELERATION.name in run:
+            # A shock that is not a number would not be found.
+            for name, values in zip(BASE_ACCELERATION.field_names, run[BASE_ACCELERATION.name].T, strict=True):
+                self._require_finite('shock response', f'{BASE_ACCELERATION.name}.{name}', values, '')
         times = shocks_of(run).tolist() if shocks is None else list(shocks)
         if not times:
             raise ValueError(f'{run.path}: no shock on /base_acceleration; give shocks=')
