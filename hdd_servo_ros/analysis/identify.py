@@ -16,7 +16,7 @@ import numpy as np
 from hdd_servo_ros.analysis.identification import doubts, identify_measured
 from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS, SANATHANAN_KOERNER, least_points
 from hdd_servo_ros.analysis.transfer_model import Model
-from hdd_servo_ros.bench.response import FrequencyResponse, read_csv
+from hdd_servo_ros.bench.response import FrequencyResponse, read_csv, refuse_hold
 
 
 def _count(text: str) -> int:
@@ -122,7 +122,10 @@ def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
             f'{given.file}: {leaves}{len(measured.frequency)} of {len(recorded.frequency)} points '
             f'from {first:.6g} to {last:.6g} Hz, and it takes at least {least} {wanted}'
         )
-    return measured if given.hold is None else dataclasses.replace(measured, hold=given.hold)
+    if given.hold is None:
+        return measured
+    refuse_hold(given.hold, float(measured.frequency.max()), '--hold')
+    return dataclasses.replace(measured, hold=given.hold)
 
 
 def table(model: Model, rigid_order: int = 2, unit: str = '') -> str:

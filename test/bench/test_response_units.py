@@ -1,0 +1,132 @@
+"""Units and ranges of the columns of a measured response: another unit gives the same response, or is refused."""
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.bench.response import FrequencyResponse, read_csv
+
+HEAD = 'frequency [Hz],magnitude [um/V],phase [deg]'
+ROWS = ((100.0, 2.0, -10.0), (200.0, 1.0, -20.0))
+
+
+def written(path, title, values, head=HEAD, rows=ROWS):
+    lines = [f'{head},{title}']
+    lines += [','.join(map(repr, row)) + f',{value}' for row, value in zip(rows, values, strict=True)]
+    path.write_text('\n'.join(lines) + '\n', encoding='utf8')
+    return path
+
+
+@pytest.mark.parametrize(
+    ('title', 'values', 'attribute', 'expected'),
+    [
+        ('hold', ('2e-5', '2e-5'), 'hold', 2e-5),
+        ('hold [s]', ('2e-5', '2e-5'), 'hold', 2e-5),
+        ('Hold [ms]', ('0.02', '0.02'), 'hold', 2e-5),
+        ('hold (us)', ('20', '20'), 'hold', 2e-5),
+        ('hold [µs]', ('20', '20'), 'hold', 2e-5),
+        ('hold [ns]', ('20000', '20000'), 'hold', 2e-5),
+        ('coherence', ('0.98', '1'), 'coherence', (0.98, 1.0)),
+        ('coherence [%]', ('98', '100'), 'coherence', (0.98, 1.0)),
+        ('amplitude [mV]', ('100', '0'), 'amplitude', (0.1, 0.0)),
+        ('amplitude [V]', ('0.1', '0'), 'amplitude', (0.1, 0.0)),
+        ('averages', ('8', '16'), 'averages', (8, 16)),
+        ('output', ('velocity', 'Displacement'), 'by_velocity', (True, False)),
+    ],
+)
+def test_a_unit_is_converted(tmp_path, title, values, attribute, expected):
+    found = getattr(read_csv(written(tmp_path / 'response.csv', title, values)), attribute)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('title', 'values', 'message'),
+    [
+        ('hold [min]', ('1', '1'), "the unit of hold is 'min'; known are s, ms, us, µs, ns"),
+        ('hold', ('0.02', '0.02'), 'hold is 0.02 s, which is of frequencies up to 25 Hz'),
+        ('hold', ('-1e-5', '-1e-5'), 'line 2: hold is -1e-05; it must be not negative'),
+        ('hold', ('1e-5', '2e-5'), 'the hold must be the same in all rows'),
+        ('coherence', ('98', '98'), 'line 2: coherence is 98; it must be from 0 to 1 (or in [%])'),
+        ('coherence [%]', ('98', '101'), 'line 3: coherence is 101'),
+        ('coherence', ('-0.1', '1'), 'line 2: coherence is -0.1'),
+        ('coherence [dB]', ('-0.1', '0'), "the unit of coherence is 'db'"),
+        ('averages', ('8', '0'), 'line 3: averages is 0; it must be a whole number from 1 on'),
+        ('averages', ('2.5', '8'), 'line 2: averages is 2.5'),
+        ('averages [s]', ('8', '8'), "the unit of averages is 's'"),
+        ('amplitude [N]', ('1', '1'), "the unit of amplitude is 'n'; known are 1, V".replace('1, ', '')),
+        ('amplitude', ('-1', '1'), 'line 2: amplitude is -1; it must be not negative'),
+        ('output', ('velocity', 'speed'), "line 3: output is 'speed', neither velocity nor displacement"),
+        ('gain', ('1', '1'), "two columns are magnitude: 'magnitude [um/V]' and 'gain'"),
+        ('coherence', ('nan', '1'), "line 2: coherence is 'nan', not a finite number"),
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path, title, values, message):
+    with pytest.raises(ValueError, match=r'response\.csv') as refused:
+        read_csv(written(tmp_path / 'response.csv', title, values))
+    assert message in str(refused.value)
+
+
+def plant(rng, count):
+    """Return a rigid body or a pivot with up to three lightly damped modes and a delay, and its frequencies [Hz]."""
+    lowest = 10.0 ** rng.uniform(0.5, 2.5)
+    frequency = np.geomspace(lowest, lowest * 10.0 ** rng.uniform(0.5, 2.5), count)
+    s = 2j * np.pi * frequency
+    pivot = 2.0 * np.pi * lowest * 10.0 ** rng.uniform(-1.0, 1.0)
+    response = 1.0 / (s**2 + 0.2 * pivot * s + (0.0 if rng.random() < 0.5 else pivot**2))
+    for _ in range(rng.integers(0, 4)):
+        natural = 2.0 * np.pi * lowest * 10.0 ** rng.uniform(0.5, 2.5)
+        share = rng.uniform(0.05, 1.0)
+        response = response + share / (s**2 + 0.04 * natural * s + natural**2)
+    response = response * np.exp(-s * rng.uniform(0.0, 0.2) / frequency[-1])
+    noise = 0.02 * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    return frequency, response * (1.0 + noise)
+
+
+def csv_of(path, frequency, magnitude, response, head):
+    lines = [] if head is None else [head]
+    phase = np.degrees(np.angle(response))
+    lines += [
+        ','.join(map(repr, row)) for row in zip(frequency.tolist(), magnitude.tolist(), phase.tolist(), strict=True)
+    ]
+    path.write_text('\n'.join(lines) + '\n')
+    return path
+
+
+def is_refused(path):
+    try:
+        read_csv(path)
+    except ValueError as error:
+        return 'write its unit in the header: [dB]' in str(error)
+    return False
+
+
+@pytest.mark.parametrize('head', [None, 'frequency,magnitude,phase'])
+def test_decibels_without_a_unit_are_refused_where_the_phase_tells(tmp_path, head):
+    """All of them positive, so that they could be a linear magnitude."""
+    found = wrong = 0
+    for seed in range(100):
+        frequency, response = plant(np.random.default_rng(seed), 60)
+        decibels = 20.0 * np.log10(np.abs(response))
+        path = tmp_path / 'response.csv'
+        found += is_refused(csv_of(path, frequency, decibels - decibels.min() + 3.0, response, head))
+        wrong += is_refused(csv_of(path, frequency, np.abs(response), response, head))
+    assert found >= 45
+    assert wrong <= 1
+
+
+def test_decibels_of_the_drive_are_refused(tmp_path):
+    frequency = np.geomspace(100.0, 5000.0, 80)
+    s = 2j * np.pi * frequency
+    response = 4e7 / (s**2 + 200.0 * s + (2.0 * np.pi * 150.0) ** 2)
+    decibels = 20.0 * np.log10(np.abs(response))
+    assert decibels.max() > 20.0
+    assert is_refused(csv_of(tmp_path / 'r.csv', frequency, decibels - decibels.min() + 1.0, response, None))
+    assert not is_refused(csv_of(tmp_path / 'r.csv', frequency, np.abs(response), response, None))
+    labelled = csv_of(tmp_path / 'r.csv', frequency, decibels, response, 'frequency,magnitude [dB],phase')
+    np.testing.assert_allclose(read_csv(labelled).response, response, rtol=1e-12)
+
+
+def test_what_is_written_is_read_again_whatever_the_values(tmp_path):
+    for seed in range(20):
+        frequency, response = plant(np.random.default_rng(seed), 40)
+        FrequencyResponse.of(frequency, response).write_csv(tmp_path / 'own.csv')
+        np.testing.assert_allclose(read_csv(tmp_path / 'own.csv').response, response, rtol=1e-12)
