@@ -127,6 +127,9 @@ class BagRecorder(CatalogueNode):
         self.tick = tick + count
         return True
 
+    def _fire_once(self) -> bool:
+        return self._fire_together(with_fewer=True) if self._queues else self.try_fire()
+
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
@@ -195,7 +198,7 @@ class BagRecorder(CatalogueNode):
         if self._recorder is not None:
             # What has arrived already is worth keeping; if it is what ended the run, the reason is known.
             with contextlib.suppress(Exception):
-                while self._fire_together(with_fewer=True) if self._queues else self.try_fire():
+                while self._recorder.is_open and self._fire_once():
                     pass
             self._recorder.finish(outcome.status, outcome.reason)
             self.get_logger().info(f'run {outcome.status}: {self._recorder.directory}')

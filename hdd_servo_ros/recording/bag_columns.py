@@ -2,9 +2,12 @@
 A rosbag2 bag read by topic, many messages at once.
 
 The messages of a loop topic all have one size, so that a topic of 100 000 ticks is one array of bytes. MCAP files,
-their chunks compressed by zstd or not, are read through their message indexes, sqlite3 files by one query a topic; what
-else there is (bags that rosbag2 has compressed, files without an index) goes through the reader of `rosbags`, message
-by message.
+their chunks compressed by zstd or not, are read through their message indexes, sqlite3 files by one query a topic. MCAP
+files without the optional parts (message indexes, channels repeated in the summary) are read from the start; what else
+there is (bags that rosbag2 has compressed) goes through the reader of `rosbags`, message by message.
+
+No changed byte of this package's own bags is read as data: an MCAP file is checked by the checksums of its data section
+and its summary (:meth:`Bag.check`) or of its chunks, the rows of an sqlite3 file by a digest of each topic.
 """
 
 import contextlib
@@ -22,11 +25,15 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from hdd_servo_ros.recording.zstd import decompress
+from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, read_digests
+from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
+from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
+from hdd_servo_ros.recording.salvage import Salvage, salvage
+from hdd_servo_ros.recording.sqlite_reading import database_to_read
 
 _YamlLoader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
-_SCHEMA, _CHANNEL, _CHUNK_INDEX = 0x03, 0x04, 0x08
+_CHANNEL, _MESSAGE, _CHUNK_INDEX = 0x04, 0x05, 0x08
 _FOOTER_SIZE = 37
 """Footer record and closing magic [bytes]."""
 _INDEX_HEAD = 15
@@ -34,6 +41,10 @@ _INDEX_HEAD = 15
 _MESSAGE_HEAD = 31
 """Opcode and length of a message record, channel, sequence number and two times, before the payload [bytes]."""
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
+
+
+WRONG_DIGEST = 'is damaged: its messages are not those that were written'
+"""End of the error of a topic whose digest is another."""
 
 
 class BagError(ValueError):
@@ -111,8 +122,30 @@ class Bag:
             self._compressed = bool(metadata.get('compression_mode')) and metadata['compression_mode'].lower() != 'none'
             self._files = [path / Path(name).name for name in metadata['relative_file_paths']]
             self._checked: dict[Path, _Checked] = {file: _Checked() for file in self._files}
-        except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+            self._walked: dict[Path, Salvage] = {}
+            self._digests = read_digests(self.custom_data.get(DIGEST_KEY, ''))
+        except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise BagError(f'{path}: metadata.yaml cannot be read: {type(error).__name__}: {error}') from None
+
+    def check(self) -> None:
+        """
+        Check the files by what is written in them for that: of MCAP files all bytes, where their writer says checksums.
+
+        Rows of an sqlite3 file are checked as a topic is read.
+
+        Raises
+        ------
+        BagError
+            If a file is missing or damaged.
+        """
+        for file in self._files:
+            try:
+                if self._storage == 'mcap' and not self._compressed and check_mcap(file):
+                    self._checked[file].set_whole(file.stat())
+                elif not file.is_file():
+                    raise BagError(f'{file} is missing')
+            except (OSError, CheckError) as error:
+                raise BagError(f'{file}: {error}') from None
 
     def column(self, topic: str) -> Column:
         """
@@ -131,16 +164,42 @@ class Bag:
         if not self._compressed and self._storage in _BULK_READERS:
             with contextlib.suppress(_NotInBulk):
                 parts = [_BULK_READERS[self._storage](file, topic, self._checked[file]) for file in self._files]
+        if parts is None and not self._compressed and self._storage == 'mcap':
+            parts = self._walk(topic)
         if parts is None:
             parts = [self._read_one_by_one(topic)]
         column = _joined(parts)
+        if len(column) != self.counts[topic] and self._storage == 'mcap' and not self._compressed:
+            # Some messages may be outside of chunks, and so in no index.
+            column = _joined(self._walk(topic) or [column])
         if len(column) != self.counts[topic]:
             raise BagError(f'{self.path}: {topic} has {len(column)} messages, {self.counts[topic]} by metadata.yaml')
+        # Of the parts, which are in the order in which the messages were written; by time it may be another one.
+        if self._storage == 'sqlite3' and topic in self._digests and _digest_of(parts) != self._digests[topic]:
+            raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
         return column
+
+    def _walk(self, topic: str) -> list[Column] | None:
+        """Read MCAP files from the start, without their indexes; return None if they hold what that cannot read."""
+        for file in self._files:
+            if file not in self._walked:
+                try:
+                    self._walked[file] = salvage(file)
+                except OSError as error:
+                    raise BagError(f'{file}: {error.strerror}') from None
+            if self._walked[file].unknown:
+                return None
+            if self._walked[file].fault:
+                raise BagError(f'{file}: {self._walked[file].fault}')
+        columns = []
+        for file in self._files:
+            own = [(time, data) for name, time, data in self._walked[file].messages if name == topic]
+            columns.append(_column([time for time, _ in own], [data for _, data in own]))
+        return columns
 
     def _read_one_by_one(self, topic: str) -> Column:
         # Late: most bags are read without it, and it takes longer to import than they take to read.
-        from rosbags.rosbag2 import Reader, ReaderError
+        from rosbags.rosbag2 import Reader
 
         times, payloads = [], []
         try:
@@ -149,7 +208,7 @@ class Bag:
                 for _, time, payload in reader.messages(connections):
                     times.append(time)
                     payloads.append(bytes(payload))
-        except ReaderError as error:
+        except Exception as error:  # of a damaged file it has no error of its own
             raise BagError(f'{self.path}: {error}') from None
         return _column(times, payloads)
 
@@ -167,6 +226,17 @@ class _Checked:
         if version != self._version:
             self._version, self._starts = version, set()
         return self._starts
+
+    def set_whole(self, file: os.stat_result) -> None:
+        """Take all chunks of the file as checked."""
+        self._version, self._starts = (file.st_size, file.st_mtime_ns), _All()
+
+
+class _All(set[int]):
+    """The set that holds everything."""
+
+    def __contains__(self, _: object) -> bool:
+        return True
 
 
 class _NotInBulk(Exception):
@@ -199,15 +269,25 @@ def _joined(parts: Sequence[Column]) -> Column:
     return Column(times, payloads)
 
 
+def _digest_of(parts: Sequence[Column]) -> str:
+    digest = TopicDigest()
+    for part in parts:
+        digest.add(part.times, b''.join(part.payloads) if isinstance(part.payloads, list) else part.payloads)
+    return digest.text
+
+
 def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
     try:
-        with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=ro', uri=True)) as connection:
+        with database_to_read(path) as address, contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
+            # By id, as they were written.
             rows = connection.execute(
                 'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) '
-                'ORDER BY timestamp, id',
+                'ORDER BY id',
                 (topic,),
             ).fetchall()
-    except sqlite3.Error as error:
+            if not all(isinstance(time, int) and isinstance(payload, bytes) for time, payload in rows):
+                raise BagError(f'{path}: a row of {topic} is no message')
+    except (sqlite3.Error, OSError, OverflowError) as error:
         raise BagError(f'{path}: {error}') from None
     return _column([time for time, _ in rows], [payload for _, payload in rows])
 
@@ -256,11 +336,11 @@ class _McapFile:
                 indexes = dict(struct.iter_unpack('<HQ', entries))
                 (length,) = struct.unpack_from('<I', self._content, offset + 36 + map_size + 8)
                 compression = self._content[offset + 48 + map_size : offset + 48 + map_size + length]
-                if compression not in _DECOMPRESSORS or not indexes:
+                if compression.decode(errors='replace') not in DECOMPRESS or not indexes:
                     raise _NotInBulk
                 self._chunks.append((start, indexes))
             offset += size
-        if not self._chunks:
+        if not self._chunks or not self._channels:
             raise _NotInBulk
 
     def column(self, topic: str) -> Column:
@@ -284,6 +364,7 @@ class _McapFile:
         offsets = entries['offset'].astype(np.int64)
         if len(offsets) and int(offsets.max()) + _MESSAGE_HEAD > size:
             raise BagError(f'{self._path}: the index at byte {index} points behind its chunk')
+        self._check_index(content, entries, offsets, index)
         lengths = _gather(content, offsets + 1, 8).view('<u8')[:, 0].astype(np.int64) - (_MESSAGE_HEAD - 9)
         starts = offsets + _MESSAGE_HEAD
         if np.any(lengths < 0) or np.any(starts + lengths > size):
@@ -292,6 +373,18 @@ class _McapFile:
         if len(lengths) and np.all(lengths == lengths[0]):
             return Column(times, _gather(content, starts, int(lengths[0])))
         return Column(times, [bytes(data[at : at + size]) for at, size in zip(starts, lengths, strict=True)])
+
+    def _check_index(
+        self, content: NDArray[np.uint8], entries: NDArray[np.void], offsets: NDArray[np.int64], index: int
+    ) -> None:
+        """Check that the index points at messages of its channel and has their times: no checksum of a chunk does."""
+        if not len(offsets):
+            return
+        (channel,) = struct.unpack_from('<H', self._content, index + 9)
+        heads = _gather(content, offsets, _MESSAGE_HEAD)
+        is_message = (heads[:, 0] == _MESSAGE) & (heads[:, 9:11].copy().view('<u2')[:, 0] == channel)
+        if not np.all(is_message & (heads[:, 15:23].copy().view('<u8')[:, 0] == entries['time'])):
+            raise BagError(f'{self._path}: the index at byte {index} does not fit its chunk')
 
     def _chunk_data(self, start: int) -> memoryview:
         """Return the records of the chunk at ``start``."""
@@ -303,8 +396,8 @@ class _McapFile:
         if len(data) != stored:
             raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
         try:
-            data = _DECOMPRESSORS[compression](data)
-        except ValueError as error:
+            data = memoryview(DECOMPRESS[compression.decode()](data))
+        except (ValueError, KeyError) as error:
             raise BagError(f'{self._path}: the chunk at byte {start} is damaged: {error}') from None
         if len(data) != size:
             raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
@@ -326,8 +419,4 @@ def _gather(content: NDArray[np.uint8], starts: NDArray[np.int64], size: int) ->
     return copied
 
 
-_DECOMPRESSORS: dict[bytes, Callable[[memoryview], memoryview]] = {
-    b'': lambda data: data,
-    b'zstd': lambda data: memoryview(decompress(data)),
-}
 _BULK_READERS: dict[str, Callable[[Path, str, _Checked], Column]] = {'mcap': _read_mcap, 'sqlite3': _read_sqlite3}

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.messages.ticks import NANOSECONDS
-from hdd_servo_ros.messages.topics import PARAMETER_EVENTS
-from hdd_servo_ros.parameters.events import NodeChange, deserialized_event, unpack_parameter_event, unpack_value
-from hdd_servo_ros.recording.bag_columns import Bag, bag_directory
+from hdd_servo_ros.messages.topics import PARAMETER_EVENT_TYPE, PARAMETER_EVENTS
+from hdd_servo_ros.parameters.events import NodeChange, change_of_event, deserialized_event, unpack_value
+from hdd_servo_ros.recording.bag_columns import Bag, BagError, bag_directory
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,11 +31,20 @@ def recorded_changes(path: Path) -> list[NodeChange]:
     path
         Run folder or bag.
     """
-    return [unpack_parameter_event(message) for message in _events(Bag(bag_directory(path)))]
+    bag = Bag(bag_directory(path))
+    return [change_of_event(_event(bag, message)) for message in _events(bag)]
 
 
 def _events(bag: Bag) -> list[bytes]:
     return bag.column(PARAMETER_EVENTS).as_bytes() if PARAMETER_EVENTS in bag.types else []
+
+
+def _event(bag: Bag, message: bytes) -> Any:
+    # The reader of `rosbags` fails in its own way on bytes that are no message.
+    try:
+        return deserialized_event(message)
+    except Exception as error:
+        raise BagError(f'{bag.path}: a message of {PARAMETER_EVENTS} is no {PARAMETER_EVENT_TYPE}: {error}') from None
 
 
 class ParameterHistory:
@@ -50,15 +59,17 @@ class ParameterHistory:
         ``nodes`` of ``run.yaml``: by full name, with the ``parameters`` at tick 0.
     sample_time_ns
         T [ns].
+    origin_ns
+        Time of tick 0 [ns].
     """
 
-    def __init__(self, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int) -> None:
+    def __init__(self, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int, origin_ns: int = 0) -> None:
         self._path = bag.path
         self._nodes = nodes
         changes = []
         for message in _events(bag):
-            event = deserialized_event(message)
-            tick = -(-(event.stamp.sec * NANOSECONDS + event.stamp.nanosec) // sample_time_ns)
+            event = _event(bag, message)
+            tick = -(-(event.stamp.sec * NANOSECONDS + event.stamp.nanosec - origin_ns) // sample_time_ns)
             for parameter in event.changed_parameters:
                 changes.append(ParameterChange(tick, event.node, parameter.name, _plain(unpack_value(parameter.value))))
         self.changes: Sequence[ParameterChange] = sorted(changes, key=lambda change: change.tick)

@@ -1,22 +1,26 @@
 """A recorded run: its signals as arrays aligned by tick, its metadata, and the parameters in force."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.codecs import CODECS
+from hdd_servo_ros.messages.outcome import FINISHED, RUNNING
 from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, ESTIMATES
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column, bag_directory
-from hdd_servo_ros.recording.decoding import array_names, stamps_of, values_of
+from hdd_servo_ros.recording.decoding import array_names, check_layout, stamps_of, values_of
 from hdd_servo_ros.recording.parameter_history import ParameterChange, ParameterHistory
 from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
+
+_WALL_CLOCK = 10**17
+"""Stamps from here on are of a wall clock, not of a run: three years after its start, 1973 in Unix time [ns]."""
 
 OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 
@@ -25,9 +29,10 @@ class RecordedRun(Signals):
     """
     A recorded run, opened with :meth:`RecordedRun.open`.
 
-    Opening reads texts only. A topic is decoded when it is first asked for, and kept. All arrays have one row a tick of
-    :attr:`ticks`, in the units of the topics (see ``hdd_servo_ros.messages.topics``): lengths in :attr:`length_unit`,
-    um unless the drive's parameter file says otherwise, control in :attr:`control_unit`, time in s.
+    Opening checks the bag's files by their checksums, and decodes nothing. A topic is decoded when it is first asked
+    for, and kept; :meth:`verify` decodes all of them. All arrays have one row a tick of :attr:`ticks`, in the units of
+    the topics (see ``hdd_servo_ros.messages.topics``): lengths in :attr:`length_unit`, um unless the drive's parameter
+    file says otherwise, control in :attr:`control_unit`, time in s.
 
     Attributes
     ----------
@@ -43,6 +48,7 @@ class RecordedRun(Signals):
         self._bag = bag
         self._topics = topics
         self._arrays: dict[str, NDArray[Any]] = {}
+        self._read_topics: set[str] = set()
 
     @classmethod
     def open(cls: type[OpenedRun], path: str | Path, *, namespace: str | None = None) -> OpenedRun:
@@ -61,7 +67,8 @@ class RecordedRun(Signals):
         FileNotFoundError
             If there is no closed bag.
         BagError
-            If the bag cannot be read, or holds the same topic in several namespaces and none is given.
+            If the bag cannot be read, is damaged, does not hold what ``run.yaml`` says, or holds the same topic in
+            several namespaces and none is given.
         DescriptionError
             If the run's ``run.yaml`` cannot be read.
         """
@@ -75,7 +82,59 @@ class RecordedRun(Signals):
                     raise DescriptionError(f'{directory / "run.yaml"} does not describe a run: it names no topics')
                 break
         topics = dict(description['topics']) if description else _loop_topics(bag, namespace)
+        if description:
+            _compare_with_bag(path, description, topics, bag)
+        bag.check()
         return cls(path, bag, description, topics)
+
+    @classmethod
+    def open_bag(
+        cls: type[OpenedRun], path: Path, sample_time: float | None = None, topics: Mapping[str, str] | None = None
+    ) -> OpenedRun:
+        """
+        Open a bag of which is known what ``run.yaml`` says of its topics, but not how the run ended.
+
+        Parameters
+        ----------
+        path
+            The bag.
+        sample_time
+            T [s]; None for that in the bag.
+        topics
+            Full name of each topic of the loop, by its own; None or none for those with its names and types.
+
+        Raises
+        ------
+        BagError
+            If the bag cannot be read, or has no such topic.
+        """
+        bag = Bag(path)
+        _require_topics(path, (topics or {}).values(), bag)
+        bag.check()
+        run = cls(path, bag, {}, dict(topics) if topics else _loop_topics(bag, None))
+        if sample_time is not None:
+            run.__dict__['sample_time'] = sample_time
+        return run
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages of the bag, on all topics."""
+        return sum(self._bag.counts.values())
+
+    def verify(self) -> None:
+        """
+        Read the whole bag: every message of every topic, and the time line of those of the loop.
+
+        Raises
+        ------
+        BagError
+            If a part of it cannot be read, or is not what it should be.
+        """
+        known = {full_name: name for name, full_name in self._topics.items()}
+        for topic in self._bag.types:
+            column = self._bag.column(topic)
+            if len(column) and topic in known:
+                self._decoded(known[topic])
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({str(self.path)!r})'
@@ -162,30 +221,52 @@ class RecordedRun(Signals):
         if self.description:
             # What is left of a run that was cut off may end within a tick.
             return self.status == FINISHED or len(set(self.counts.values())) == 1
-        if not self.counts.get(CLOCK.name):
+        counts = {count for count in self.counts.values() if count}
+        if not self.counts.get(CLOCK.name) or len(counts) != 1:
             return False
-        clock = self.column(CLOCK.name)
-        return np.array_equal(self._stamps(CLOCK.name, clock), clock.times)
+        # `ros2 bag record` with use_sim_time takes /clock for its own clock, which is late for the other topics.
+        clock = self.column(CLOCK.name).times
+        columns = {name: self.column(name) for name, count in self.counts.items() if count}
+        return all(np.array_equal(column.times, clock) for column in columns.values()) and np.array_equal(
+            self._stamps(CLOCK.name, columns[CLOCK.name]), clock
+        )
+
+    @functools.cached_property
+    def _origin(self) -> int:
+        """Time of tick 0 [ns]: 0, or the first stamp where stamps are of a wall clock."""
+        if self.description:
+            return 0
+        firsts = [
+            int(self._stamps(name, column)[0])
+            for name, count in self.counts.items()
+            if count and CODECS[self._bag.types[self._topics[name]]].is_stamped
+            for column in [self.column(name)]
+        ]
+        first = min(firsts, default=0)
+        return first if first >= _WALL_CLOCK else 0
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
         """
         The ticks that all topics of the loop hold, ascending; 0 to :attr:`last_tick` in a run of the rig's recorder.
 
+        Of stamps in wall time the first is that of tick 0.
+
         Raises
         ------
         BagError
-            If there is none, or a stamp is not that of a tick.
+            If there is none, a stamp is not that of a tick, or the stamps of a topic go back or repeat, as they do
+            where a bag holds several runs.
         """
         present = [name for name, count in self.counts.items() if count]
         if not present:
             raise BagError(f'{self.path}: the bag holds no tick: no message on a topic of the loop')
         if self._is_strict:
             name = CLOCK.name if CLOCK.name in present else present[0]
-            return self._to_ticks(name, self.column(name).times)
+            return self._rising(name, self._to_ticks(name, self.column(name).times))
         common: NDArray[np.int64] | None = None
         for name in present:
-            ticks = np.unique(self._to_ticks(name, self._stamps(name, self.column(name))))
+            ticks = self._rising(name, self._to_ticks(name, self._stamps(name, self.column(name))))
             common = ticks if common is None else np.intersect1d(common, ticks, assume_unique=True)
         assert common is not None
         if not len(common):
@@ -268,7 +349,7 @@ class RecordedRun(Signals):
     @functools.cached_property
     def _parameter_history(self) -> ParameterHistory:
         nodes = self.description.get('nodes', {})
-        return ParameterHistory(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time))
+        return ParameterHistory(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time), self._origin)
 
     @property
     def parameter_changes(self) -> Sequence[ParameterChange]:
@@ -311,7 +392,14 @@ class RecordedRun(Signals):
         full_name = self._topics.get(topic, '')
         if full_name not in self._bag.types:
             raise self._missing(topic)
-        return self._bag.column(full_name)
+        column = self._bag.column(full_name)
+        if topic not in self._read_topics:
+            try:
+                check_layout(column, self._bag.types[full_name])
+            except BagError as error:
+                raise BagError(f'{self.path}: {full_name}: {error}') from None
+            self._read_topics.add(topic)
+        return column
 
     def stamps(self, topic: str) -> NDArray[np.int64]:
         """
@@ -329,11 +417,7 @@ class RecordedRun(Signals):
 
     def message_ticks(self, topic: str) -> NDArray[np.int64]:
         """Return the tick whose stamp each message of a topic carries; raises :class:`BagError` if that is none's."""
-        # The time in an array is a float64.
-        period = sample_time_to_nanoseconds(self.sample_time)
-        stamps = self.stamps(topic)
-        nearest = np.rint(stamps / period).astype(np.int64)
-        return self._to_ticks(topic, np.where(np.abs(stamps - nearest * period) <= 1, nearest * period, stamps))
+        return self._to_ticks(topic, self.stamps(topic))
 
     def _missing(self, topic: str) -> '_MissingTopic':
         return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
@@ -345,13 +429,35 @@ class RecordedRun(Signals):
         """Return the time that the messages themselves carry [ns]."""
         return stamps_of(column, self._bag.types[self._topics[name]])
 
-    def _to_ticks(self, name: str, times: NDArray[np.int64]) -> NDArray[np.int64]:
-        ticks, rest = np.divmod(times, sample_time_to_nanoseconds(self.sample_time))
-        if rest.any():
-            message = int(np.flatnonzero(rest)[0])
+    def _to_ticks(self, name: str, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the ticks of stamps [ns] that messages of a topic carry."""
+        period = sample_time_to_nanoseconds(self.sample_time)
+        for message in np.flatnonzero(stamps < 0)[:1].tolist():
             raise BagError(
-                f'{self.path}: {self._topics[name]}: message {message} is stamped {times[message]} ns, '
+                f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns, before time 0'
+            )
+        times = stamps - self._origin
+        ticks = (times + period // 2) // period
+        # The time in an array is a float64 [s].
+        is_stamped = CODECS[self._bag.types[self._topics[name]]].is_stamped
+        tolerance = 0 if is_stamped else np.ceil(NANOSECONDS * np.spacing(stamps / NANOSECONDS))
+        off = np.abs(times - ticks * period) > tolerance
+        for message in np.flatnonzero(off)[:1].tolist():
+            since = f', {times[message]} ns after the first' if self._origin else ''
+            raise BagError(
+                f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns{since}, '
                 f'which is no tick of {self.sample_time:g} s'
+            )
+        return ticks
+
+    def _rising(self, name: str, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the ticks of a topic's messages, which must rise: those of one run do."""
+        for message in np.flatnonzero(np.diff(ticks) <= 0)[:1].tolist():
+            before, after = ticks[message : message + 2].tolist()
+            found = f'goes back from tick {before} to {after}' if after < before else f'has tick {after} twice'
+            raise BagError(
+                f'{self.path}: {self._topics[name]} {found} at message {message + 1}: the bag holds more than one run, '
+                'or a topic with two publishers; record each run in a bag of its own'
             )
         return ticks
 
@@ -372,12 +478,15 @@ class RecordedRun(Signals):
         else:
             if not len(column):
                 raise BagError(f'{self.path}: no message on {self._topics[name]}')
-            all_ticks, first = np.unique(self._to_ticks(name, stamps), return_index=True)
-            rows = first[np.searchsorted(all_ticks, ticks)]
+            rows = np.searchsorted(self._rising(name, self._to_ticks(name, stamps)), ticks)
         values = values_of(column, self._bag.types[self._topics[name]])
         values = values if rows is None else values[rows]
         values.flags.writeable = False
         return values
+
+
+class ClaimError(BagError):
+    """A bag that does not hold what ``run.yaml`` says of it."""
 
 
 class _MissingTopic(KeyError, BagError):
@@ -385,6 +494,24 @@ class _MissingTopic(KeyError, BagError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+def _require_topics(path: Path, topics: Iterable[str], bag: Bag) -> None:
+    missing = [topic for topic in topics if topic not in bag.types]
+    if missing:
+        raise ClaimError(f'{path}: run.yaml names {", ".join(missing)}, which the metadata of the bag do not')
+
+
+def _compare_with_bag(path: Path, description: dict[str, Any], topics: dict[str, str], bag: Bag) -> None:
+    """Refuse a bag that does not hold what ``run.yaml`` says of it."""
+    _require_topics(path, topics.values(), bag)
+    last_tick = description.get('last_tick')
+    if isinstance(last_tick, int) and description.get('status') != RUNNING:
+        # A run that was cut off may end within a tick.
+        counts = [bag.counts[topic] for topic in topics.values()] or [0]
+        if not min(counts) - 1 <= last_tick <= max(counts) - 1:
+            held = min(counts) - 1
+            raise ClaimError(f'{path}: run.yaml says {last_tick} for the last tick, the bag holds {held}')
 
 
 def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:

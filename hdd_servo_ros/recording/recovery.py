@@ -3,24 +3,27 @@
 import dataclasses
 import itertools
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS, RECORDER
-from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.bag_columns import WRONG_DIGEST, BagError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.mcap_checks import WRONG_DATA
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
-from hdd_servo_ros.recording.salvage import Salvage, salvage
+from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_files, complete_ticks, salvage
 
 BACKUP = 'damaged'
 """Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
 _WORKSHOP = 'recovering'
-_ENDINGS = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+_COMPANIONS = ('-journal', '-wal', '-shm', '.tmp')
+"""Endings of files that a database or a writer leaves beside those of a bag."""
 _BATCH = 4096
 """Messages that are written at once."""
 _NO_TICK = 'no tick is left'
@@ -77,12 +80,14 @@ class Recovery:
             raise RecoveryError(f'{run} is not a run folder: it has neither run.yaml nor bag/')
         self._said_fault = ''
         self._said = self._read_run_yaml()
-        self._files = _bag_files(run / 'bag')
+        self._files = bag_files(run / 'bag')
         for file in self._files:
             if (user := _user_of(file)) is not None:
                 raise RecoveryError(f'{run}: process {user} still has the bag open')
+        self._whole_run: RecordedRun | None = None
         self._bag_fault = '' if self._is_given_up() else self._find_bag_fault()
-        self._salvage = _salvage_all(self._files)
+        # What can be read as it is needs no other reader, and stays as it is.
+        self._salvage = Salvage() if self._whole_run is not None else self._salvage_all()
         self._topics = self._loop_topics()
         self._step = self._tick_ns()
         self.finding = self._judge()
@@ -100,24 +105,59 @@ class Recovery:
         return moved and self._said.get('last_tick') == -1
 
     def _find_bag_fault(self) -> str:
-        if not self._files:
-            return 'bag/ holds neither an .mcap nor a .db3 file'
-        if not (self.run / 'bag' / 'metadata.yaml').is_file():
-            return 'metadata.yaml is missing: the bag was never closed'
-        try:
-            bag = Bag(self.run / 'bag')
-            for topic in bag.types:
-                bag.column(topic)
-        except BagError as error:
-            return str(error)
-        return ''
+        bag = self.run / 'bag'
+        if not (bag / 'metadata.yaml').is_file():
+            fault = 'metadata.yaml is missing: the bag was never closed'
+        else:
+            try:
+                # As `report` reads it, and all of it; what run.yaml says of its end is looked at on its own.
+                run = RecordedRun.open_bag(bag, self._said.get('sample_time'), self._said.get('topics', {}))
+                run.verify()
+            except (BagError, OSError) as error:
+                fault = str(error)
+            else:
+                self._whole_run = run
+                return ''
+        if unknown := self._unknown_files():
+            raise RecoveryError(f'{unknown[0]} is neither an .mcap nor a .db3 file, and cannot be mended here; {fault}')
+        return fault if self._files else 'bag/ holds neither an .mcap nor a .db3 file'
+
+    def _unknown_files(self) -> list[Path]:
+        """Return the files of the bag that only another reader knows, such as those that rosbag2 has compressed."""
+        others = {path for path in (self.run / 'bag').glob('*') if path.is_file()} - set(self._files)
+        return sorted(path for path in others if not path.name.endswith(('metadata.yaml', *_COMPANIONS)))
+
+    def _salvage_all(self) -> Salvage:
+        """Return what can be read of all files of the bag."""
+        whole = Salvage()
+        faults = []
+        unchecked = False
+        for file in self._files:
+            found = salvage(file)
+            unchecked |= not found.is_checked
+            if found.unknown:
+                raise RecoveryError(f'{file}: {found.unknown}, which cannot be mended here')
+            whole.types |= found.types
+            whole.messages += found.messages
+            if found.fault:
+                faults.append(f'{file}: {found.fault}')
+        whole.fault = '; '.join(faults)
+        if self._bag_fault.endswith(WRONG_DIGEST) or (self._bag_fault.endswith(WRONG_DATA) and unchecked):
+            raise RecoveryError(
+                f'{self._bag_fault}: a value was changed in the file, and nothing tells which; use a copy of the bag'
+            )
+        return whole
 
     def _loop_topics(self) -> dict[str, str]:
         """Return the loop topics' full names, by their own."""
-        if 'topics' in self._said:
+        if isinstance(self._said.get('topics'), dict):
             return dict(self._said['topics'])
+        types = self._types()
         own = {topic.name for topic in ALL_LOOP_TOPICS}
-        return {name.rsplit('/', 1)[-1]: name for name in self._salvage.types if name.rsplit('/', 1)[-1] in own}
+        return {name.rsplit('/', 1)[-1]: name for name in types if name.rsplit('/', 1)[-1] in own}
+
+    def _types(self) -> dict[str, str]:
+        return self._salvage.types if self._whole_run is None else self._whole_run.topics
 
     def _tick_ns(self) -> int:
         if 'sample_time' in self._said:
@@ -126,12 +166,9 @@ class Recovery:
         return times[1] - times[0] if len(times) > 1 else 1
 
     def _complete_ticks(self) -> int:
-        counts = dict.fromkeys(self._topics.values(), 0)
-        for topic, time, _ in self._salvage.messages:
-            # The first message that is not the next tick's ends what is contiguous.
-            if topic in counts and time == counts[topic] * self._step:
-                counts[topic] += 1
-        return min(counts.values(), default=0)
+        if self._whole_run is not None:
+            return min((self._whole_run.counts.get(name, 0) for name in self._topics), default=0)
+        return complete_ticks(self._salvage.messages, list(self._topics.values()), self._step)
 
     def _kept(self, ticks: int) -> Iterator[tuple[str, int, bytes]]:
         """Iterate over the messages of the first ``ticks`` ticks, and the parameter events up to them."""
@@ -141,17 +178,20 @@ class Recovery:
 
     def _judge(self) -> Finding:
         ticks = self._complete_ticks()
-        kept = sum(1 for _ in self._kept(ticks))
-        left = len(self._salvage.messages) - kept
+        if self._whole_run is None:
+            kept = sum(1 for _ in self._kept(ticks))
+            left = len(self._salvage.messages) - kept
+        else:
+            kept, left = self._whole_run.message_count, 0
         status, reason = str(self._said.get('status', RUNNING)), str(self._said.get('reason', ''))
         faults = [self._bag_fault] if self._bag_fault else []
         if self._salvage.fault:
             faults.append(self._salvage.fault)
         if status == RUNNING:
             faults.append(self._said_fault or 'run.yaml says that the run is still running')
-        elif status == FINISHED and ticks - 1 < (self._said.get('last_tick') or 0):
-            faults.append(f'run.yaml says {self._said["last_tick"]} for the last tick, the bag holds {ticks - 1}')
-            status = RUNNING
+        elif ticks - 1 != (self._said.get('last_tick') or 0):
+            faults.append(f'run.yaml says {self._said.get("last_tick")} for the last tick, the bag holds {ticks - 1}')
+            status = RUNNING if status == FINISHED else status
         if status == RUNNING:
             status = RECOVERED if ticks else FAILED
             reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else _NO_TICK
@@ -202,7 +242,7 @@ class Recovery:
         places = {topic: place for place, topic in enumerate(types)}
         writer = BagWriter(
             workshop / 'bag',
-            _ENDINGS[self._files[0].suffix],
+            STORAGE_BY_ENDING[self._files[0].suffix],
             [(topic, kind, queue_depth(topic)) for topic, kind in types.items()],
             bag_metadata(self._said),
             self._options(),
@@ -212,6 +252,11 @@ class Recovery:
             topics, times, payloads = zip(*batch, strict=True)
             writer.write([places[topic] for topic in topics], times, payloads)
         writer.close()
+        try:
+            RecordedRun.open_bag(workshop / 'bag', self._said.get('sample_time'), self._topics).verify()
+        except BagError as error:
+            shutil.rmtree(workshop)
+            raise RecoveryError(f'what is left of the bag cannot be read either: {error}') from None
         return workshop / 'bag'
 
     def _options(self) -> BagOptions:
@@ -221,27 +266,6 @@ class Recovery:
         known = {field.name for field in dataclasses.fields(BagOptions)}
         found = recorders[0] if recorders else {}
         return BagOptions(**{name: value for name, value in found.items() if name in known})
-
-
-def _bag_files(bag: Path) -> list[Path]:
-    """Return the files of a bag in the order in which they were written."""
-    files = [path for ending in _ENDINGS for path in bag.glob(f'*{ending}')]
-    # Of bag_2 and bag_10 the shorter name is the earlier one.
-    return sorted(files, key=lambda path: (list(_ENDINGS).index(path.suffix), len(path.name), path.name))
-
-
-def _salvage_all(files: Sequence[Path]) -> Salvage:
-    """Return what can be read of the files of a bag."""
-    whole = Salvage()
-    faults = []
-    for file in files:
-        found = salvage(file)
-        whole.types |= found.types
-        whole.messages += found.messages
-        if found.fault:
-            faults.append(f'{file}: {found.fault}')
-    whole.fault = '; '.join(faults)
-    return whole
 
 
 def _free_name(path: Path) -> Path:

@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.version import __version__
 
 _KINDS: dict[str, type | tuple[type, ...]] = {
@@ -137,6 +138,13 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     for key, kinds in _KINDS.items():
         if key in content and not isinstance(content[key], kinds):
             raise DescriptionError(f'{path} does not describe a run: {key} is {content[key]!r:.40}')
+    topics = content.get('topics', {})
+    if not all(isinstance(name, str) for pair in topics.items() for name in pair):
+        raise DescriptionError(f'{path} does not describe a run: topics is {topics!r:.40}')
+    try:
+        sample_time_to_nanoseconds(content.get('sample_time', 1.0))
+    except (ValueError, OverflowError) as error:
+        raise DescriptionError(f'{path} does not describe a run: {error}') from None
     return content
 
 

@@ -11,15 +11,30 @@ from typing import Any
 from hdd_servo_ros.graph.catalogue import CONTROLLERS
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
+from hdd_servo_ros.recording.salvage import last_tick_of
 from hdd_servo_ros.recording.writer_process import WriterProcess
 
 _PARAMETER_EVENT_DEPTH = 1000
 _ATTEMPTS = 100
+
+
+class _Faults:
+    """Whether the writer has failed once: what was handed over then need not be in the bag, and nothing may follow."""
+
+    def __init__(self) -> None:
+        self.has_failed = False
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.has_failed |= kind is not None
 
 
 class RunRecorder:
@@ -70,7 +85,7 @@ class RunRecorder:
         self.topics: list[LoopTopic] = [topic for topic, _ in topics]
         """The loop topics that are recorded."""
         controller = controller_name(description['nodes'])
-        names = {topic.name: full_name for topic, full_name in topics}
+        names = self._names = {topic.name: full_name for topic, full_name in topics}
         said = {'controller': controller, 'storage': storage, 'topics': names, **description}
         left_out = {topic.name: full_name for topic, full_name in published if topic.name not in names}
         if left_out:
@@ -88,6 +103,7 @@ class RunRecorder:
         except Exception as error:
             self._folder.close(FAILED, f'the bag cannot be opened: {error}', -1)
             raise
+        self._noting_faults = _Faults()
         self._loop_topics = tuple(range(len(topics)))
         self._parameter_events = len(topics)
         self._last_tick = -1
@@ -103,15 +119,16 @@ class RunRecorder:
 
     @property
     def is_open(self) -> bool:
-        """Whether the bag still takes messages."""
-        return self._writer is not None
+        """Whether the bag still takes messages: it is not complete, and its writer has not failed."""
+        return self._writer is not None and not self._noting_faults.has_failed
 
     def write_tick(self, tick: int, stamp_ns: int, messages: Sequence[bytes]) -> None:
         """Take the messages of one tick, of all topics of the run; their receive time is the tick's time [ns]."""
         assert self._writer is not None
         if len(self._chosen) < len(messages):
             messages = [messages[index] for index in self._chosen]
-        self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
+        with self._noting_faults:
+            self._writer.write(self._loop_topics, (stamp_ns,) * len(messages), messages)
         self._set_last_tick(tick)
 
     def write_columns(self, first_tick: int, stamps_ns: Sequence[int], columns: Sequence[Sequence[bytes]]) -> None:
@@ -132,7 +149,8 @@ class RunRecorder:
         count, topics = len(stamps_ns), len(chosen)
         stamps = itertools.chain.from_iterable(zip(*[stamps_ns] * topics, strict=True))
         messages = itertools.chain.from_iterable(zip(*chosen, strict=True))
-        self._writer.write(self._loop_topics * count, list(stamps), list(messages))
+        with self._noting_faults:
+            self._writer.write(self._loop_topics * count, list(stamps), list(messages))
         self._set_last_tick(first_tick + count - 1)
 
     def _set_last_tick(self, tick: int) -> None:
@@ -146,13 +164,15 @@ class RunRecorder:
     def write_ticks(self, last_tick: int, messages: TickMessages) -> None:
         """Write the messages of many ticks up to ``last_tick``, one per tick and topic of :attr:`topics`."""
         assert isinstance(self._writer, BagWriter)
-        self._writer.write_ticks(self._loop_topics, messages)
+        with self._noting_faults:
+            self._writer.write_ticks(self._loop_topics, messages)
         self._last_tick = last_tick
 
     def write_parameter_event(self, stamp_ns: int, message: bytes) -> None:
         """Write a parameter event at the tick's time [ns] at which it took effect."""
         assert self._writer is not None
-        self._writer.write((self._parameter_events,), (stamp_ns,), (message,))
+        with self._noting_faults:
+            self._writer.write((self._parameter_events,), (stamp_ns,), (message,))
 
     def close_bag(self) -> None:
         """Complete the bag; does nothing the second time."""
@@ -163,10 +183,17 @@ class RunRecorder:
             writer.close()
 
     def finish(self, status: str, reason: str) -> None:
-        """Complete the bag if that has not been done, and say in ``run.yaml`` how the run ended."""
+        """
+        Complete the bag if that has not been done, and write into ``run.yaml`` how the run ended.
+
+        After a fault of the writer the last tick is that of what is on the disk, not of what was handed over.
+        """
         try:
-            self.close_bag()
+            with self._noting_faults:
+                self.close_bag()
         finally:
+            if self._noting_faults.has_failed:
+                self._last_tick = self._last_tick_on_disk()
             looped = max((self._last_tick_at or time.monotonic()) - self._first_tick_at, 1e-9)
             self._folder.close(
                 status,
@@ -175,6 +202,14 @@ class RunRecorder:
                 wall_time=round(time.monotonic() - self._started, 3),
                 real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
             )
+
+    def _last_tick_on_disk(self) -> int:
+        """Return the last complete tick that can be salvaged of a bag that was not closed, -1 if none can."""
+        step = sample_time_to_nanoseconds(self._sample_time)
+        try:
+            return last_tick_of(self._folder.bag, [self._names[topic.name] for topic in self.topics], step)
+        except OSError:
+            return -1
 
 
 def _chosen(topics: Sequence[tuple[LoopTopic, str]], recorded: Sequence[str]) -> list[int]:

@@ -2,16 +2,17 @@
 
 import contextlib
 import dataclasses
+import itertools
 import shutil
 import sqlite3
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.recording.chunk_compression import DECOMPRESS, DECOMPRESS_BEGINNING
 from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
-from hdd_servo_ros.recording.zstd import decompress, decompress_beginning
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -20,6 +21,7 @@ _CHUNK_HEAD = struct.Struct('<QQQI')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _PAGE_COUNT = 28
 """Where the head of an sqlite3 file says how many pages it has."""
+STORAGE_BY_ENDING = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 
 
@@ -36,11 +38,18 @@ class Salvage:
         Topic, receive time [ns] and payload of every complete message, in the file's order.
     fault
         Where and why reading ended before the file's proper end; empty if it did not.
+    unknown
+        What the file holds that cannot be read here though it need not be damaged, such as another compression; empty
+        if nothing.
+    is_checked
+        Whether all messages of an MCAP file are in chunks with checksums.
     """
 
     types: dict[str, str] = dataclasses.field(default_factory=dict)
     messages: list[tuple[str, int, bytes]] = dataclasses.field(default_factory=list)
     fault: str = ''
+    unknown: str = ''
+    is_checked: bool = True
 
 
 def salvage(path: Path) -> Salvage:
@@ -53,6 +62,54 @@ def salvage(path: Path) -> Salvage:
         If it cannot be read at all.
     """
     return _SqliteSalvage(path).found if path.suffix == '.db3' else _McapSalvage(path).found
+
+
+def complete_ticks(messages: Iterable[tuple[str, int, bytes]], topics: Sequence[str], step: int) -> int:
+    """
+    Return how many ticks from tick 0 on are complete.
+
+    Parameters
+    ----------
+    messages
+        Topic, receive time [ns] and payload of each, in the order of the file.
+    topics
+        Full names of the topics that have a message at every tick.
+    step
+        T [ns].
+    """
+    counts = dict.fromkeys(topics, 0)
+    for topic, time, _ in messages:
+        # The first message that is not the next tick's ends what is contiguous.
+        if topic in counts and time == counts[topic] * step:
+            counts[topic] += 1
+    return min(counts.values(), default=0)
+
+
+def bag_files(bag: Path) -> list[Path]:
+    """Return the files of a bag in the order in which they were written."""
+    files = [path for ending in STORAGE_BY_ENDING for path in bag.glob(f'*{ending}')]
+    # Of bag_2 and bag_10 the shorter name is the earlier one.
+    return sorted(files, key=lambda path: (list(STORAGE_BY_ENDING).index(path.suffix), len(path.name), path.name))
+
+
+def last_tick_of(bag: Path, topics: Sequence[str], step: int) -> int:
+    """
+    Return the last complete tick that can be salvaged of a bag, -1 if there is none.
+
+    Parameters
+    ----------
+    bag
+        The bag's folder.
+    topics, step
+        See :func:`complete_ticks`.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read at all.
+    """
+    messages = itertools.chain.from_iterable(salvage(file).messages for file in bag_files(bag))
+    return complete_ticks(messages, topics, step) - 1
 
 
 class _Fault(Exception):
@@ -78,7 +135,7 @@ class _McapSalvage:
         except _Fault as fault:
             self.found.fault = str(fault)
 
-    def _walk(self, data: memoryview, first: int) -> bool:
+    def _walk(self, data: memoryview, first: int, *, in_chunk: bool = False) -> bool:
         """
         Take in a sequence of records; return whether the data section's end was among them.
 
@@ -88,6 +145,8 @@ class _McapSalvage:
             The records: those of the file, or of a chunk.
         first
             The byte of the file at which they begin.
+        in_chunk
+            Whether they are those of a chunk.
         """
         place = 0
         while place < len(data):
@@ -107,6 +166,8 @@ class _McapSalvage:
             elif len(content) < size:
                 raise self._cut_off(start, first + len(data))
             else:
+                # A message in a chunk is the chunk's to check.
+                self.found.is_checked &= opcode != _MESSAGE or in_chunk
                 self._take(opcode, content)
             place += size
         return False
@@ -137,32 +198,34 @@ class _McapSalvage:
             raise _Fault(f'cut off at byte {self._size}, within the head of the chunk that begins at byte {start}')
         _, _, _, checksum = _CHUNK_HEAD.unpack_from(content)
         compression = _text(content, _CHUNK_HEAD.size)
-        if compression not in ('', 'zstd'):
-            raise _Fault(f'the chunk at byte {start} is compressed ({compression})')
+        if compression not in DECOMPRESS:
+            self.found.unknown = f'the chunk at byte {start} is compressed by {compression!r:.40}'
+            raise _Fault(self.found.unknown)
         records = content[_CHUNK_HEAD.size + 12 + len(compression) :]
         first = start + _RECORD.size + _CHUNK_HEAD.size + 12
         is_whole = len(content) == size
+        self.found.is_checked &= checksum != 0
         if compression:
-            records, first = self._decompressed(records, start, is_whole=is_whole), start
+            records, first = self._decompressed(records, compression, start, is_whole=is_whole), start
         if is_whole and checksum and zlib.crc32(records) != checksum:
             raise _Fault(f'the chunk at byte {start} is damaged: its checksum is wrong')
         if compression and not is_whole:
             # It ends where a block of the compression does, within a record.
             with contextlib.suppress(_Fault):
-                self._walk(records, first)
+                self._walk(records, first, in_chunk=True)
         else:
-            self._walk(records, first)
+            self._walk(records, first, in_chunk=True)
         if not is_whole:
             raise _Fault(f'cut off at byte {self._size}, within the chunk that begins at byte {start}')
 
     @staticmethod
-    def _decompressed(records: memoryview, start: int, *, is_whole: bool) -> memoryview:
+    def _decompressed(records: memoryview, compression: str, start: int, *, is_whole: bool) -> memoryview:
         """Return the records of the compressed chunk at a byte of the file, as far as they can be recovered."""
         try:
             if is_whole:
-                return memoryview(decompress(records))
+                return memoryview(DECOMPRESS[compression](records))
             # A disk that lost power leaves zeros: without them the block in which they begin is never complete.
-            return memoryview(decompress_beginning(bytes(records).rstrip(b'\x00')))
+            return memoryview(DECOMPRESS_BEGINNING[compression](bytes(records).rstrip(b'\x00')))
         except ValueError as error:
             raise _Fault(f'the chunk at byte {start} is damaged: {error}') from None
 

@@ -12,6 +12,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.messages.tick_messages import TickMessages
+from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, write_digests
 from hdd_servo_ros.recording.bag_options import BagOptions
 
 _WRITTEN_BY = 'ros_distro: rosbags'
@@ -64,6 +65,8 @@ class Sqlite3Bag:
         for key, text in metadata.items():
             self._writer.set_custom_data(key, text)
         self._writer.open()
+        self._digests = {name: TopicDigest() for name, _, _ in topics}
+        self._digest_of = list(self._digests.values())
         types = get_typestore(Stores.ROS2_JAZZY)
         self._connections: list[Connection] = [
             self._writer.add_connection(name, type_name, typestore=types, offered_qos_profiles=(_offered_qos(depth),))
@@ -79,6 +82,8 @@ class Sqlite3Bag:
         for tick, time in enumerate(messages.times.tolist()):
             for connection, rows in zip(connections, payloads, strict=True):
                 write(connection, time, rows[tick].data)
+        for topic, rows in zip(topics, payloads, strict=True):
+            self._digest_of[topic].add(messages.times, rows)
 
     def write_messages(
         self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
@@ -88,7 +93,12 @@ class Sqlite3Bag:
         numbers = (topics.tolist(), times.tolist(), (ends - sizes).tolist(), ends.tolist())
         for topic, time, start, end in zip(*numbers, strict=True):
             self._writer.write(self._connections[topic], time, payloads[start:end])
+        for topic in np.unique(topics).tolist():
+            own = np.flatnonzero(topics == topic)
+            parts = [payloads[start:end] for start, end in zip(ends[own] - sizes[own], ends[own], strict=True)]
+            self._digest_of[topic].add(times[own], b''.join(parts))
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``."""
+        """Write the index and ``metadata.yaml``, with the digests of the topics."""
+        self._writer.set_custom_data(DIGEST_KEY, write_digests(self._digests))
         self._writer.close()

@@ -50,7 +50,12 @@ def transient_end(run: RecordedRun, after: float | None = None) -> float:
     """
     if after is not None:
         return after
-    changes = [change.tick for change in run.parameter_changes if change.node.endswith(f'/{REFERENCE_GENERATOR}')]
+    # In a bag of another recorder there may be changes from before the run, by a wall clock.
+    changes = [
+        change.tick
+        for change in run.parameter_changes
+        if change.node.endswith(f'/{REFERENCE_GENERATOR}') and change.tick <= run.last_tick
+    ]
     return transient_of(run.duration, changes[-1] * run.sample_time if changes else 0.0)
 
 

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not parsed.dry_run:
             originals = ' and '.join(str(path) for path in recovery.mend()) or 'there were none'
             print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
-    except (RecoveryError, OSError) as error:
+    except (RecoveryError, OSError, ValueError) as error:
         print(f'recover: {error}', file=sys.stderr)
         return 2
     return 0 if finding.last_tick >= 0 else 1

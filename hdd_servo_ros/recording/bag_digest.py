@@ -1,0 +1,55 @@
+"""
+A digest of each topic of a bag, for a storage that has no checksums of its own.
+
+It is the CRC-32 of the payloads, one after the other, and of the receive times [ns] as 64-bit numbers, in the order in
+which they were written. A bag carries the digests of its topics in ``custom_data`` of its ``metadata.yaml``.
+"""
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+DIGEST_KEY = 'crc32_by_topic'
+"""Key of the digests in ``custom_data``."""
+
+
+class TopicDigest:
+    """The digest of one topic, while its messages are written."""
+
+    def __init__(self) -> None:
+        self._payloads = self._times = 0
+
+    def add(self, times: NDArray[np.int64], payloads: bytes | memoryview | NDArray[np.uint8]) -> None:
+        """Add messages: their receive times [ns], and their payloads one after the other."""
+        data: Any = payloads
+        self._payloads = zlib.crc32(data, self._payloads)
+        self._times = zlib.crc32(np.ascontiguousarray(times, dtype='<i8').tobytes(), self._times)
+
+    @property
+    def text(self) -> str:
+        """The digest so far."""
+        return f'{self._payloads:08x}{self._times:08x}'
+
+
+def write_digests(digests: Mapping[str, TopicDigest]) -> str:
+    """Return the digests of topics, by full name, as one text."""
+    return json.dumps({topic: digest.text for topic, digest in digests.items()})
+
+
+def read_digests(text: str) -> dict[str, str]:
+    """
+    Return the digests in a text of :func:`write_digests`; none in an empty one.
+
+    Raises
+    ------
+    ValueError
+        If it is another text.
+    """
+    found = json.loads(text) if text else {}
+    if not isinstance(found, dict) or not all(isinstance(digest, str) for digest in found.values()):
+        raise ValueError(f'{DIGEST_KEY} is {text!r:.80}')
+    return found

@@ -1,0 +1,184 @@
+"""A changed byte is never read as data: it is found, or it changes nothing that is read."""
+
+import re
+import shutil
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from hdd_servo_ros import Run
+from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.mcap_checks import check_mcap
+from hdd_servo_ros.recording.recovery import Recovery
+from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.tools.recover import main as recover
+from hdd_servo_ros.tools.report import main as report
+
+LAST_TICK = 1200
+KINDS = {'mcap': (), 'zstd': ('compression:=zstd',), 'sqlite3': ('storage:=sqlite3',)}
+FLIPS = 40
+"""Bytes that are changed in each kind of bag."""
+
+
+@pytest.fixture(scope='module')
+def runs(simulated, tmp_path_factory):
+    base = tmp_path_factory.mktemp('runs')
+    made = {}
+    for kind, options in KINDS.items():
+        arguments = (f'duration:={LAST_TICK * 1e-4}', 'schedule:=["0.05 reference_generator frequency 150"]', *options)
+        made[kind] = simulated(base / kind, *[word for argument in arguments for word in ('-p', argument)])
+    return made
+
+
+def file_of(run):
+    return next(path for path in (run / 'bag').iterdir() if path.suffix in ('.mcap', '.db3'))
+
+
+def copy_of(run, path):
+    shutil.rmtree(path, ignore_errors=True)
+    shutil.copytree(run, path)
+    return path
+
+
+def everything(run):
+    """Return all that a bag holds: by topic its receive times and its payloads."""
+    found = Run.open(run).messages_by_topic()
+    return {topic: (times.tolist(), payloads) for topic, (times, payloads) in found.items()}
+
+
+def flips(content, seed):
+    """Iterate over a file's content with one byte changed, at places over the whole file."""
+    rng = np.random.default_rng(seed)
+    for place in rng.integers(0, len(content), FLIPS).tolist():
+        changed = bytearray(content)
+        changed[place] ^= int(rng.integers(1, 256))
+        yield place, bytes(changed)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'zstd'])
+def test_any_changed_byte_of_an_mcap_file_is_found_on_opening(runs, tmp_path, kind):
+    run = copy_of(runs[kind], tmp_path / 'run')
+    content = file_of(run).read_bytes()
+    assert check_mcap(file_of(run))
+    for place, changed in flips(content, 1):
+        file_of(run).write_bytes(changed)
+        with pytest.raises(BagError, match=r'checksum is wrong|does not begin and end|the footer says|does not end'):
+            Run.open(run)
+        assert Recovery(run).finding.faults, place
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'zstd'])
+def test_what_is_recovered_of_a_changed_mcap_file_is_right(runs, tmp_path, kind, capsys):
+    whole = runs[kind]
+    for place, changed in list(flips(file_of(whole).read_bytes(), 2))[:12]:
+        run = copy_of(whole, tmp_path / 'run')
+        file_of(run).write_bytes(changed)
+        assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+        assert re.fullmatch(r'report: .+\n', capsys.readouterr().err), place
+        if recover([str(run)]) == 0:
+            said = read_run_yaml(run)
+            assert first_difference(whole, run, said['last_tick']) is None
+            Run.open(run).verify()
+            assert recover([str(run), '--dry-run']) == 0
+            assert 'is whole' in capsys.readouterr().out
+        else:
+            assert read_run_yaml(run)['last_tick'] == -1
+
+
+def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tmp_path, capsys):
+    """What it has no checksum for (free space, the text of its tables) may change; no message may."""
+    run = copy_of(runs['sqlite3'], tmp_path / 'run')
+    expected = everything(run)
+    found = 0
+    for place, changed in flips(file_of(run).read_bytes(), 3):
+        file_of(run).write_bytes(changed)
+        try:
+            assert everything(run) == expected, place
+        except BagError:
+            found += 1
+            status = recover([str(run), '--dry-run'])
+            text = capsys.readouterr()
+            assert status in (0, 1, 2)
+            assert 'is whole' not in text.out, place
+        else:
+            assert recover([str(run), '--dry-run']) == 0
+            assert 'is whole' in capsys.readouterr().out
+    assert found > FLIPS // 2
+
+
+def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, capsys):
+    run = copy_of(runs['sqlite3'], tmp_path / 'run')
+    file, payload = file_of(run), Bag(run / 'bag').column('/head').payloads[700]
+    assert isinstance(payload, np.ndarray)
+    content = bytearray(file.read_bytes())
+    content[content.index(payload.tobytes()[-20:])] ^= 1
+    file.write_bytes(content)
+    with pytest.raises(BagError, match='/head is damaged: its messages are not those that were written'):
+        Run.open(run).head  # noqa: B018
+    assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+    before = sorted(path.name for path in run.iterdir())
+    assert recover([str(run)]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert 'a value was changed in the file, and nothing tells which; use a copy of the bag' in error
+    assert sorted(path.name for path in run.iterdir()) == before
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('claim', [LAST_TICK + 1, LAST_TICK + 1900, LAST_TICK - 1, 0, -1])
+@pytest.mark.parametrize('status', ['finished', 'failed', 'interrupted'])
+def test_a_claim_that_the_bag_does_not_hold_is_refused(runs, tmp_path, kind, claim, status):
+    run = copy_of(runs[kind], tmp_path / 'run')
+    rewrite_run_yaml(run, {**read_run_yaml(run), 'status': status, 'last_tick': claim})
+    with pytest.raises(BagError, match=f'says {claim} for the last tick, the bag holds {LAST_TICK}'):
+        Run.open(run)
+    assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+    assert recover([str(run)]) == 0
+    assert read_run_yaml(run)['last_tick'] == LAST_TICK
+    assert file_of(run).read_bytes() == file_of(runs[kind]).read_bytes()
+    assert len(Run.open(run).time) == LAST_TICK + 1
+
+
+def without_topic(run, name):
+    path = run / 'bag' / 'metadata.yaml'
+    content: Any = yaml.safe_load(path.read_text())
+    listed = content['rosbag2_bagfile_information']['topics_with_message_count']
+    listed[:] = [topic for topic in listed if topic['topic_metadata']['name'] != name]
+    path.write_text(yaml.safe_dump(content))
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_topic_missing_in_the_metadata_is_brought_back(runs, tmp_path, kind):
+    run = copy_of(runs[kind], tmp_path / 'run')
+    without_topic(run, '/control')
+    with pytest.raises(BagError, match='names /control, which the metadata of the bag do not'):
+        Run.open(run)
+    assert recover([str(run)]) == 0
+    assert first_difference(runs[kind], run) is None
+    assert read_run_yaml(run)['status'] == 'finished'
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'zstd'])
+def test_a_zeroed_message_index_is_made_anew(runs, tmp_path, kind):
+    run = copy_of(runs[kind], tmp_path / 'run')
+    content = bytearray(file_of(run).read_bytes())
+    (start, indexes) = index_of(content)
+    for at in indexes.values():
+        size = int.from_bytes(content[at + 1 : at + 9], 'little')
+        content[at + 9 : at + 9 + size] = bytes(size)
+    assert start > 0
+    file_of(run).write_bytes(content)
+    with pytest.raises(BagError):
+        Run.open(run)
+    assert recover([str(run)]) == 0
+    assert first_difference(runs[kind], run) is None
+    assert read_run_yaml(run)['last_tick'] == LAST_TICK
+
+
+def index_of(content):
+    """Return where the first chunk begins and the index records of its channels, by an independent reader."""
+    io, reader = pytest.importorskip('io'), pytest.importorskip('mcap.reader')
+    chunk = reader.make_reader(io.BytesIO(bytes(content))).get_summary().chunk_indexes[0]
+    return chunk.chunk_start_offset, chunk.message_index_offsets
