@@ -1,5 +1,9 @@
 """How a run can go wrong, each said in one line."""
 
+import math
+from collections.abc import Sequence
+
+_NAMED = 5
 NOT_FINITE = 'not finite at tick'
 """By this the reason of a run that a signal ended is known: part of the text of :class:`NotFiniteError`."""
 
@@ -23,8 +27,24 @@ class StampError(RunError):
 
 
 class NotFiniteError(RunError):
-    """A value that is not a finite number."""
+    """
+    A value that is not a finite number.
 
-    def __init__(self, topic: str, tick: int, values: tuple[float, ...], node: str) -> None:
+    Parameters
+    ----------
+    topic, tick, node
+        Where it is, and who published it.
+    values
+        The numbers of the message.
+    names
+        Their names, of a message that has many: then those that are not finite are named, up to five.
+    """
+
+    def __init__(self, topic: str, tick: int, values: Sequence[float], node: str, names: Sequence[str] = ()) -> None:
         text = ', '.join(f'{value:g}' for value in values)
+        if names:
+            wrong = [
+                f'{name} = {value:g}' for name, value in zip(names, values, strict=True) if not math.isfinite(value)
+            ]
+            text = ', '.join(wrong[:_NAMED]) + (f' and {len(wrong) - _NAMED} more' if len(wrong) > _NAMED else '')
         super().__init__(f'{topic}: {NOT_FINITE} {tick}: ({text}); published by {node}')

@@ -3,6 +3,7 @@
 import collections
 import contextlib
 import functools
+import math
 import subprocess
 import sys
 from array import array
@@ -12,7 +13,9 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.messages.cdr import numbers
+from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.scope_blocks import Block, make_block
 from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
@@ -20,11 +23,12 @@ from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.parameters.events import change_of_event, pack_parameter_event
+from hdd_servo_ros.parameters.events import NodeChange, change_of_event, pack_parameter_event
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
+from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -57,6 +61,8 @@ class BagRecorder(CatalogueNode):
         self._is_watched = False
         self._watched: list[tuple[bytes, ...]] = []
         self._changes: collections.Counter[str] = collections.Counter()
+        self._own_changes: list[NodeChange] = []
+        self._own_nodes: frozenset[str] = frozenset()
         self._parameter_events = self.create_subscription(
             ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, _PARAMETER_EVENTS_QOS
         )
@@ -119,6 +125,9 @@ class BagRecorder(CatalogueNode):
             return False
         columns = [[queue.popleft() for _ in range(count)] for queue in queues]
         assert self._recorder is not None
+        for place, publisher in self._outside:
+            for offset, message in enumerate(columns[place]):
+                self._refuse_not_finite(tick + offset, place, publisher, message)
         stamps = [self._ticks.nanoseconds(each) for each in range(tick, tick + count)]
         self._recorder.write_columns(tick, stamps, columns)
         if self._is_watched:
@@ -127,11 +136,33 @@ class BagRecorder(CatalogueNode):
         self.tick = tick + count
         return True
 
+    @functools.cached_property
+    def _outside(self) -> list[tuple[int, str]]:
+        """Index and publisher of the inputs that no node of this package publishes: those check what they publish."""
+        assert self._run is not None
+        publishers = [
+            (place, self._run.publisher_of(port.name) or 'no node of the run')
+            for place, port in enumerate(self.inputs)
+            if port.topic.codec.width != 0
+        ]
+        return [(place, name) for place, name in publishers if name.rsplit('/', 1)[-1] not in NODES]
+
+    def _refuse_not_finite(self, tick: int, place: int, publisher: str, message: bytes) -> None:
+        port = self.inputs[place]
+        try:
+            values = numbers(port.topic.codec, message)
+        except ValueError as error:
+            raise RunError(f'{port.name}: tick {tick}: {error}; published by {publisher}') from None
+        if not all(map(math.isfinite, values)):
+            raise NotFiniteError(port.name, tick, values, publisher)
+
     def _fire_once(self) -> bool:
         return self._fire_together(with_fewer=True) if self._queues else self.try_fire()
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
+        for place, publisher in self._outside:
+            self._refuse_not_finite(tick, place, publisher, messages[place])
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
         if self._is_watched:
             self._watched.append(tuple(messages))
@@ -141,11 +172,20 @@ class BagRecorder(CatalogueNode):
         if not tick % _REPORT_EVERY:
             self.publish_bytes(0, b'\x00\x01\x00\x00' + (tick + 1).to_bytes(8, 'little'))
 
+    def take_changes_from(self, nodes: Sequence[LoopNode]) -> None:
+        # Anybody may publish a parameter event in the name of a node; what a node here hands over is its own.
+        self._own_nodes = frozenset(node.get_fully_qualified_name() for node in nodes)
+        for node in nodes:
+            node.report_changes_to(self._own_changes.append)
+
     def _take_parameter_event(self, event: ParameterEvent) -> None:
+        if event.node not in self._own_nodes:
+            self._take_change(change_of_event(event))
+
+    def _take_change(self, change: NodeChange) -> None:
         """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
         if self._recorder is None or self._run is None or not self._recorder.is_open:
             return
-        change = change_of_event(event)
         # What a starting node declares carries the wall clock's time.
         in_run = change.time_ns <= self._ticks.nanoseconds(self.last_tick + 1)
         if change.values and change.node in self._run.nodes and in_run:
@@ -158,6 +198,9 @@ class BagRecorder(CatalogueNode):
         # stamped with the tick that the others are at.
         if self.tick and self._queues:
             self._fire_together(with_fewer=True)
+        own, self._own_changes[:] = list(self._own_changes), []
+        for change in own:
+            self._take_change(change)
         # Not left to the executor, which waits anew for each message.
         while (taken := self._parameter_events.handle.take_message(ParameterEvent, False)) is not None:
             self._take_parameter_event(taken[0])
@@ -186,7 +229,10 @@ class BagRecorder(CatalogueNode):
         yield Diagnosis('recording', OK, 'recording' if self._recorder is not None else 'waiting for the run', values)
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
-        return changes is not None and all(self._changes[node] >= count for node, count in changes.items())
+        return changes is not None and all(self._changes[node] == count for node, count in changes.items())
+
+    def changes_received(self) -> Mapping[str, int]:
+        return dict(self._changes)
 
     def complete(self) -> None:
         assert self._recorder is not None

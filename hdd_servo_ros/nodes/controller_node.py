@@ -134,6 +134,7 @@ class ControllerNode(CatalogueNode):
             *(() if self._observer is None else self._observer.estimate_names),
         )
         self._estimates = ArrayCodec(names)
+        self._zeros = np.zeros(len(names))
         for warning in self._warnings():
             self.get_logger().warning(warning)
 
@@ -277,6 +278,11 @@ class ControllerNode(CatalogueNode):
         self._held = u
         try:
             self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
+            # Zero times a number that is not finite is none; a sum of finite ones may overflow.
+            if estimates.dot(self._zeros) != 0.0:
+                raise NotFiniteError(
+                    self.loop_publishers[1].topic_name, tick, estimates.tolist(), self.get_name(), self._estimates.names
+                )
         except NotFiniteError:
             fault = controller.fault() if isinstance(controller, ReportsFault) else ''
             if fault:

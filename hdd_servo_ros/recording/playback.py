@@ -43,6 +43,9 @@ class Playback:
         if not self.topics:
             names = ', '.join(f'/{topic.name}' for topic in PLAYED_TOPICS)
             raise ParameterError(RECORDED_RUN, path, f'a run that holds one of {names}')
+        for name, rows in self._rows.items():
+            if not np.isfinite(rows).all():
+                raise ParameterError(RECORDED_RUN, path, f'a run whose numbers on /{name} are finite')
         self._messages: dict[str, NDArray[np.uint8]] = {}
         for name, payloads in columns.items():
             if isinstance(payloads, list):

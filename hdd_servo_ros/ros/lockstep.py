@@ -61,6 +61,7 @@ class Lockstep:
         self._nodes = tuple(nodes)
         for node in self._nodes:
             node.connect()
+            node.take_changes_from(self._nodes)
         self._member = Member(self._nodes)
         self._gathering = Gathering(self._member)
         self._watching = Watching(self._member)
@@ -232,7 +233,11 @@ class Lockstep:
             if changes is not None:
                 deadline = min(deadline, time.monotonic() + self._member.timeout)
                 if time.monotonic() > deadline:
-                    raise RunError(f'a parameter event did not reach the recorder; changes of the nodes: {changes}')
+                    received = next(filter(None, (node.changes_received() for node in self._nodes)), {})
+                    raise RunError(
+                        'the recorder has not received one parameter event for each change, or somebody else publishes '
+                        f'events in the name of a node: changes {changes}, events {dict(received)}'
+                    )
             time.sleep(POLLING_PERIOD)
             self._housekeeping()
             self._watching.watch()

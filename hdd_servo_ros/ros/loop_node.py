@@ -13,6 +13,7 @@ from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import LoopTopic
 from hdd_servo_ros.parameters import ParameterError, ParameterSet
+from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters.schedule import Change, Step, plan
 from hdd_servo_ros.ros.diagnosis import Diagnosis
@@ -204,6 +205,16 @@ class LoopNode(ParameterNode):
         """Iterate over the diagnoses of this node; called once per second of wall time, between two ticks."""
         return ()
 
+    def take_changes_from(self, nodes: Sequence['LoopNode']) -> None:
+        """Receive the loop nodes of this process, whose parameter changes need not come over DDS."""
+
+    def report_changes_to(self, take: Callable[[NodeChange], None]) -> None:
+        """Give every change of this node's parameters to ``take``, with the time of the parameter event."""
+        name = self.get_fully_qualified_name()
+        self.parameters.report_to(
+            lambda values: take(NodeChange(name, self._ros_clock.now().nanoseconds, values)),
+        )
+
     def _count_change(self) -> None:
         self.changes += self.tick > 0
         self.update()
@@ -223,6 +234,10 @@ class LoopNode(ParameterNode):
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
         """Return whether :meth:`complete` may be called, given the number of changes per node, if that is known."""
         return True
+
+    def changes_received(self) -> Mapping[str, int] | None:
+        """Return how many parameter events of each node this one has received, by full name; None if it reads none."""
+        return None
 
     def finish(self, outcome: Outcome) -> None:
         """Receive how the run ended; called once, at the very end."""

@@ -94,6 +94,7 @@ class NodeParameters:
         self.kinds = tuple(kinds)
         self._names = {kind: {declaration.name for declaration in declarations(kind)} for kind in self.kinds}
         self._on_change: Callable[[], None] | None = None
+        self._report: Callable[[dict[str, Value]], None] | None = None
         self._further_check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None] | None = None
         given: dict[str, Any] = {
             name: _plain(found.value)
@@ -141,6 +142,10 @@ class NodeParameters:
         """Call ``callback`` after every accepted change."""
         self._on_change = callback
 
+    def report_to(self, report: Callable[[dict[str, Value]], None]) -> None:
+        """Call ``report`` with the new values of every accepted change, by their names."""
+        self._report = report
+
     def check_further(self, check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None]) -> None:
         """Refuse changes for which ``check``, given all parameter sets after the change, raises ParameterError."""
         self._further_check = check
@@ -176,6 +181,8 @@ class NodeParameters:
         self._sets = self._changed(changes)
         if self._on_change is not None:
             self._on_change()
+        if self._report is not None:
+            self._report({change.name: _plain(change.value) for change in changes})
 
 
 def _plain(value: Any) -> Any:

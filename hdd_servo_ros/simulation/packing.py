@@ -98,11 +98,11 @@ class PackedRows:
 
 
 def first_not_finite(rows: SignalRows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:
-    """Return topic, tick and values of the first message with fixed fields that is not finite, None if all are."""
+    """Return topic, tick and values of the first message that is not finite, None if all are."""
     found = []
     for order, topic in enumerate(SIGNAL_TOPICS):
         # Of all numbers at once first, which is many times faster than row by row.
-        if topic.codec.width and topic.name in rows and not np.isfinite(rows[topic.name]).all():
+        if topic.name in rows and not np.isfinite(rows[topic.name]).all():
             invalid = np.flatnonzero(~np.isfinite(rows[topic.name]).all(axis=1))
             if len(invalid):
                 found.append((int(invalid[0]), order, topic))

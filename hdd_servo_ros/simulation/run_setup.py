@@ -38,7 +38,7 @@ from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import OPTIONAL_TOPICS, LoopTopic, topics_of_run
+from hdd_servo_ros.messages.topics import ESTIMATES, OPTIONAL_TOPICS, LoopTopic, topics_of_run
 from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
@@ -282,7 +282,8 @@ class Simulation:
         """Return the error of the graph for a message that is not finite."""
         name = dict(self.topics)[topic]
         (node,) = (node.rsplit('/', 1)[-1] for node, found in self.nodes.items() if name in found['outputs'])
-        return str(NotFiniteError(name, tick, values, node))
+        names = self.experiment.estimate_names if topic is ESTIMATES else ()
+        return str(NotFiniteError(name, tick, values, node, names))
 
     def description(self) -> dict[str, Any]:
         """Return what ``run.yaml`` records of the run before it has ended."""
