@@ -16,6 +16,7 @@ from hdd_servo_ros.drive.electrical import DRIVER, back_emf_current, driver_forc
 from hdd_servo_ros.drive.friction.dispatch import contact_after_change, friction_force, friction_substep
 from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants, friction_nodes
 from hdd_servo_ros.drive.resonance import MODE, ResonanceParameters, modal_arrays, modal_form
+from hdd_servo_ros.drive.substeps import contact_frequency, contact_warning, needed_substeps
 from hdd_servo_ros.drive.travel import (
     IMPACTS,
     STOPS,
@@ -81,7 +82,9 @@ class PlantParameters(ParameterSet):
         above=0.0,
     )
     control_limit: float = parameter(10.0, 'largest control voltage u_max of (3.18)', unit='V', above=0.0)
-    substeps: int = parameter(4, 'integration steps a sample', minimum=1, maximum=1024)
+    substeps: int = parameter(
+        4, 'integration steps a sample; 0 for as many as the contact of the friction needs', minimum=0, maximum=1024
+    )
     initial_position: float = parameter(0.0, 'position of the rigid body at tick 0', unit='um')
     initial_velocity: float = parameter(0.0, 'velocity of the rigid body at tick 0', unit='um/s')
     length_unit: str = parameter('um', 'unit of length of this drive, for labels', read_only=True)
@@ -106,6 +109,10 @@ class PlantParameters(ParameterSet):
     def rigid_gain(self) -> float:
         """Return the acceleration per volt of the rigid body [um/s^2/V], from whichever the driver makes the source."""
         return self.gain if self.actuator.driver == 'reduced' else self.actuator.gain
+
+    def substeps_at(self, sample_time: float) -> int:
+        """Return the integration steps of a sample time [s]: those given, or those that the contact needs."""
+        return self.substeps or needed_substeps(contact_frequency(self.rigid_gain, self.friction), sample_time)
 
 
 class Plant:
@@ -179,6 +186,13 @@ class Plant:
             for name, found in self.impacts.items()
         }
 
+    def warnings(self) -> tuple[str, ...]:
+        """Return what a user should be told of these parameters before a run."""
+        p = self.parameters
+        frequency = contact_frequency(p.rigid_gain, p.friction)
+        line = contact_warning(frequency, self.sample_time, p.substeps_at(self.sample_time))
+        return (line,) if line else ()
+
     def update(self, parameters: PlantParameters) -> None:
         """
         Go on under other parameters from the present state.
@@ -192,7 +206,7 @@ class Plant:
         self.constants = plant_constants(parameters, self.sample_time)
         self.nodes = friction_nodes(parameters.friction)
         modal = modal_form(parameters.resonance)
-        self.modes, self.responses = modal_arrays(modal, self.sample_time, parameters.substeps)
+        self.modes, self.responses = modal_arrays(modal, self.sample_time, parameters.substeps_at(self.sample_time))
         if len(self.motion) != len(self.modes):
             self.motion = np.zeros((len(self.modes), 2))
         self.arrays: PlantArrays = (self.constants, self.nodes, self.modes, self.responses, self.state, self.motion)
@@ -208,7 +222,8 @@ class Plant:
 
 def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
     """Return the constants of the plant's kernel for a sample time [s], of the layout :data:`PLANT`."""
-    substep = sample_time / parameters.substeps
+    substeps = parameters.substeps_at(sample_time)
+    substep = sample_time / substeps
     modal = modal_form(parameters.resonance)
     disturbance = parameters.disturbance
     frequency = disturbance.angular_frequency / TWO_PI
@@ -219,7 +234,7 @@ def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
     plant = record(constants, PLANT)
     plant.gain = parameters.rigid_gain
     plant.control_limit = parameters.control_limit
-    plant.substeps = parameters.substeps
+    plant.substeps = substeps
     plant.substep = substep
     plant.sample_time = sample_time
     plant.disturbance_amplitude = disturbance.amplitude * mean

@@ -44,6 +44,8 @@ class VcmPlant(CatalogueNode):
         self._codec = VectorCodec(run.frame_id)
         self._plant = Plant(self.parameters[PlantParameters], run.sample_time)
         self._is_limited = self._plant.parameters.travel.is_limited
+        for warning in self._plant.warnings():
+            self.get_logger().warning(warning)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         if tick == 0:

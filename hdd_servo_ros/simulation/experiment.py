@@ -308,7 +308,7 @@ class Experiment:
         return tuple(name for block in blocks if block is not None for name in block.estimate_names)
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of the controller before a run."""
+        """Return what a user should be told of drive and controller before a run."""
         loop = fragility.LoopSurroundings(
             self.plant.parameters,
             self.sample_time,
@@ -317,7 +317,7 @@ class Experiment:
             self.scales if self.observer is None else None,
             None if self.observer is None else self.observer.parameters,
         )
-        warnings = fragility.warnings(self.controller, loop)
+        warnings = (*self.plant.warnings(), *fragility.warnings(self.controller, loop))
         if self.runout is None:
             return warnings
         return *warnings, *runout_warnings(self.controller, loop, self.runout.parameters, self.runout.path)
