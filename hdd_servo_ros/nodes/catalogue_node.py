@@ -7,7 +7,7 @@ from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, attempt_for
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.graph.connections import TopicInput, inputs_of, optional_inputs_of, outputs_of
-from hdd_servo_ros.parameters import with_tuples
+from hdd_servo_ros.graph.recorded_nodes import recorded_parameters
 from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.loop_node import LoopNode
 
@@ -54,8 +54,8 @@ class CatalogueNode(LoopNode):
 
 def block_parameters_in(nodes: Mapping[str, Mapping[str, Any]], name: str) -> Any:
     """Return the parameters of a node's block before tick 0, None if there is no such node among the given ones."""
-    found = next((node for full_name, node in nodes.items() if full_name.endswith(f'/{name}')), None)
-    return None if found is None else block_parameters(name, with_tuples(found['parameters']))
+    found = recorded_parameters({'nodes': nodes}).get(name)
+    return None if found is None else block_parameters(name, found)
 
 
 def _subscribed(found: TopicInput) -> Input:

@@ -81,7 +81,8 @@ def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments:
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
             refuse_unknown(node.parameters.unknown, own)
-        _refuse_unknown_nodes(name, given, [node.get_name() for node in nodes])
+        # ROS would pass over parameters for a node that there is not; `simulate` refuses them as well.
+        given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
         _check_schedule(nodes)
         return Lockstep(nodes, composition.others, intra_process=composition.intra_process).run().exit_code
     except (ParameterError, ArgumentError) as error:
@@ -105,10 +106,3 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
             if len(nodes) > 1:
                 names = [node.get_fully_qualified_name() for node in nodes]
                 refuse_unknown_nodes(changes, [*names, *names_with_parameters()])
-
-
-def _refuse_unknown_nodes(name: str, arguments: RosArguments, nodes: Sequence[str]) -> None:
-    """Refuse parameters for a node that there is not, which ROS would pass over; `simulate` refuses them as well."""
-    if '__node' in arguments.remaps and len(nodes) > 1:
-        raise ArgumentError(f'{name} is several nodes: __node:={arguments.remaps["__node"]} would give all one name')
-    arguments.check_nodes([*names_with_parameters(), *nodes])

@@ -9,6 +9,7 @@ from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controlle
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import roles_of_run
+from hdd_servo_ros.graph.topic_names import topic_names
 from hdd_servo_ros.messages.topics import RECORDER
 from hdd_servo_ros.nodes.bag_recorder import BagRecorder
 from hdd_servo_ros.nodes.controller_node import ControllerNode
@@ -66,6 +67,8 @@ class Rig:
         refuse_unknown(given.unknown, given.as_mapping())
         node = CONTROLLERS[controller] if custom is None else custom.node
         names = nodes_of_run(roles_of_run(node, arguments, self.parameters.sensor))
+        arguments.check_names('rig', ['rig', *names])
+        topic_names(arguments, names)
         self.nodes: list[LoopNode] = [make_node(names[0])]
         timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
         # Before the other nodes: it gets ready while they are made.

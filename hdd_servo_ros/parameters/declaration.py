@@ -13,6 +13,8 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from hdd_servo_ros.messages.shown import shown
+
 Value = bool | int | float | str | tuple[bool, ...] | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 Block = TypeVar('Block')
 
@@ -21,7 +23,7 @@ class ParameterError(ValueError):
     """A parameter value that is not allowed: says the name, the value and what is allowed."""
 
     def __init__(self, name: str, value: object, allowed: str) -> None:
-        super().__init__(f'parameter {name} = {value!r} is refused: {allowed}')
+        super().__init__(f'parameter {name} = {shown(value)} is refused: {allowed}')
         self.name = name
         self.value = value
         self.allowed = allowed

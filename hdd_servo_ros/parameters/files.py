@@ -6,34 +6,29 @@ right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts)
 """
 
 import dataclasses
+import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
-import yaml
-
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.remapping import RemapError, Remapping, RemapRule
+from hdd_servo_ros.parameters.ros_yaml import RosYamlError, Section, read_sections, read_value
+
+_TOKEN = r'[A-Za-z_][A-Za-z0-9_]*'
+_PARAMETER = re.compile(rf'(?:({_TOKEN}):)?({_TOKEN}(?:[./]{_TOKEN})*):=(.*)', re.DOTALL | re.ASCII)
+_FOR_ALL = '/**'
+_LOGS = tuple(
+    f'--{switch}-{logs}'
+    for switch in ('enable', 'disable')
+    for logs in ('rosout-logs', 'stdout-logs', 'external-lib-logs')
+)
+_LEVEL = re.compile(r'(?:[^:]+:=)?(?:debug|info|warn|error|fatal|unset)', re.IGNORECASE)
 
 
 class ArgumentError(ValueError):
     """A command line or a parameter file that cannot be read; says what and where."""
-
-
-_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""That of libyaml, by which ROS reads as well, where PyYAML was built with it: ten times faster."""
-
-
-class _RosLoader(_Loader):  # type: ignore[misc]
-    """YAML as ROS reads it: ``1e-4`` is a number, though YAML 1.1 wants a dot in it, and a bare ``N`` is false."""
-
-    bool_values = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}  # noqa: RUF012 - as the base has it
-
-
-_RosLoader.add_implicit_resolver(
-    'tag:yaml.org,2002:float', re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'), list('-+0123456789')
-)
-_RosLoader.add_implicit_resolver('tag:yaml.org,2002:bool', re.compile('^[yYnN]$'), list('yYnN'))
 
 
 @dataclasses.dataclass
@@ -44,40 +39,43 @@ class RosArguments:
     Attributes
     ----------
     overrides
-        Node pattern and parameters, in the order in which they were given; later ones win.
+        Node patterns as they were given, and their parameters. A pattern that is given again keeps its place, as with
+        ROS, to which ``node`` and ``/node`` are two; of those that match a node, later ones win.
     named
-        The node patterns among them that were named with ``-p``; a file may hold sections for nodes that are not here.
-    namespace
-        From ``-r __ns:=``.
+        The nodes that were named with ``-p``; a file may hold sections for nodes that are not here.
     remaps
-        Further remappings of names, as given.
+        Remapping of the names of nodes, namespaces and topics.
     others
         What is none of ROS's.
     """
 
-    overrides: list[tuple[str, dict[str, object]]]
-    named: list[str]
-    namespace: str
-    remaps: dict[str, str]
-    others: list[str]
+    overrides: dict[str, dict[str, object]] = dataclasses.field(default_factory=dict)
+    named: list[str] = dataclasses.field(default_factory=list)
+    remaps: Remapping = dataclasses.field(default_factory=Remapping)
+    others: list[str] = dataclasses.field(default_factory=list)
+
+    def full_name(self, node: str) -> str:
+        """Return what a node is called here, with its namespace, by the name that its executable gives it."""
+        return self.remaps.full_name(node)
 
     def parameters_of(self, node: str) -> dict[str, object]:
-        """Return the parameters given for a node, by its name without namespace."""
-        full_name = f'{self.namespace.rstrip("/")}/{node}'
+        """Return the parameters given for a node, by the name that its executable gives it."""
+        full_name = self.full_name(node)
         values: dict[str, object] = {}
-        for pattern, parameters in self.overrides:
+        for pattern, parameters in self.overrides.items():
             if _matches(pattern, full_name):
                 values.update(parameters)
         return values
 
     def names(self, node: str) -> bool:
         """Return whether a node is named: by a section of its own in a file or by ``-p``, not by a wildcard for all."""
-        full_name = f'{self.namespace.rstrip("/")}/{node}'
-        return any(pattern.rsplit('/', 1)[-1] == node and _matches(pattern, full_name) for pattern, _ in self.overrides)
+        full_name = self.full_name(node)
+        own = full_name.rpartition('/')[2]
+        return any(pattern.rpartition('/')[2] == own and _matches(pattern, full_name) for pattern in self.overrides)
 
     def is_for_all(self, name: str) -> bool:
         """Return whether a parameter was given for all nodes and for none by its name."""
-        patterns = [pattern for pattern, parameters in self.overrides if name in parameters]
+        patterns = [pattern for pattern, parameters in self.overrides.items() if name in parameters]
         return bool(patterns) and all(pattern.endswith('*') for pattern in patterns)
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
@@ -87,12 +85,33 @@ class RosArguments:
         Raises
         ------
         ArgumentError
-            If a pattern matches none of ``nodes``.
+            If a node was named that is none of ``nodes``.
         """
-        names = [f'{self.namespace.rstrip("/")}/{node}' for node in nodes]
+        names = list(dict.fromkeys(self.full_name(node) for node in nodes))
         for pattern in self.named:
             if not any(_matches(pattern, name) for name in names):
-                raise ArgumentError(f'parameters for {pattern!r}, but there are {", ".join(names)}')
+                hint = did_you_mean(f'/{pattern}', names)
+                raise ArgumentError(f"parameters for '/{pattern}', but there are {', '.join(names)}{hint}")
+
+    def check_names(self, program: str, nodes: Sequence[str]) -> None:
+        """
+        Refuse names that would make several nodes of one process one.
+
+        Raises
+        ------
+        ArgumentError
+            If two of ``nodes`` have the same full name.
+        """
+        by_name: dict[str, str] = {}
+        for node in nodes:
+            name = self.full_name(node)
+            if name in by_name:
+                raise ArgumentError(f'{program} is several nodes: {by_name[name]} and {node} would both be {name}')
+            by_name[name] = node
+
+    def _add(self, section: Section) -> None:
+        pattern, parameters = section
+        self.overrides.setdefault(pattern, {}).update(parameters)
 
 
 def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
@@ -104,7 +123,8 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
     ArgumentError
         If an argument or a file is malformed.
     """
-    parsed = RosArguments([], [], '/', {}, [])
+    parsed = RosArguments()
+    rules: list[RemapRule] = []
     rest = list(arguments)
     in_ros = False
     while rest:
@@ -116,16 +136,22 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
         elif argument == '--':
             in_ros = False
         elif argument in ('-p', '--param'):
-            parsed.overrides.append(_parse_parameter(_value_of(argument, rest)))
-            parsed.named.append(parsed.overrides[-1][0])
+            section = _parse_parameter(_value_of(argument, rest))
+            parsed._add(section)
+            if section[0] != _FOR_ALL:
+                parsed.named.append(section[0])
         elif argument == '--params-file':
-            parsed.overrides += read_parameter_file(Path(_value_of(argument, rest)))
+            for section in read_parameter_file(Path(_value_of(argument, rest))):
+                parsed._add(section)
         elif argument in ('-r', '--remap'):
-            _parse_remap(_value_of(argument, rest), parsed)
-        elif argument in ('--log-level', '--log-config-file', '--log-file-name', '-e', '--enclave'):
+            rules.append(_parse_remap(_value_of(argument, rest)))
+        elif argument == '--log-level':
+            _check_level(_value_of(argument, rest))
+        elif argument in ('--log-config-file', '--log-file-name', '-e', '--enclave'):
             _value_of(argument, rest)
-        elif not argument.startswith(('--disable-', '--enable-')):
-            raise ArgumentError(f'unknown ROS argument {argument!r}')
+        elif argument not in _LOGS:
+            raise ArgumentError(f'unknown ROS argument {shown(argument)}')
+    parsed.remaps = Remapping(tuple(rules))
     return parsed
 
 
@@ -135,43 +161,47 @@ def _value_of(argument: str, rest: list[str]) -> str:
     return rest.pop(0)
 
 
-def _parse_parameter(text: str) -> tuple[str, dict[str, object]]:
-    match = re.fullmatch(r'(?:([^:]+):)?([^:=]+):=(.*)', text, re.DOTALL)
+def _parse_parameter(text: str) -> Section:
+    match = _PARAMETER.fullmatch(text)
     if not match:
-        raise ArgumentError(f'-p {text!r} is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE')
+        raise ArgumentError(
+            f'-p {shown(text)} is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE, with names of letters, digits and _'
+        )
     node, name, value = match.groups()
     try:
-        return _pattern(node or '/**'), {name: parse_value(value)}
-    except ArgumentError as error:
-        raise ArgumentError(f'-p {text!r}: {error}') from None
+        return node or _FOR_ALL, {name: read_value(value)}
+    except RosYamlError as error:
+        raise ArgumentError(f'-p {shown(text)}: {error.reason}') from None
 
 
 def parse_value(text: str) -> object:
     """
-    Return a parameter's value from its text, lists as tuples.
+    Return a parameter's value from its text as ROS reads it, lists as tuples.
 
     Raises
     ------
     ArgumentError
-        If it is no YAML.
+        If ROS would not take it.
     """
     try:
-        return _value(yaml.load(text, _RosLoader))
-    except yaml.YAMLError as error:
+        return read_value(text)
+    except RosYamlError as error:
+        raise ArgumentError(error.reason) from None
+
+
+def _parse_remap(text: str) -> RemapRule:
+    try:
+        return RemapRule.parse(text)
+    except RemapError as error:
         raise ArgumentError(str(error)) from None
 
 
-def _parse_remap(text: str, parsed: RosArguments) -> None:
-    source, separator, target = text.partition(':=')
-    if not separator:
-        raise ArgumentError(f'-r {text!r} is not FROM:=TO')
-    if source.endswith('__ns'):
-        parsed.namespace = '/' + target.strip('/')
-    else:
-        parsed.remaps[source] = target
+def _check_level(text: str) -> None:
+    if not _LEVEL.fullmatch(text):
+        raise ArgumentError(f'--log-level {shown(text)} is not [LOGGER:=]debug, info, warn, error or fatal')
 
 
-def read_parameter_file(path: Path) -> list[tuple[str, dict[str, object]]]:
+def read_parameter_file(path: Path) -> list[Section]:
     """
     Return node patterns and their parameters from a ROS 2 parameter file, in the file's order.
 
@@ -181,12 +211,12 @@ def read_parameter_file(path: Path) -> list[tuple[str, dict[str, object]]]:
         If the file cannot be read or is no ROS 2 parameter file.
     """
     try:
-        content = yaml.load(path.read_text('utf8'), _RosLoader)
-    except (OSError, yaml.YAMLError) as error:
+        return list(read_sections(path.read_bytes()))
+    except OSError as error:
+        raise ArgumentError(f'parameter file {path}: {error.strerror or error}') from None
+    except ValueError as error:
+        # A path with a NUL is one as well.
         raise ArgumentError(f'parameter file {path}: {error}') from None
-    if not isinstance(content, dict):
-        raise ArgumentError(f'parameter file {path}: expected node names at the top')
-    return list(_sections(content, '', path))
 
 
 def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, object]]:
@@ -205,37 +235,16 @@ def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, obj
     return nodes
 
 
-def _sections(content: Mapping[Any, Any], prefix: str, path: Path) -> Iterator[tuple[str, dict[str, object]]]:
-    for key, value in content.items():
-        if not isinstance(value, dict):
-            raise ArgumentError(f'parameter file {path}: {key!r} holds neither ros__parameters nor further names')
-        name = f'{prefix}/{str(key).strip("/")}'
-        if 'ros__parameters' in value:
-            yield _pattern(name), dict(_flatten(value['ros__parameters'] or {}, ''))
-        else:
-            yield from _sections(value, name, path)
-
-
-def _flatten(parameters: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, object]]:
-    for key, value in parameters.items():
-        if isinstance(value, dict):
-            yield from _flatten(value, f'{prefix}{key}.')
-        else:
-            yield f'{prefix}{key}', _value(value)
-
-
-def _value(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _pattern(name: str) -> str:
-    return '/' + name.strip('/')
-
-
 def _matches(pattern: str, full_name: str) -> bool:
     # As rcl has it, '/**/node' matches '/node' too.
-    expression = re.escape(pattern).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', '[^/]+')
+    expression = re.escape('/' + pattern.removeprefix('/')).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', '[^/]+')
     return re.fullmatch(expression, full_name) is not None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a hint at the most similar of the known names, empty if none is similar."""
+    similar = difflib.get_close_matches(name, list(known), n=1)
+    return f'; did you mean {similar[0]}?' if similar else ''
 
 
 def with_node(error: ParameterError, node: str) -> ParameterError:

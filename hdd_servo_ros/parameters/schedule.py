@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, Value, declarations, from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import parse_value
+from hdd_servo_ros.parameters.ros_yaml import written
 
 FORM = "TIME NODE PARAMETER VALUE, such as '0.5 pid_controller proportional_gain 0.002'"
 THEN = 'then'
@@ -112,8 +112,7 @@ def _parse(entry: str, sample_time: float, last_tick: int) -> Change:
 def format_entry(time_ns: int, node: str, name: str, value: Value, *, then: bool = False) -> str:
     """Return an entry for a schedule; :func:`parse_schedule` finds time and value again to the bit."""
     time = Decimal(time_ns).scaleb(-9).normalize()
-    text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
-    return f'{THEN + " " if then else ""}{time:f} {node} {name} {text}'
+    return f'{THEN + " " if then else ""}{time:f} {node} {name} {written(value)}'
 
 
 def refuse_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 
 from hdd_servo_ros.analysis.metrics import StepResponse, step_response
 from hdd_servo_ros.graph import catalogue
+from hdd_servo_ros.graph.recorded_nodes import kind_by_name
 from hdd_servo_ros.messages.topics import HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
@@ -54,7 +55,7 @@ def transient_end(run: RecordedRun, after: float | None = None) -> float:
     changes = [
         change.tick
         for change in run.parameter_changes
-        if change.node.endswith(f'/{REFERENCE_GENERATOR}') and change.tick <= run.last_tick
+        if kind_by_name(run.description, change.node) == REFERENCE_GENERATOR and change.tick <= run.last_tick
     ]
     return transient_of(run.duration, changes[-1] * run.sample_time if changes else 0.0)
 

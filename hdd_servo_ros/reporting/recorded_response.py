@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.graph.block_parameters import block_parameters, input_parameters, sensor_scales
-from hdd_servo_ros.parameters import with_tuples
+from hdd_servo_ros.graph.recorded_nodes import recorded_parameters
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
@@ -36,7 +36,7 @@ def response_of_run(run: RecordedRun) -> FrequencyResponse:
 
 def node_parameters(run: RecordedRun, name: str) -> Mapping[str, object]:
     """Return the parameters of a node that ``run.yaml`` records; raises ValueError if it lists no such node."""
-    for full_name, node in run.description.get('nodes', {}).items():
-        if full_name.rsplit('/', 1)[-1] == name:
-            return with_tuples(node['parameters'])
-    raise ValueError(f'run.yaml tells of no {name}')
+    found = recorded_parameters(run.description)
+    if name not in found:
+        raise ValueError(f'run.yaml tells of no {name}')
+    return found[name]

@@ -6,6 +6,7 @@ import weakref
 import numpy as np
 
 from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.graph.recorded_nodes import kind_by_name, kind_of_node
 from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.run_sensitivity import (
@@ -54,7 +55,7 @@ def _controller_node(run: RecordedRun) -> str:
     """Return the node that published `/control`, without namespace; empty if none is known."""
     for name, node in run.description.get('nodes', {}).items():
         if any(topic.rpartition('/')[2] == CONTROL.name for topic in node.get('outputs', ())):
-            return str(name.rpartition('/')[2])
+            return kind_of_node(name, node, run.description)
     return ''
 
 
@@ -75,7 +76,7 @@ def why_no_bound(run: RecordedRun, start: int) -> str:
         return f'run.yaml has no parameters of {" and ".join(missing)}'
     if not controller:
         return f'run.yaml names no node that publishes /{CONTROL.name}'
-    changed = {change.node.rpartition('/')[2] for change in run.parameter_changes} & {PLANT, sensor}
+    changed = {kind_by_name(run.description, change.node) for change in run.parameter_changes} & {PLANT, sensor}
     if changed:
         return f'parameters of {" and ".join(sorted(changed))} were changed during the run'
     if (shocks_of(run) >= run.time[start]).any():

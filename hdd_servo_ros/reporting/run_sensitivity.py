@@ -15,8 +15,8 @@ from hdd_servo_ros.graph.block_parameters import (
     observer_parameters,
     sensor_scales,
 )
+from hdd_servo_ros.graph.recorded_nodes import kind_by_name, recorded_parameters
 from hdd_servo_ros.messages.topics import ESTIMATES
-from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 if TYPE_CHECKING:
@@ -65,7 +65,9 @@ def why_no_sensitivity(run: RecordedRun) -> str:
         return f'run.yaml has no parameters of {" and ".join(missing)}'
     if node == 'adaptive_nn_controller' and ESTIMATES.name not in run:
         return f'the bag holds no /{ESTIMATES.name}'
-    changed = {change.node.rpartition('/')[2] for change in run.parameter_changes if change.name != 'reset_count'}
+    changed = {
+        kind_by_name(run.description, change.node) for change in run.parameter_changes if change.name != 'reset_count'
+    }
     changed &= {PLANT, SENSOR, SERVO_SENSOR, node}
     return f'parameters of {" and ".join(sorted(changed))} were changed during the run' if changed else ''
 
@@ -172,8 +174,7 @@ def low_margin_of(run: RecordedRun) -> str:
 
 def parameters_at_start(run: RecordedRun) -> dict[str, dict[str, Any]]:
     """Return the parameters at the start by the nodes' names without namespace."""
-    nodes = run.description.get('nodes', {})
-    return {name.rpartition('/')[2]: with_tuples(node.get('parameters', {})) for name, node in nodes.items()}
+    return recorded_parameters(run.description)
 
 
 def _rows_to_look_at(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.converter import converter_codes
 from hdd_servo_ros.bench.ldv import OUTPUTS, LdvParameters
+from hdd_servo_ros.graph.recorded_nodes import recorded_nodes
 from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.topics import CONTROL, LDV, PES
 from hdd_servo_ros.parameters import declarations, from_mapping
@@ -46,12 +47,12 @@ class Ranges:
     def of(cls, description: Mapping[str, Any]) -> 'Ranges':
         """Return the ranges by the content of ``run.yaml``."""
         ldv, control_step, half_track = None, None, None
-        for name, node in description.get('nodes', {}).items():
+        for name, node in recorded_nodes(description).items():
             parameters = node.get('parameters', {})
-            if name.rpartition('/')[2] == 'ldv_sensor':
+            if name == 'ldv_sensor':
                 known = {declaration.name for declaration in declarations(LdvParameters)} & parameters.keys()
                 ldv = from_mapping(LdvParameters, {key: parameters[key] for key in known}).levels()
-            elif name.rpartition('/')[2] == 'servo_sensor':
+            elif name == 'servo_sensor':
                 half_track = 0.5 * parameters['track_pitch']
             elif 'dsp.dac_bits' in parameters:
                 control_step, _, _ = converter_codes(parameters['dsp.dac_bits'], parameters['dsp.dac_range'])

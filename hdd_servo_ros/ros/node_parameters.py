@@ -18,6 +18,7 @@ from hdd_servo_ros.parameters import (
     from_mapping,
     to_mapping,
 )
+from hdd_servo_ros.parameters.files import with_node
 
 _TYPES = {
     bool: Parameter.Type.BOOL,
@@ -105,16 +106,22 @@ class NodeParameters:
         known = set().union(*self._names.values())
         self.unknown = {name: value for name, value in given.items() if name not in known}
         """Given values of parameters that this node does not have; they may have been given for all nodes."""
-        self._sets = self._checked({name: value for name, value in given.items() if name in known})
+        try:
+            self._declare({name: value for name, value in given.items() if name in known})
+        except ParameterError as error:
+            raise with_node(error, node.get_name()) from None
+        node.set_descriptor(_USE_SIM_TIME, ParameterDescriptor(type=_TYPES[bool].value, description=_CLOCK_OF_NODE))
+        node.add_on_set_parameters_callback(self._check_change)
+        node.add_post_set_parameters_callback(self._take_change)
+
+    def _declare(self, given: Mapping[str, object]) -> None:
+        self._sets = self._checked(given)
         values = self.as_mapping()
         for kind in self.kinds:
             for declaration in declarations(kind):
                 if values[declaration.name] == () and declaration.default != ():
                     raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
-                _declare(node, declaration, values[declaration.name])
-        node.set_descriptor(_USE_SIM_TIME, ParameterDescriptor(type=_TYPES[bool].value, description=_CLOCK_OF_NODE))
-        node.add_on_set_parameters_callback(self._check_change)
-        node.add_post_set_parameters_callback(self._take_change)
+                _declare(self._node, declaration, values[declaration.name])
 
     def _checked(self, values: Mapping[str, object]) -> dict[type[ParameterSet], ParameterSet]:
         return {

@@ -35,6 +35,7 @@ from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controlle
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_run
+from hdd_servo_ros.graph.topic_names import topic_names
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -105,17 +106,17 @@ class Simulation:
             name: {key: value for values in kinds.values() for key, value in to_mapping(values).items()}
             for name, kinds in sets.items()
         }
-        self._namespace = arguments.namespace.rstrip('/')
-        self.topics = [
-            (topic, self._full_name(topic, arguments)) for topic in topics_of_run(tuple(self._optional_topics(names)))
-        ]
+        arguments.check_names('simulate', ['rig', *names])
+        self._full_names = {name: arguments.full_name(name) for name in names}
+        by_contract = topic_names(arguments, names)
+        self.topics = [(topic, by_contract[topic]) for topic in topics_of_run(tuple(self._optional_topics(names)))]
         by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
         }
         offers = {'vcm_plant': units, controller: {} if outside is None else outside.offers()}
         self.nodes: dict[str, dict[str, Any]] = {
-            f'{self._namespace}/{name}': {
+            self._full_names[name]: {
                 'outputs': [by_topic[topic] for topic in outputs_of(name) if topic in by_topic],
                 'offers': offers.get(name, {}),
                 'parameters': mappings[name],
@@ -233,12 +234,11 @@ class Simulation:
     ) -> list[tuple[str, Step]]:
         """Return what the schedule changes, node and step, in the order of the ticks."""
         changes = self.timer.changes
-        full_names = {name: f'{self._namespace}/{name}' for name in sets}
-        refuse_unknown_nodes(changes, list(full_names.values()))
+        refuse_unknown_nodes(changes, list(self._full_names.values()))
         steps = [
             (name, step)
             for name, kinds in sets.items()
-            for step in plan(changes, full_names[name], list(kinds), mappings[name])
+            for step in plan(changes, self._full_names[name], list(kinds), mappings[name])
         ]
         return sorted(steps, key=lambda planned: planned[1].tick)
 
@@ -248,7 +248,7 @@ class Simulation:
             name, step = self.schedule.pop(0)
             self.experiment.update(name, step.sets)
             yield NodeChange(
-                f'{self._namespace}/{name}', tick * sample_time_to_nanoseconds(self.timer.sample_time), step.values
+                self._full_names[name], tick * sample_time_to_nanoseconds(self.timer.sample_time), step.values
             )
 
     def recorded_messages(self, rows: SignalRows) -> dict[str, Any]:
@@ -273,10 +273,6 @@ class Simulation:
                 if own not in (0.0, self.timer.sample_time):
                     allowed = f'deterministic_timer has {self.timer.sample_time!r} s'
                     raise ParameterError(f'{name}:sample_time', own, allowed)
-
-    def _full_name(self, topic: LoopTopic, arguments: RosArguments) -> str:
-        name = arguments.remaps.get(topic.name, topic.name)
-        return name if name.startswith('/') else f'{self._namespace}/{name}'
 
     def not_finite(self, topic: LoopTopic, tick: int, values: tuple[float, ...]) -> str:
         """Return the error of the graph for a message that is not finite."""

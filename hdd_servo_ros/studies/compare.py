@@ -327,7 +327,7 @@ def _comparison(options: argparse.Namespace) -> Comparison:
     arguments = [word for text in options.parameters for word in ('-p', text)]
     overrides = {
         f'{pattern.strip("/")}:{name}'.removeprefix('**:'): value
-        for pattern, parameters in parse_ros_arguments(['--ros-args', *arguments]).overrides
+        for pattern, parameters in parse_ros_arguments(['--ros-args', *arguments]).overrides.items()
         for name, value in parameters.items()
     }
     for name in overrides:

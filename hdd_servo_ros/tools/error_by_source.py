@@ -1,10 +1,9 @@
 """What each source contributes to the track error of a recorded run, by the same run again without it."""
 
 import dataclasses
-import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.graph.error_sources import Switch, error_sources
 from hdd_servo_ros.messages.topics import HEAD
 from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.parameters.ros_yaml import written_file
 from hdd_servo_ros.parameters.schedule import THEN
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
@@ -81,8 +81,10 @@ class _Repeated:
 
 
 def _sources_of(run: RecordedRun, recording: Recording) -> dict[str, Switch]:
-    nodes = {name.rpartition('/')[2]: node['parameters'] for name, node in recording.nodes.items()}
-    changes = ((change.node.rpartition('/')[2], change.name, change.value) for change in run.parameter_changes)
+    nodes = {recording.kinds[name]: node['parameters'] for name, node in recording.nodes.items()}
+    changes = (
+        (recording.kinds.get(change.node, change.node), change.name, change.value) for change in run.parameter_changes
+    )
     return error_sources(nodes, changes)
 
 
@@ -109,25 +111,25 @@ def _simulation(recording: Recording, switch: Switch | None) -> Simulation:
         content = recording.parameter_file(Path(directory) / 'unused')
         if switch is not None:
             _switch_off(content, recording, switch)
-        path.write_text(json.dumps(content, ensure_ascii=False), 'utf8')
+        path.write_text(written_file(content), 'utf8')
         return Simulation(parse_ros_arguments(['--ros-args', '--params-file', str(path), *recording.remaps()]))
 
 
 def _switch_off(content: dict[str, Any], recording: Recording, switch: Switch) -> None:
     node, parameter, off = switch
     for name, section in content.items():
-        if name.rpartition('/')[2] == node:
-            section['ros__parameters'][parameter] = off
-    timer = content[recording.timer]['ros__parameters']
-    timer['schedule'] = list(_without(timer.get('schedule', ()), node, parameter))
+        if recording.kinds.get(name) == node:
+            section[parameter] = off
+    timer = content[recording.timer]
+    timer['schedule'] = list(_without(timer.get('schedule', ()), recording.kinds, node, parameter))
     if not timer['schedule']:
         del timer['schedule']
 
 
-def _without(schedule: list[str], node: str, parameter: str) -> Iterator[str]:
+def _without(schedule: list[str], kinds: Mapping[str, str], node: str, parameter: str) -> Iterator[str]:
     """Iterate over the entries of a schedule that do not change one parameter."""
     for entry in schedule:
         words = entry.split(None, 4)
         changed, name = words[2:4] if words[0] == THEN else words[1:3]
-        if (changed.rpartition('/')[2], name) != (node, parameter):
+        if (kinds.get(changed, changed), name) != (node, parameter):
             yield entry

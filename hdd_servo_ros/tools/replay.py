@@ -1,7 +1,6 @@
 """`replay`: rerun a recorded run from what its folder says, and confirm that the bits are the same."""
 
 import argparse
-import json
 import os
 import sys
 import tempfile
@@ -10,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.graph.catalogue import NODES, SENSORS
+from hdd_servo_ros.graph.recorded_nodes import kind_of_node
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS, RECORDER
 from hdd_servo_ros.parameters import ParameterError, Value
 from hdd_servo_ros.parameters.events import NodeChange
+from hdd_servo_ros.parameters.ros_yaml import written_file
 from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule
 from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
@@ -58,11 +59,13 @@ class Recording:
         left_out = dict(metadata.get('topics_left_out', {}))
         self._topics: dict[str, str] = {**metadata['topics'], **left_out}
         """Every topic of the run, recorded or not."""
+        self.kinds = {name: kind_of_node(name, node, metadata) for name, node in metadata['nodes'].items()}
+        """The nodes' names in the catalogue, by their full names in the run."""
         optional = {name for topic, name in self._topics.items() if topic in _OPTIONAL_NAMES}
         self.nodes: dict[str, dict[str, Any]] = {
             name: node
             for name, node in metadata['nodes'].items()
-            if not node['outputs'] or not optional.issuperset(node['outputs']) or _runs_again(name)
+            if not node['outputs'] or not optional.issuperset(node['outputs']) or self._runs_again(name)
         }
         """The nodes that run again; others that publish optional topics alone are played back."""
         lost = [name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)]
@@ -89,13 +92,33 @@ class Recording:
             if topic in _OPTIONAL_NAMES and not self._is_published(name)
         ]
         """The optional topics that are played back."""
-        timers = [name for name in self.nodes if name.rsplit('/', 1)[-1] == TIMER]
+        timers = [name for name in self.nodes if self.kinds[name] == TIMER]
         if len(timers) != 1:
             raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
         self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
+        self._refuse_other_names()
         self.last_tick: int = metadata['last_tick']
         self.sample_time: float = metadata['sample_time']
+
+    def _refuse_other_names(self) -> None:
+        """Refuse nodes that a rerun could not give their names: they would run with parameters that nobody gave."""
+        own = set(NODES)
+        if 'controller_class' in self.metadata:
+            # A custom controller's name is known once its class is loaded; it is what publishes /control.
+            own |= {self.kinds[name] for name, node in self.nodes.items() if self._topics['control'] in node['outputs']}
+        for name in self.nodes:
+            if self.kinds[name] not in own:
+                raise ReplayError(f'{self.run}: run.yaml names a node {name}, which is none of this package')
+            if name.rpartition('/')[0] != self.namespace:
+                raise ReplayError(
+                    f'{self.run}: {name} was not in the namespace of {self.timer}, so it cannot be replayed'
+                )
+
+    def _runs_again(self, node: str) -> bool:
+        """Return whether a node, given by its full name, is one of this package that computes what it publishes."""
+        kind = self.kinds[node]
+        return kind in NODES and bool(NODES[kind].block)
 
     def _is_published(self, topic: str) -> bool:
         return any(topic in node['outputs'] for node in self.nodes.values())
@@ -122,15 +145,15 @@ class Recording:
             if change.is_for(node) and change.tick <= self.last_tick
             if (change.tick * step, node, change.name) not in seen
         ]
-        return list(_entries([*lost, *changes], self.nodes))
+        return list(_entries([*lost, *changes], self.nodes, self.timer))
 
-    def parameter_file(self, output: Path) -> dict[str, Any]:
-        """Return the content of a ROS parameter file that reruns the run into ``output``."""
+    def parameter_file(self, output: Path) -> dict[str, dict[str, Any]]:
+        """Return the sections of a ROS parameter file that reruns the run into ``output``."""
         content = {
-            name: {'ros__parameters': {key: value for key, value in node['parameters'].items() if value != []}}
+            name: {key: value for key, value in node['parameters'].items() if value != []}
             for name, node in self.nodes.items()
         }
-        timer = content[self.timer]['ros__parameters']
+        timer = content[self.timer]
         timer.pop('schedule', None)
         schedule = self.schedule()
         timer.update(
@@ -141,23 +164,30 @@ class Recording:
             record=True,
             **({'schedule': schedule} if schedule else {}),
         )
-        recorder = content.setdefault(f'{self.namespace}/bag_recorder', {'ros__parameters': {}})
-        recorder['ros__parameters'] |= {'run_dir': str(output)}
+        recorders = [name for name in self.nodes if self.kinds[name] == RECORDER]
+        recorder = content.setdefault(recorders[0] if recorders else f'{self.namespace}/{RECORDER}', {})
+        recorder['run_dir'] = str(output)
         if self.played:
-            played = {RECORDED_RUN: str(self.run.resolve())}
-            content[f'{self.namespace}/{PLAYBACK}'] = {'ros__parameters': played}
+            content[f'{self.namespace}/{PLAYBACK}'] = {RECORDED_RUN: str(self.run.resolve())}
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
-        rig = {'controller': self.metadata.get('controller_class', self.metadata['controller']), 'plot': False}
-        if any(name.rsplit('/', 1)[-1] == SENSORS['servo'] for name in self.nodes):
+        rig: dict[str, Any] = {
+            'controller': self.metadata.get('controller_class', self.metadata['controller']),
+            'plot': False,
+        }
+        if any(self.kinds[name] == SENSORS['servo'] for name in self.nodes):
             rig['sensor'] = 'servo'
-        return {**content, f'{self.namespace}/rig': {'ros__parameters': rig}}
+        return {**content, f'{self.namespace}/rig': rig}
 
     def remaps(self) -> list[str]:
         """Return the ROS arguments that give namespace and topics the names that they had."""
         arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
-        own = {topic.name for topic in ALL_LOOP_TOPICS}
+        for name in self.nodes:
+            own = name.rpartition('/')[2]
+            if self.kinds[name] != own:
+                arguments += ['-r', f'{self.kinds[name]}:__node:={own}']
+        topics = {topic.name for topic in ALL_LOOP_TOPICS}
         for topic, name in self._topics.items():
-            if topic in own and name != f'{self.namespace}/{topic}':
+            if topic in topics and name != f'{self.namespace}/{topic}':
                 arguments += ['-r', f'{topic}:={name}']
         return arguments
 
@@ -170,23 +200,17 @@ class Recording:
                 yield f'{name}: recorded with {recorded[name]}, here {here[name]}'
 
 
-def _runs_again(node: str) -> bool:
-    """Return whether a node, given by its full name, is one of this package that computes what it publishes."""
-    name = node.rsplit('/', 1)[-1]
-    return name in NODES and bool(NODES[name].block)
-
-
 def _value(value: Any) -> Value:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _entries(changes: Sequence[NodeChange], nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def _entries(changes: Sequence[NodeChange], nodes: Mapping[str, Mapping[str, Any]], timer: str) -> Iterator[str]:
     changed = set()
     for change in changes:
         then = (change.time_ns, change.node) in changed
         changed.add((change.time_ns, change.node))
         for name, value in change.values.items():
-            paces = change.node.rsplit('/', 1)[-1] == TIMER and name in _PACE
+            paces = change.node == timer and name in _PACE
             if name in nodes[change.node]['parameters'] and not paces:
                 yield format_entry(change.time_ns, change.node, name, value, then=then)
                 then = False
@@ -196,8 +220,7 @@ def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
     """Run the experiment of a recording again into the folder ``output``; return the run's exit code."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / 'replay.yaml'
-        # JSON is YAML that leaves no doubt about what is a text and what a number.
-        path.write_text(json.dumps(recording.parameter_file(output), ensure_ascii=False), 'utf8')
+        path.write_text(written_file(recording.parameter_file(output)), 'utf8')
         arguments = ['--ros-args', '--params-file', str(path), *recording.remaps()]
         # Imported late: without ROS there need be no rclpy.
         if without_ros:

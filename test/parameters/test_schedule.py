@@ -22,13 +22,13 @@ def planned(*entries):
 
 def test_entries_are_read_and_ordered():
     changes = parse_schedule(
-        ['0.5 a gain 1', '0.0001 /ns/b model lugre', '1 a list [1, 2.5]', '1e-1 a flag true'], T, 10_000
+        ['0.5 a gain 1', '0.0001 /ns/b model lugre', '1 a list [1.0, 2.5]', '1e-1 a flag true'], T, 10_000
     )
     assert [(change.tick, change.node, change.name, change.value) for change in changes] == [
         (1, '/ns/b', 'model', 'lugre'),
         (1000, 'a', 'flag', True),
         (5000, 'a', 'gain', 1),
-        (10_000, 'a', 'list', (1, 2.5)),
+        (10_000, 'a', 'list', (1.0, 2.5)),
     ]
 
 

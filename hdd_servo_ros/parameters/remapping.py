@@ -1,0 +1,106 @@
+"""Remap rules of a ROS command line, by rcl's grammar and order: the first rule that fits a name decides."""
+
+import dataclasses
+import re
+
+from hdd_servo_ros.messages.shown import shown
+
+_TOKEN = r'(?!\w*__)[A-Za-z_][A-Za-z0-9_]*'
+_NAME = rf'(?:~/|/)?{_TOKEN}(?:/{_TOKEN})*'
+_RULE = re.compile(
+    rf'(?:(?P<node>{_TOKEN}):)?(?:'
+    rf'(?P<own>__node|__name):=(?P<name>{_TOKEN})'
+    rf'|__ns:=(?P<namespace>/|(?:/{_TOKEN})+)'
+    rf'|(?:(?P<url>rostopic|rosservice)://)?(?P<match>{_NAME}):=(?P<replacement>{_NAME})'
+    r')',
+    re.ASCII,
+)
+
+
+class RemapError(ValueError):
+    """A remap rule that rcl refuses."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RemapRule:
+    """
+    One rule.
+
+    Attributes
+    ----------
+    text
+        As given.
+    node
+        Name of the node that it is for; empty for all.
+    name, namespace
+        What a node is called from then on; empty if the rule says something else.
+    match, replacement
+        Names of topics: absolute, relative, or private to the node (``~/name``); empty likewise.
+    """
+
+    text: str
+    node: str = ''
+    name: str = ''
+    namespace: str = ''
+    match: str = ''
+    replacement: str = ''
+
+    @classmethod
+    def parse(cls, text: str) -> 'RemapRule':
+        """Read a rule; raises :class:`RemapError`."""
+        found = _RULE.fullmatch(text)
+        if found is None:
+            raise RemapError(
+                f'-r {shown(text)} is not [NODE:]FROM:=TO with names of letters, digits, _ and /, '
+                'nor [NODE:]__node:=NAME, nor [NODE:]__ns:=/NAMESPACE'
+            )
+        part = {key: value or '' for key, value in found.groupdict().items()}
+        of_services = part['url'] == 'rosservice'
+        return cls(
+            text,
+            part['node'],
+            part['name'],
+            part['namespace'],
+            '' if of_services else part['match'],
+            '' if of_services else part['replacement'],
+        )
+
+    def is_for(self, node: str) -> bool:
+        """Return whether the rule is for a node of that name."""
+        return self.node in ('', node)
+
+
+@dataclasses.dataclass(frozen=True)
+class Remapping:
+    """The rules of a command line, in their order."""
+
+    rules: tuple[RemapRule, ...] = ()
+
+    def node_name(self, node: str) -> str:
+        """Return what a node is called, by the name that its executable gives it."""
+        return next((rule.name for rule in self.rules if rule.name and rule.is_for(node)), node)
+
+    def namespace(self, node: str) -> str:
+        """Return a node's namespace, ``/`` for none; rules name the node by what it is called."""
+        name = self.node_name(node)
+        return next((rule.namespace for rule in self.rules if rule.namespace and rule.is_for(name)), '/')
+
+    def full_name(self, node: str) -> str:
+        """Return a node's name with its namespace."""
+        return f'{self.namespace(node).rstrip("/")}/{self.node_name(node)}'
+
+    def topic(self, node: str, topic: str) -> str:
+        """Return the full name under which a node knows a topic."""
+        name = self._expanded(node, topic)
+        own = self.node_name(node)
+        for rule in self.rules:
+            if rule.match and rule.is_for(own) and self._expanded(node, rule.match) == name:
+                return self._expanded(node, rule.replacement)
+        return name
+
+    def _expanded(self, node: str, name: str) -> str:
+        if name.startswith('/'):
+            return name
+        if name.startswith('~/'):
+            return f'{self.full_name(node)}{name[1:]}'
+        return f'{self.namespace(node).rstrip("/")}/{name}'

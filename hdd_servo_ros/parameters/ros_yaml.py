@@ -1,0 +1,316 @@
+"""
+YAML as rcl reads it: scalars by the rules of C, lists of one type, no aliases, and node names with wildcards.
+
+rcl takes the events of libyaml and gives them a meaning of its own, which neither YAML 1.1 nor 1.2 has: ``010`` is 8,
+``1_000.0`` and ``2001-01-01`` are texts, ``.12e3`` is a number. So this reads the events too. What rcl takes by
+accident (a list in a list, a mapping in a list, a tag) is refused.
+"""
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
+from typing import Any
+
+import yaml
+
+from hdd_servo_ros.messages.shown import shown
+
+PARAMETERS = 'ros__parameters'
+_TRUE = frozenset(('Y', 'y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'))
+_FALSE = frozenset(('N', 'n', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'))
+_INTEGER = re.compile(r'([-+]?)(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)')
+_DECIMAL = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?')
+_HEXADECIMAL = re.compile(r'[-+]?0[xX]([0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+)([pP][-+]?[0-9]+)?')
+_INFINITE = re.compile(r'[-+]?([iI][nN][fF]|[iI][nN][fF][iI][nN][iI][tT][yY]|\.inf|\.Inf|\.INF)')
+_NOT_A_NUMBER = re.compile(r'[-+]?([nN][aA][nN]|\.nan|\.NaN|\.NAN)')
+_LARGEST_INTEGER = 2**63 - 1
+_SMALLEST_NORMAL = 2.0**-1022
+_TEXT_TAG = 'tag:yaml.org,2002:str'
+_KINDS = {bool: 'true or false', int: 'an integer', float: 'a double', str: 'a text'}
+_DEEPEST = 32
+"""How deep names may be nested."""
+_LONGEST_EXPONENT = 6
+_PART = r'(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)'
+_NODE_NAME = re.compile(rf'/?{_PART}(?:/{_PART})*')
+
+_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+"""That of libyaml, by which ROS reads as well, where PyYAML was built with it: ten times faster."""
+
+Section = tuple[str, dict[str, object]]
+"""
+A node's name as it was given, with or without a slash before it and with wildcards perhaps, and its parameters under
+dotted names, lists as tuples.
+"""
+
+
+class RosYamlError(ValueError):
+    """
+    A text that is no YAML, or YAML that ROS refuses; says which line.
+
+    Parameters
+    ----------
+    reason
+        What is wrong.
+    line
+        Where, from 1; None if that is not known.
+    """
+
+    def __init__(self, reason: str, line: int | None = None) -> None:
+        super().__init__(reason if line is None else f'line {line}: {reason}')
+        self.reason = reason
+        self.line = line
+
+
+def read_value(text: str) -> object:
+    """
+    Return the value of ``-p NAME:=TEXT``, a list as a tuple.
+
+    Raises
+    ------
+    RosYamlError
+        If ROS would not take it.
+    """
+    events = _Events(text)
+    event = events.next()
+    if isinstance(event, yaml.StreamEndEvent):
+        raise RosYamlError('there is no value')
+    value = _value(events, event)
+    events.end()
+    return value
+
+
+def read_sections(data: bytes) -> Iterator[Section]:
+    """
+    Iterate over the sections of a parameter file, in its order.
+
+    Raises
+    ------
+    RosYamlError
+        If ROS would not take it.
+    """
+    events = _Events(data)
+    while not isinstance(event := events.next(), yaml.StreamEndEvent):
+        if not isinstance(event, yaml.MappingStartEvent):
+            raise RosYamlError('expected node names at the top', _line(event))
+        yield from _nodes(events, '')
+
+
+def written(value: object) -> str:
+    """
+    Return a value as a text that :func:`read_value`, and ROS, read to the bit.
+
+    Raises
+    ------
+    TypeError
+        If there is no parameter of that type.
+    """
+    if isinstance(value, tuple | list):
+        return f'[{", ".join(map(written, value))}]'
+    if isinstance(value, float) and 0.0 < abs(value) < _SMALLEST_NORMAL:
+        # Of decimal digits C's strtod reports that they are not the number exactly, and ROS takes them for a text.
+        return value.hex()
+    # JSON is YAML that leaves no doubt about what is a text and what a number.
+    return json.dumps(value, ensure_ascii=False)
+
+
+def written_file(sections: Mapping[str, Mapping[str, object]]) -> str:
+    """Return a parameter file of nodes, by their names, and their parameters."""
+    lines = []
+    for node, parameters in sections.items():
+        lines.append(f'{json.dumps(node, ensure_ascii=False)}:\n  {PARAMETERS}:{"" if parameters else " {}"}')
+        lines += [f'    {json.dumps(name, ensure_ascii=False)}: {written(value)}' for name, value in parameters.items()]
+    return '\n'.join([*lines, ''])
+
+
+def scalar(text: str) -> bool | int | float | str:
+    """Return what ROS takes a bare word for."""
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    if match := _INTEGER.fullmatch(text):
+        sign, digits = match.groups()
+        # More digits than any 64 bits have are not worth converting.
+        if len(digits) <= 24:
+            base = 16 if digits[:2] in ('0x', '0X') else 8 if digits[0] == '0' else 10
+            value = int(sign + digits, base)
+            if -_LARGEST_INTEGER - 1 <= value <= _LARGEST_INTEGER:
+                return value
+    number = _double(text)
+    return text if number is None else number
+
+
+def _double(text: str) -> float | None:
+    """Return the number that ``strtod`` reads, None where it sets ``errno`` or leaves something over."""
+    if _INFINITE.fullmatch(text):
+        return -math.inf if text[0] == '-' else math.inf
+    if _NOT_A_NUMBER.fullmatch(text):
+        return math.nan
+    if _DECIMAL.fullmatch(text):
+        value = float(text)
+        if abs(value) < _SMALLEST_NORMAL and not _is_exact(text, value):
+            return None
+    elif _HEXADECIMAL.fullmatch(text):
+        try:
+            value = float.fromhex(text)
+        except OverflowError:
+            return None
+    else:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _is_exact(text: str, value: float) -> bool:
+    """Return whether a number below the smallest normal one is the double that it is rounded to."""
+    mantissa, _, exponent = text.lower().partition('e')
+    if not mantissa.strip('+-.0'):
+        return True
+    if value == 0.0 or len(exponent) > _LONGEST_EXPONENT:
+        return False
+    return Decimal(text) == Decimal(value)
+
+
+class _Events:
+    """
+    The events of a text, without those that begin and end streams and documents.
+
+    Parameters
+    ----------
+    source
+        A text, or the bytes of a file: libyaml finds out which Unicode they are in.
+    """
+
+    def __init__(self, source: str | bytes) -> None:
+        try:
+            self._events = yaml.parse(source, Loader=_Loader)
+            self._first: Any = next(self._events)
+        except (yaml.YAMLError, UnicodeError) as error:
+            raise _syntax_error(error) from None
+
+    def next(self) -> Any:
+        while True:
+            try:
+                event = next(self._events)
+            except (yaml.YAMLError, UnicodeError) as error:
+                raise _syntax_error(error) from None
+            if isinstance(event, yaml.AliasEvent):
+                raise RosYamlError(f'the alias *{event.anchor}: ROS takes none; write the value out', _line(event))
+            if not isinstance(event, yaml.DocumentStartEvent | yaml.DocumentEndEvent):
+                return event
+
+    def end(self) -> None:
+        event = self.next()
+        if not isinstance(event, yaml.StreamEndEvent):
+            raise RosYamlError('there is more than one value', _line(event))
+
+
+def _syntax_error(error: Exception) -> RosYamlError:
+    mark = getattr(error, 'problem_mark', None)
+    if mark is not None:
+        reason = getattr(error, 'problem', None) or 'cannot be read'
+        return RosYamlError(f'no YAML: {reason}', mark.line + 1)
+    if isinstance(error, yaml.reader.ReaderError):
+        where = f' at position {error.position}' if error.position is not None else ''
+        return RosYamlError(f'no YAML: {error.reason}{where}; a file is to be UTF-8')
+    return RosYamlError('no YAML: not UTF-8' if isinstance(error, UnicodeError) else f'no YAML: {error}')
+
+
+def _line(event: Any) -> int:
+    return int(event.start_mark.line) + 1
+
+
+def _key(event: Any) -> str:
+    if not isinstance(event, yaml.ScalarEvent):
+        raise RosYamlError('a list or a mapping cannot be a name', _line(event))
+    if not event.value:
+        raise RosYamlError('a name is empty', _line(event))
+    return _text(event)
+
+
+def _text(event: Any) -> str:
+    if '\0' in event.value:
+        raise RosYamlError(f'{shown(event.value)} holds a NUL character', _line(event))
+    return str(event.value)
+
+
+def _value(events: _Events, event: Any) -> object:
+    """Return the value that begins with an event."""
+    if isinstance(event, yaml.ScalarEvent):
+        return _scalar(event)
+    if isinstance(event, yaml.SequenceStartEvent):
+        return _sequence(events, event)
+    raise RosYamlError('a mapping is no value', _line(event))
+
+
+def _scalar(event: Any) -> bool | int | float | str:
+    text = _text(event)
+    if event.tag not in (None, '!', _TEXT_TAG):
+        raise RosYamlError(f'the tag {shown(event.tag)}: the only one is !!str', _line(event))
+    if event.tag is not None or event.style in ("'", '"'):
+        return text
+    if not text:
+        raise RosYamlError("there is no value; an empty text is ''", _line(event))
+    return scalar(text)
+
+
+def _sequence(events: _Events, start: Any) -> tuple[object, ...]:
+    elements: list[object] = []
+    while not isinstance(event := events.next(), yaml.SequenceEndEvent):
+        if not isinstance(event, yaml.ScalarEvent):
+            raise RosYamlError('a list holds a list or a mapping', _line(event))
+        elements.append(_scalar(event))
+    kinds = list(dict.fromkeys(type(element) for element in elements))
+    if len(kinds) > 1:
+        hint = '; write 2.0 for 2' if set(kinds) == {int, float} else ''
+        mixed = ' and '.join(_KINDS[kind] for kind in kinds[:2])
+        raise RosYamlError(f'{shown(elements)} holds {mixed}: all are to be of one type{hint}', _line(start))
+    return tuple(elements)
+
+
+def _nodes(events: _Events, prefix: str, depth: int = 0) -> Iterator[Section]:
+    """Iterate over the sections of a mapping of node names, whose start has been taken."""
+    while not isinstance(event := events.next(), yaml.MappingEndEvent):
+        key, line = _key(event), _line(event)
+        event = events.next()
+        if not isinstance(event, yaml.MappingStartEvent):
+            kind = 'is empty' if isinstance(event, yaml.ScalarEvent) and not event.value else 'holds no mapping'
+            wanted = 'parameters' if key == PARAMETERS else f'{PARAMETERS} or further names'
+            raise RosYamlError(f'{shown(key)} {kind}: it is to hold {wanted}', line)
+        if key != PARAMETERS:
+            if depth == _DEEPEST:
+                raise RosYamlError(f'names are nested more than {_DEEPEST} deep', line)
+            yield from _nodes(events, _joined(prefix, key), depth + 1)
+            continue
+        if not prefix:
+            raise RosYamlError(f'there is no node name above {PARAMETERS}', line)
+        if not _NODE_NAME.fullmatch(prefix):
+            allowed = 'letters, digits, _ and /, or as a whole part * or **'
+            raise RosYamlError(f'{shown(prefix)} is no node name: {allowed}', line)
+        parameters: dict[str, object] = {}
+        _take_parameters(events, '', parameters, 0)
+        yield prefix, parameters
+
+
+def _joined(prefix: str, key: str) -> str:
+    return f'{prefix}{key}' if prefix in ('', '/') else f'{prefix}/{key}'
+
+
+def _take_parameters(events: _Events, prefix: str, parameters: dict[str, object], depth: int) -> None:
+    """Take a mapping of parameters, whose start has been taken, under dotted names."""
+    is_empty = True
+    while not isinstance(event := events.next(), yaml.MappingEndEvent):
+        is_empty = False
+        name = prefix + _key(event)
+        line = _line(event)
+        try:
+            event = events.next()
+            if not isinstance(event, yaml.MappingStartEvent):
+                parameters[name] = _value(events, event)
+                continue
+        except RosYamlError as error:
+            raise RosYamlError(f'{name}: {error.reason}', error.line) from None
+        if depth == _DEEPEST:
+            raise RosYamlError(f'names are nested more than {_DEEPEST} deep', line)
+        _take_parameters(events, f'{name}.', parameters, depth + 1)
+    if is_empty and prefix:
+        raise RosYamlError(f'{prefix[:-1]} is an empty mapping', _line(event))
