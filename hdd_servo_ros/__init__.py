@@ -4,6 +4,7 @@ A hard disk drive servo bench as a deterministic ROS 2 node graph.
 ``hdd_servo_ros.Run.open(path)`` reads a recorded run; see ``docs/bag-assertions.md``.
 """
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 from hdd_servo_ros.version import __version__
@@ -21,3 +22,10 @@ def __getattr__(name: str) -> Any:
     from hdd_servo_ros.testing.run import Run
 
     return Run
+
+
+if sys.argv[:1] == ['-m']:
+    # An executable that Python is still looking for, by ``python -m``: it may draw, and should do so in one way.
+    from hdd_servo_ros.messages.plain_matplotlib import use_plain_matplotlib
+
+    use_plain_matplotlib()

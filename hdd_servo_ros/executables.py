@@ -12,6 +12,8 @@ import signal
 from collections.abc import Callable
 from types import ModuleType
 
+from hdd_servo_ros.messages.exit_codes import guard
+
 
 def __getattr__(name: str) -> Callable[[], int]:
     """Return what runs an executable, by its name."""
@@ -21,12 +23,17 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 
 def _run(name: str) -> int:
+    code = guard(name, functools.partial(_work, name))
+    # It has done what it had to do; while Python ends, another one would take its exit code away.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return code
+
+
+def _work(name: str) -> int:
     try:
         code: int = _module(name).main()
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
-    # It has done what it had to do; while Python ends, another one would take its exit code away.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     return code
 
 

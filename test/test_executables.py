@@ -78,24 +78,27 @@ def test_a_command_is_an_executable_with_a_help(name):
 
 
 @pytest.mark.parametrize(
-    ('name', 'arguments'),
+    ('name', 'arguments', 'code'),
     [
-        ('compare_bags', ('nowhere', 'nowhere')),
-        ('compare_bags', ('nowhere',)),
-        ('drive_response', ('--nonsense',)),
-        ('friction_curves', ('--nonsense',)),
-        ('identify', ('nowhere.csv',)),
-        ('instruments', ('--params-file', 'nowhere.yaml')),
-        ('instruments', ('--seconds', '2')),
-        ('instruments', ('--sample-time', '0')),
-        ('stability_certificate', ('nowhere',)),
-        ('swept_sine', ('nowhere',)),
-        ('tune', ('--params-file', 'nowhere.yaml')),
+        ('compare_bags', ('nowhere', 'nowhere'), 3),
+        ('compare_bags', ('nowhere',), 2),
+        ('drive_response', ('--nonsense',), 2),
+        ('friction_curves', ('--nonsense',), 2),
+        ('identify', ('nowhere.csv',), 3),
+        ('instruments', ('--params-file', 'nowhere.yaml'), 2),
+        ('instruments', ('--seconds', '2'), 2),
+        ('instruments', ('--sample-time', '0'), 2),
+        ('recover', ('nowhere',), 3),
+        ('replay', ('nowhere',), 3),
+        ('report', ('nowhere',), 3),
+        ('stability_certificate', ('nowhere',), 3),
+        ('swept_sine', ('nowhere',), 3),
+        ('tune', ('--params-file', 'nowhere.yaml'), 2),
     ],
 )
-def test_a_command_with_invalid_arguments_ends_with_2(bench, name, arguments):
+def test_a_command_with_invalid_arguments_ends_with_its_code(bench, name, arguments, code):
     ended = run_copy(bench, name, *arguments)
-    assert ended.returncode == 2
+    assert ended.returncode == code
     assert 'Traceback' not in ended.stderr
     assert ended.stderr.splitlines()[-1].startswith(f'{name}: ')
 
@@ -139,6 +142,6 @@ def test_an_interrupt_while_it_ends():
     ended = subprocess.run(
         [sys.executable, '-c', code, 'nowhere'], cwd=ROOT, capture_output=True, text=True, timeout=60
     )
-    assert ended.returncode == 2
+    assert ended.returncode == 3
     assert ended.stderr.startswith('recover: nowhere is not a run folder')
     assert 'Traceback' not in ended.stderr

@@ -6,7 +6,6 @@ The command that identifies a transfer function from the CSV file of a measured 
 
 import argparse
 import dataclasses
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from hdd_servo_ros.analysis.identification import doubts, identify_measured
 from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS, SANATHANAN_KOERNER, least_points
 from hdd_servo_ros.analysis.transfer_model import Model
 from hdd_servo_ros.bench.response import FrequencyResponse, read_csv, refuse_hold
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 
 
 def _count(text: str) -> int:
@@ -51,6 +51,7 @@ def _frequency(text: str) -> float:
     return number
 
 
+@command('identify', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify the response of a CSV file and print gain and modes; returns 2 for bad arguments or a bad file."""
     parser = argparse.ArgumentParser(
@@ -84,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.lowest > given.highest:
         parser.error(f'--from {given.lowest:g} lies above --to {given.highest:g}')
     zeros = given.zeros or 0
-    try:
+    with reading(given.file):
         measured = _used(given, zeros)
         model = identify_measured(
             measured,
@@ -94,16 +95,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             delay=given.delay,
             method=given.method,
         )
-    except (OSError, ValueError) as error:
-        print(f'identify: {error}', file=sys.stderr)
-        return 2
     for line in doubts(model, measured, given.rigid_order):
         print(f'identify: warning: {line}', file=sys.stderr)
-    try:
-        print(table(model, given.rigid_order, measured.unit), flush=True)
-    except BrokenPipeError:
-        # The reader has seen enough. What Python still has to write at its end goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    print(table(model, given.rigid_order, measured.unit), flush=True)
     return 0
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdd_servo_ros.messages.shown import shown
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -254,11 +256,11 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
         found.setdefault(name, (place, unit if name == 'magnitude' else unit.lower()))
     for name in ('frequency', 'magnitude', 'phase'):
         if name not in found:
-            raise ValueError(f'{path}: no column {name!r}; there are {", ".join(header)}')
+            raise ValueError(f'{path}: no column {name!r}; there are {shown(", ".join(header))}')
     for name, units in {'frequency': _FREQUENCY_UNITS, 'phase': _PHASE_UNITS, **_SIDE_UNITS}.items():
         if name in found and found[name][1] not in units:
             known = ', '.join(_AS_WRITTEN.get(unit, unit) for unit in units if unit)
-            raise ValueError(f'{path}: the unit of {name} is {found[name][1]!r}; known are {known}')
+            raise ValueError(f'{path}: the unit of {name} is {shown(found[name][1])}; known are {known}')
     return found
 
 
@@ -266,7 +268,7 @@ def _cell(row: Sequence[str], place: int, name: str, number: int) -> float:
     text = row[place] if place < len(row) else ''
     if name in _NUMBERS:
         if not _is_number(text) or not np.isfinite(float(text)):
-            raise ValueError(f'line {number}: {name} is {text!r}, not a finite number')
+            raise ValueError(f'line {number}: {name} is {shown(text)}, not a finite number')
         return float(text)
     if name == 'output' and text.lower() not in (_VELOCITY, _DISPLACEMENT):
         raise ValueError(f'line {number}: output is {text!r}, neither {_VELOCITY} nor {_DISPLACEMENT}')

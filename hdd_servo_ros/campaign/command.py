@@ -7,9 +7,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn
 
-from hdd_servo_ros.campaign.runner import StudyError
-from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.messages.exit_codes import guard
 
 KEPT = 'finished runs are kept, and the next call goes on from there'
 
@@ -34,14 +32,12 @@ def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
     """
     if threading.current_thread() is threading.main_thread():  # Python allows no handlers elsewhere.
         signal.signal(signal.SIGTERM, _end)
+    return guard(name, lambda: _done(name, work, kept))
+
+
+def _done(name: str, work: Callable[[], int], kept: str) -> int:
     try:
         return work()
-    except (ParameterError, ArgumentError) as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return 2
-    except (StudyError, OSError) as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return 1
     except KeyboardInterrupt:
         print(f'{name}: interrupted; {kept}', file=sys.stderr)
         return 128 + signal.SIGINT

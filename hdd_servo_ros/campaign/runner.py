@@ -17,6 +17,7 @@ from hdd_servo_ros.campaign.case import Case, PlannedRun
 from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
 from hdd_servo_ros.campaign.start import run_environment, start_run
 from hdd_servo_ros.graph.help import COMPILING
+from hdd_servo_ros.messages import exit_codes
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters.files import ArgumentError
@@ -29,6 +30,8 @@ _PROGRESS = re.compile(r'(\d+\.\d+) of (\d+\.\d+) s')
 
 class StudyError(RuntimeError):
     """A study that cannot go on; says which case and why."""
+
+    exit_code = exit_codes.FAILED
 
 
 def run_cases(

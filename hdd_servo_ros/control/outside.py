@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.control.controller import HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
+from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS
 from hdd_servo_ros.parameters import ParameterError
 
 TIME = 't'
@@ -21,6 +22,8 @@ _OPTIONAL_METHODS = {
 
 class ControllerError(Exception):
     """A controller from outside that failed at a tick; says which, when, why, and in which line of its file."""
+
+    exit_code = WRONG_ARGUMENTS
 
     def __init__(self, controller: str, tick: int, reason: str) -> None:
         super().__init__(f'{controller}: {reason} at tick {tick}')

@@ -6,6 +6,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets
 from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
 
+STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
+"""What every ROS node has, and `ros2 param dump` writes; both are true or false."""
+_QOS = 'qos_overrides.'
+_QOS_IS_FIXED = 'none: the quality of service of the topics is fixed, since a run is to lose no message'
+
+
+def take_standard(given: dict[str, object]) -> None:
+    """Take the parameters that every ROS node has out of what was given; raises ParameterError for other types."""
+    for name in STANDARD_NAMES:
+        value = given.pop(name, False)
+        if not isinstance(value, bool):
+            raise ParameterError(name, value, 'true or false')
+
 
 def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
     """
@@ -27,6 +40,8 @@ def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
         return
     known = {found.name for name in names_with_parameters() for found in node_declarations(name)}.union(own)
     for name, value in given.items():
+        if name.startswith(_QOS):
+            raise ParameterError(name, value, _QOS_IS_FIXED)
         if name not in known:
             similar = difflib.get_close_matches(name, known, n=1)
             hint = f'; did you mean {similar[0]}?' if similar else ''

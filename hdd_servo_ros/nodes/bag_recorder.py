@@ -8,6 +8,7 @@ import subprocess
 import sys
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -54,6 +55,10 @@ class BagRecorder(CatalogueNode):
 
     def __init__(self, *, process: 'subprocess.Popen[bytes] | None' = None) -> None:
         super().__init__(RECORDER)
+        given = self.parameters[RecorderParameters].run_dir
+        if given and Path(given).exists():
+            allowed = 'a folder that does not exist yet: it exists, and a run is never overwritten'
+            raise ParameterError(f'{self.get_name()}:run_dir', given, allowed)
         self._process = process
         self._recorder: RunRecorder | None = None
         self._run: RunPlan | None = None

@@ -13,8 +13,8 @@ from rclpy.signals import SignalHandlerOptions
 from hdd_servo_ros.graph.catalogue import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.messages.exit_codes import guard, one_line
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
-from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
@@ -62,6 +62,10 @@ class Composition:
 
 def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None = None) -> int:
     """Run several loop nodes in this process; ``make`` gets the command line. See :func:`run_node`."""
+    return guard(name, lambda: _run_nodes(name, make, arguments))
+
+
+def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None) -> int:
     command_line = list(sys.argv if arguments is None else arguments)
     use_udp_alone(os.environ)
     try:
@@ -71,8 +75,7 @@ def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments:
         # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return 2
+        raise error if hasattr(error, 'exit_code') else ArgumentError(one_line(error)) from None
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
@@ -85,9 +88,6 @@ def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments:
         given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
         _check_schedule(nodes)
         return Lockstep(nodes, composition.others, intra_process=composition.intra_process).run().exit_code
-    except (ParameterError, ArgumentError) as error:
-        print(f'{name}: {error}', file=sys.stderr)
-        return 2
     except KeyboardInterrupt:  # before the lockstep listens to signals
         return 128 + signal.SIGINT
     finally:

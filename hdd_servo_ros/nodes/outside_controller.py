@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.controller_loader import ENTRY_POINTS, ControllerKind, load_controller
 from hdd_servo_ros.messages.errors import RunError
+from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
@@ -63,13 +64,10 @@ class OutsideControllerNode(ControllerNode):
             raise RunError(str(error)) from error
 
 
+@command('outside_controller')
 def run_controller(find: Callable[[], ControllerKind], arguments: Sequence[str] | None = None) -> int:
     """Run the node of a controller class until its run ends; exit codes as of :func:`run_node`."""
-    try:
-        kind = find()
-    except ParameterError as error:
-        print(f'outside_controller: {error}', file=sys.stderr)
-        return 2
+    kind = find()
     return run_node(kind.node, lambda: OutsideControllerNode(kind), arguments)
 
 

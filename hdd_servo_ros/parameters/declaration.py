@@ -13,6 +13,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS
 from hdd_servo_ros.messages.shown import shown
 
 Value = bool | int | float | str | tuple[bool, ...] | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
@@ -21,6 +22,8 @@ Block = TypeVar('Block')
 
 class ParameterError(ValueError):
     """A parameter value that is not allowed: says the name, the value and what is allowed."""
+
+    exit_code = WRONG_ARGUMENTS
 
     def __init__(self, name: str, value: object, allowed: str) -> None:
         super().__init__(f'parameter {name} = {shown(value)} is refused: {allowed}')

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.remapping import RemapError, Remapping, RemapRule
@@ -29,6 +30,8 @@ _LEVEL = re.compile(r'(?:[^:]+:=)?(?:debug|info|warn|error|fatal|unset)', re.IGN
 
 class ArgumentError(ValueError):
     """A command line or a parameter file that cannot be read; says what and where."""
+
+    exit_code = WRONG_ARGUMENTS
 
 
 @dataclasses.dataclass

@@ -25,6 +25,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.exit_codes import UNREADABLE
 from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, read_digests
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
 from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
@@ -49,6 +50,8 @@ WRONG_DIGEST = 'is damaged: its messages are not those that were written'
 
 class BagError(ValueError):
     """A bag that cannot be read; says which and why."""
+
+    exit_code = UNREADABLE
 
 
 def bag_directory(path: Path) -> Path:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hdd_servo_ros.messages.cdr import names_and_start, numbers
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError
@@ -38,8 +39,12 @@ def first_difference(
         The earliest difference in words, None if every payload is identical.
     """
     ours, theirs = labels or (str(left), str(right))
+    return _first_difference(_Side(left, ours), _Side(right, theirs), last_tick)
+
+
+def _first_difference(left: '_Side', right: '_Side', last_tick: int | None) -> str | None:
     ticks = None if last_tick is None else last_tick + 1
-    differences = list(_differences(_Side(left, ours), _Side(right, theirs), ticks))
+    differences = list(_differences(left, right, ticks))
     # Of several at one tick the first in the order of the topics, along which data flows.
     return min(differences, key=lambda difference: difference[0])[1] if differences else None
 
@@ -133,20 +138,22 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
     return f'{one.hex()} in {labels[0]} and {other.hex()} in {labels[1]}'
 
 
+@command('compare_bags', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare two runs; exit code 0 if they are identical, 1 if not, 2 if one cannot be read."""
+    """Compare two runs; exit code 0 if they are identical, 1 if not, 3 if one cannot be read."""
     parser = argparse.ArgumentParser(
         prog='compare_bags',
         description='Compare the loop topics of two recorded runs byte by byte, and print the first difference.',
-        epilog='Exit code: 0 the runs are identical, 1 they differ, 2 one of them cannot be read.',
+        epilog='Exit code: 0 the runs are identical, 1 they differ, 2 wrong arguments, 3 one of them cannot be read.',
     )
     parser.add_argument('run', type=Path, nargs=2, help='run folder or bag')
     left, right = parser.parse_args(arguments).run
-    try:
-        difference = first_difference(left, right)
-    except (OSError, ValueError) as error:
-        print(f'compare_bags: {error}', file=sys.stderr)
-        return 2
+    sides = []
+    for path in (left, right):
+        with reading(path):
+            sides.append(_Side(path, str(path)))
+    with reading(Path(f'{left} or {right}')):
+        difference = _first_difference(sides[0], sides[1], None)
     print(difference or 'identical')
     return 0 if difference is None else 1
 

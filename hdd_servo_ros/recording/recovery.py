@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.messages.exit_codes import UNREADABLE
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS, RECORDER
@@ -31,6 +32,8 @@ _NO_TICK = 'no tick is left'
 
 class RecoveryError(Exception):
     """A run that cannot be mended; says why."""
+
+    exit_code = UNREADABLE
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,7 +15,9 @@ from typing import Any
 
 import yaml
 
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, one_line
 from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.version import __version__
 
@@ -36,6 +38,8 @@ _DUMPER: Any = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 class DescriptionError(OSError):
     """A run.yaml that does not describe a run; says which and why."""
+
+    exit_code = UNREADABLE
 
 
 def default_run_directory(controller: str) -> Path:
@@ -131,16 +135,16 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
         raise FileNotFoundError(f'{directory} is not a run folder: it has no run.yaml')
     try:
         content = yaml.safe_load(path.read_text('utf8'))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DescriptionError(f'{path} cannot be read: {" ".join(str(error).split())}') from None
+    except (yaml.YAMLError, OSError, ValueError, RecursionError, OverflowError) as error:
+        raise DescriptionError(f'{path} cannot be read: {one_line(error)}') from None
     if not isinstance(content, dict):
-        raise DescriptionError(f'{path} does not describe a run: it holds {content!r:.40}')
+        raise DescriptionError(f'{path} does not describe a run: it holds {shown(content, 40)}')
     for key, kinds in _KINDS.items():
         if key in content and not isinstance(content[key], kinds):
-            raise DescriptionError(f'{path} does not describe a run: {key} is {content[key]!r:.40}')
+            raise DescriptionError(f'{path} does not describe a run: {key} is {shown(content[key], 40)}')
     topics = content.get('topics', {})
     if not all(isinstance(name, str) for pair in topics.items() for name in pair):
-        raise DescriptionError(f'{path} does not describe a run: topics is {topics!r:.40}')
+        raise DescriptionError(f'{path} does not describe a run: topics is {shown(topics, 40)}')
     try:
         sample_time_to_nanoseconds(content.get('sample_time', 1.0))
     except (ValueError, OverflowError) as error:

@@ -8,10 +8,17 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 def run_name(run: RecordedRun) -> str:
     """Return the name of the run's folder."""
     path = run.path.resolve()
-    return path.parent.name if path.name == 'bag' and run.description else path.name
+    return _printable(path.parent.name if path.name == 'bag' and run.description else path.name)
 
 
 def run_names(runs: Sequence[RecordedRun]) -> list[str]:
     """Return a name for each of several runs, all different."""
     names = [run_name(run) for run in runs]
-    return [name if names.count(name) == 1 else str(run.path) for run, name in zip(runs, names, strict=True)]
+    return [
+        name if names.count(name) == 1 else _printable(str(run.path)) for run, name in zip(runs, names, strict=True)
+    ]
+
+
+def _printable(name: str) -> str:
+    """Return a file's name with escapes for bytes that are not UTF-8: neither a picture nor a page can show them."""
+    return name.encode('utf-8', 'backslashreplace').decode('utf-8')

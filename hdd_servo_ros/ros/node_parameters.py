@@ -2,13 +2,17 @@
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from hdd_servo_ros.graph.known_parameters import STANDARD_NAMES
+from hdd_servo_ros.messages.exit_codes import one_line
 from hdd_servo_ros.parameters import (
     Declaration,
     ParameterError,
@@ -18,7 +22,8 @@ from hdd_servo_ros.parameters import (
     from_mapping,
     to_mapping,
 )
-from hdd_servo_ros.parameters.files import with_node
+from hdd_servo_ros.parameters.files import ArgumentError, with_node
+from hdd_servo_ros.parameters.ros_yaml import read_value
 
 _TYPES = {
     bool: Parameter.Type.BOOL,
@@ -33,7 +38,6 @@ _ARRAY_TYPES = {
     str: Parameter.Type.STRING_ARRAY,
 }
 _USE_SIM_TIME = 'use_sim_time'
-_STANDARD_NAMES = (_USE_SIM_TIME, 'start_type_description_service')
 _CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the loop has its tick as its time anyway'
 
 
@@ -56,7 +60,25 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
 
 
 class ParameterNode(Node):
-    """A node that rejects unknown parameters by name; rclpy's own services would return an empty list."""
+    """
+    A node that rejects unknown parameters by name; rclpy's own services would return an empty list.
+
+    Raises
+    ------
+    ParameterError, ArgumentError
+        If rclpy refuses the node's name, namespace or one of the parameters that every node has.
+    """
+
+    def __init__(self, name: str) -> None:
+        try:
+            super().__init__(name)
+        except InvalidParameterTypeException as error:
+            # Its text is all that it keeps.
+            found = re.search(r"parameter '(\w+)' to '(.*)' of type", str(error))
+            given, value = found.groups() if found else ('use_sim_time', '')
+            raise ParameterError(f'{name}:{given}', read_value(value), 'true or false') from None
+        except Exception as error:
+            raise ArgumentError(f'{name}: {one_line(error)}') from None
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
         """Change parameters one by one; return the result of each."""
@@ -101,7 +123,7 @@ class NodeParameters:
             name: _plain(found.value)
             # Not automatically_declare_parameters_from_overrides: it raises for an empty list, which has no type there.
             for name, found in node._parameter_overrides.items()
-            if name not in _STANDARD_NAMES and not name.startswith('qos_overrides.')
+            if name not in STANDARD_NAMES
         }
         known = set().union(*self._names.values())
         self.unknown = {name: value for name, value in given.items() if name not in known}

@@ -32,7 +32,7 @@ from hdd_servo_ros.graph.catalogue import (
 )
 from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
-from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.known_parameters import refuse_unknown, take_standard
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_run
 from hdd_servo_ros.graph.topic_names import topic_names
@@ -219,10 +219,8 @@ class Simulation:
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
         except ParameterError as error:
             raise with_node(error, node) from None
-        # What every ROS node has, and `ros2 param dump` writes.
-        for name in ('use_sim_time', 'start_type_description_service'):
-            values.pop(name, None)
         try:
+            take_standard(values)
             refuse_unknown(values)
         except ParameterError as error:
             # What was given for all nodes is missing in all.

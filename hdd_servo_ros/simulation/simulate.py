@@ -15,12 +15,12 @@ from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.control.controller import ReportsFault
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
+from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
-from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import pack_parameter_event
-from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder, controller_name
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, transient_of
@@ -181,6 +181,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
     return outcome.exit_code, None if run.recorder is None else run.recorder.directory
 
 
+@command('simulate')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the experiment; exit codes as of `rig`."""
     command_line = list(sys.argv[1:] if arguments is None else arguments)
@@ -191,9 +192,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
         simulation = Simulation(parsed)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
-    except (ParameterError, ArgumentError, ControllerError, OSError) as error:
-        print(f'simulate: {error}', file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         # Compiling takes a while, and nothing is recorded yet.
         print('simulate: interrupted before the run began', file=sys.stderr)

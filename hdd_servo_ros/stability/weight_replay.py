@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
+from hdd_servo_ros.messages.exit_codes import UNREADABLE
 
 Array = NDArray[np.float64]
 
@@ -16,6 +17,8 @@ _PIECE = 8192
 
 class WeightReplayError(ValueError):
     """A replay that does not give what was recorded."""
+
+    exit_code = UNREADABLE
 
 
 def replay_weights(

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
+from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.studies.friction_curves import SECTION_5_4
 
@@ -218,6 +219,7 @@ def print_convergence(write: Callable[[str], None] = print) -> None:
         write('')
 
 
+@command('drive_response')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
     parser = argparse.ArgumentParser(
@@ -233,12 +235,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.convergence:
         print_convergence()
         return 0
-    try:
-        for path in write_plots(options.directory):
-            print(path)
-    except OSError as error:
-        print(f'drive_response: {error}', file=sys.stderr)
-        return 1
+    for path in write_plots(options.directory):
+        print(path)
     return 0
 
 

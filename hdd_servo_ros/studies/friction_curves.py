@@ -20,6 +20,7 @@ from hdd_servo_ros.drive.friction.curves import friction_along, friction_curve
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.messages.exit_codes import command
 
 Array = npt.NDArray[np.float64]
 
@@ -191,6 +192,7 @@ def _label(axis: Axes, title: str, x: str, y: str) -> None:
     axis.grid(alpha=0.3)
 
 
+@command('friction_curves')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the plots; exit code 0 done, 1 if a file cannot be written."""
     parser = argparse.ArgumentParser(
@@ -202,12 +204,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'directory', nargs='?', type=Path, default=Path('runs/friction_curves'), help='default: %(default)s'
     )
     directory = parser.parse_args(arguments).directory
-    try:
-        for path in write_plots(directory):
-            print(path)
-    except OSError as error:
-        print(f'friction_curves: {error}', file=sys.stderr)
-        return 1
+    for path in write_plots(directory):
+        print(path)
     return 0
 
 

@@ -8,7 +8,7 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 
-from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, track
@@ -74,6 +74,7 @@ def _print_head(first: str) -> None:
     _print_row(['---'] * (1 + len(names)))
 
 
+@command('instruments')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables; 0 done, 2 invalid arguments or parameters."""
     parser = argparse.ArgumentParser(
@@ -85,11 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
     parser.add_argument('--seconds', type=float, default=12.0, help='length of the runs [s]')
     options = parser.parse_args(arguments)
-    try:
-        _print_tables(options)
-    except (ParameterError, ArgumentError) as error:
-        print(f'instruments: {error}', file=sys.stderr)
-        return 2
+    _print_tables(options)
     return 0
 
 

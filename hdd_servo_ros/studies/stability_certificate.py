@@ -22,13 +22,13 @@ from matplotlib.figure import Figure
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.topics import DISTURBANCE, PARAMETER_EVENTS
 from hdd_servo_ros.messages.units import Units
-from hdd_servo_ros.parameters import ParameterError, with_tuples
+from hdd_servo_ros.parameters import with_tuples
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.stability.certificate import Certificate, Condition, certify, conditions
-from hdd_servo_ros.stability.weight_replay import WeightReplayError
 
 CONTROLLER, DRIVE, SENSOR = 'adaptive_nn_controller', 'vcm_plant', 'ldv_sensor'
 _POINTS = 4000
@@ -36,6 +36,8 @@ _POINTS = 4000
 
 class CertificateError(ValueError):
     """A run of which no certificate can be given; says why."""
+
+    exit_code = UNREADABLE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,27 +190,26 @@ def draw(report: Report, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+@command('stability_certificate', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print and draw the certificate of a run; exit code 2 if there is none to give."""
     parser = argparse.ArgumentParser(
         prog='stability_certificate',
         description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
         'controller; the picture is certificate.png in the run folder.',
-        epilog='Exit code: 0 done (also where a bound is violated), 2 the run has no certificate or cannot be read.',
+        epilog='Exit code: 0 done (also where a bound is violated), 1 the picture cannot be written, 2 wrong '
+        'arguments, 3 the run has no certificate or cannot be read.',
     )
     parser.add_argument('run', type=Path, help='run folder')
     parser.add_argument('--disturbance', type=float, help='bound of a disturbance from a node of its own [V]')
     options = parser.parse_args(arguments)
     if options.disturbance is not None and not 0.0 <= options.disturbance < math.inf:
         parser.error(f'--disturbance {options.disturbance:g} is no bound: a finite number at least 0 [V]')
-    try:
+    with reading(options.run):
         report = certificate_of_run(options.run, options.disturbance)
-        print(table(report))
-        picture = options.run / 'certificate.png'
-        draw(report, picture)
-    except (CertificateError, ParameterError, WeightReplayError, OSError, ValueError) as error:
-        print(f'stability_certificate: {error}', file=sys.stderr)
-        return 2
+    print(table(report))
+    picture = options.run / 'certificate.png'
+    draw(report, picture)
     print(f'\npicture  {picture}')
     return 0
 

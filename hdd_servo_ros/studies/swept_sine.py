@@ -22,6 +22,7 @@ from hdd_servo_ros.bench.response import FrequencyResponse, held
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.bode import bode
 from hdd_servo_ros.reporting.recorded_response import node_parameters, response_of_run
@@ -84,20 +85,22 @@ def _deviation(found: float | None, true: float, digits: int) -> str:
     return f'{found:.{digits}g} ({100.0 * (found / true - 1.0):+.2g} %)'
 
 
+@command('swept_sine', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify one run; exit code 2 if it is not a sweep, or cannot be read or written."""
+    """Identify one run; exit code 3 if it is not a sweep or cannot be read, 1 if a file cannot be written."""
     parser = argparse.ArgumentParser(
         prog='swept_sine',
         description='Compute the response of a recorded sweep from its bag alone (response.csv and response.png in the '
         'run folder), and compare what two methods identify from it with the true drive.',
-        epilog='Exit code: 0 done, 2 the run is not a sweep or cannot be read or written.',
+        epilog='Exit code: 0 done, 1 a file cannot be written, 2 wrong arguments, 3 the run is not a sweep or cannot '
+        'be read.',
     )
     parser.add_argument('run', type=Path, help='folder of a run of signal_analyzer')
     parser.add_argument('--noise', type=float, default=0.0, help='relative rms of noise to add before identifying')
     parser.add_argument('--seed', type=int, default=0, help='of that noise')
     parser.add_argument('--from', type=float, default=FROM, dest='lowest', metavar='HZ', help='lowest frequency used')
     given = parser.parse_args(arguments)
-    try:
+    with reading(given.run):
         run = RecordedRun.open(given.run)
         measured = response_of_run(run)
         plant = block_parameters('vcm_plant', node_parameters(run, 'vcm_plant'))
@@ -105,13 +108,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.noise:
             used = with_noise(used, given.noise, given.seed)
         models = {method: identify_measured(used, POLES, ZEROS, method=method) for method in (LEVY, METHODS[0])}
-        measured.write_csv(given.run / CSV)
         fitted = models[METHODS[0]].response(measured.frequency) * held(measured.frequency, measured.hold)
-        curves = {'measured': measured, 'identified': FrequencyResponse.of(measured.frequency, fitted)}
-        bode(curves).savefig(given.run / PICTURE, dpi=100)
-    except (OSError, ValueError) as error:
-        print(f'swept_sine: {given.run}: {error}', file=sys.stderr)
-        return 2
+    measured.write_csv(given.run / CSV)
+    curves = {'measured': measured, 'identified': FrequencyResponse.of(measured.frequency, fitted)}
+    bode(curves).savefig(given.run / PICTURE, dpi=100)
     print(describe(measured))
     print(compare(plant, models))
     print(f'written: {given.run / CSV}, {given.run / PICTURE}')

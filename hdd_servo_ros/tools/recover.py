@@ -5,40 +5,39 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hdd_servo_ros.recording.recovery import BACKUP, Recovery, RecoveryError
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
+from hdd_servo_ros.recording.recovery import BACKUP, Recovery
 
 
+@command('recover', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 2 if it cannot be looked at."""
+    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
     parser = argparse.ArgumentParser(
         prog='recover',
         description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
         epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was. '
-        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 it cannot be mended.',
+        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 wrong arguments, 3 it cannot be mended.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
     parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
     parsed = parser.parse_args(arguments)
-    try:
+    with reading(parsed.run):
         recovery = Recovery(parsed.run)
-        finding = recovery.finding
-        if not finding.faults and finding.last_tick < 0:
-            print(f'recover: {parsed.run}: nothing is left to mend: {finding.status}, {finding.reason}')
-            return 1
-        if not finding.faults:
-            print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
-            return 0
-        for fault in finding.faults:
-            print(f'recover: {fault}')
-        print(f'recover: {finding.kept} messages, complete up to tick {finding.last_tick}')
-        if finding.left:
-            print(f'recover: {finding.left} messages behind that stay in the original alone')
-        if not parsed.dry_run:
-            originals = ' and '.join(str(path) for path in recovery.mend()) or 'there were none'
-            print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
-    except (RecoveryError, OSError, ValueError) as error:
-        print(f'recover: {error}', file=sys.stderr)
-        return 2
+    finding = recovery.finding
+    if not finding.faults and finding.last_tick < 0:
+        print(f'recover: {parsed.run}: nothing is left to mend: {finding.status}, {finding.reason}')
+        return 1
+    if not finding.faults:
+        print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
+        return 0
+    for fault in finding.faults:
+        print(f'recover: {fault}')
+    print(f'recover: {finding.kept} messages, complete up to tick {finding.last_tick}')
+    if finding.left:
+        print(f'recover: {finding.left} messages behind that stay in the original alone')
+    if not parsed.dry_run:
+        originals = ' and '.join(str(path) for path in recovery.mend()) or 'there were none'
+        print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
     return 0 if finding.last_tick >= 0 else 1
 
 

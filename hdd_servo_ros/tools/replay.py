@@ -11,14 +11,14 @@ from typing import Any
 from hdd_servo_ros.graph.catalogue import NODES, SENSORS
 from hdd_servo_ros.graph.recorded_nodes import kind_of_node
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
+from hdd_servo_ros.messages.exit_codes import UNREADABLE, WRONG_ARGUMENTS, command, reading
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS, RECORDER
-from hdd_servo_ros.parameters import ParameterError, Value
+from hdd_servo_ros.parameters import Value
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.ros_yaml import written_file
 from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule
-from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.parameter_history import recorded_changes
 from hdd_servo_ros.recording.run_folder import git_revision, read_run_yaml, versions
@@ -28,12 +28,12 @@ DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _OPTIONAL_NAMES = tuple(topic.name for topic in OPTIONAL_TOPICS)
 _PACE = ('rate', 'progress')
 """Parameters of the timer that say how fast a run goes in wall time."""
-_REFUSED = 2
-"""Exit code of `rig` and `simulate` for parameters that they refuse."""
 
 
 class ReplayError(Exception):
     """A run that cannot be rerun; says why."""
+
+    exit_code = UNREADABLE
 
 
 class Recording:
@@ -236,18 +236,24 @@ def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
 
 def replay(run: Path, output: Path, *, without_ros: bool) -> int:
     """Rerun ``run`` into ``output`` and say whether it came out the same; return the exit code."""
-    recording = Recording(run)
+    with reading(run):
+        try:
+            recording = Recording(run)
+            schedule = recording.schedule()
+        except KeyError as error:
+            raise ReplayError(f'{run}: run.yaml does not say {error}') from None
     for differing in recording.differing_versions():
         print(f'replay: note: {differing}')
-    for entry in recording.schedule():
+    for entry in schedule:
         print(f'replay: parameter change {entry}')
     exit_code = rerun(recording, output, without_ros=without_ros)
-    if exit_code == _REFUSED:
+    if exit_code == WRONG_ARGUMENTS:
         raise ReplayError(f'{run}: what run.yaml says is refused, so it cannot be rerun')
     if exit_code != 0:
         print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
         return 1
-    difference = first_difference(run, output, recording.last_tick, labels=('the recording', 'the rerun'))
+    with reading(run):
+        difference = first_difference(run, output, recording.last_tick, labels=('the recording', 'the rerun'))
     if difference is not None:
         print(f'replay: different: {difference}')
         return 1
@@ -255,30 +261,25 @@ def replay(run: Path, output: Path, *, without_ros: bool) -> int:
     return 0
 
 
+@command('replay', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 2 if it cannot be rerun."""
+    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 3 if it cannot be rerun."""
     parser = argparse.ArgumentParser(
         prog='replay',
         description='Rerun a recorded run from its run.yaml and the changes in its bag, and compare the bits.',
-        epilog='Exit code: 0 the bits are the same, 1 they are not, 2 the run cannot be rerun.',
+        epilog='Exit code: 0 the bits are the same, 1 they are not, 2 wrong arguments, 3 the run cannot be read or '
+        'rerun.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
     parser.add_argument('--without-ros', action='store_true', help='rerun with simulate instead of rig')
     parser.add_argument('--output', type=Path, metavar='DIR', help='keep the rerun in this new folder')
     parsed = parser.parse_args(arguments)
-    try:
-        if parsed.output is not None:
-            if parsed.output.exists():
-                raise ReplayError(f'{parsed.output} exists, and a run is never overwritten')
-            return replay(parsed.run, parsed.output, without_ros=parsed.without_ros)
-        with tempfile.TemporaryDirectory() as directory:
-            return replay(parsed.run, Path(directory) / 'rerun', without_ros=parsed.without_ros)
-    except KeyError as error:
-        print(f'replay: {parsed.run}: run.yaml does not say {error}', file=sys.stderr)
-        return 2
-    except (ReplayError, OSError, BagError, ParameterError) as error:
-        print(f'replay: {error}', file=sys.stderr)
-        return 2
+    if parsed.output is not None:
+        if parsed.output.exists():
+            raise FileExistsError(f'{parsed.output} exists, and a run is never overwritten')
+        return replay(parsed.run, parsed.output, without_ros=parsed.without_ros)
+    with tempfile.TemporaryDirectory() as directory:
+        return replay(parsed.run, Path(directory) / 'rerun', without_ros=parsed.without_ros)
 
 
 if __name__ == '__main__':

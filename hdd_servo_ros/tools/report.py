@@ -7,19 +7,17 @@ No ROS import; without ``--by-source`` nothing but the runs' bags and their ``ru
 import argparse
 import itertools
 import math
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
 
-from hdd_servo_ros.control.outside import ControllerError
+from hdd_servo_ros.messages.exit_codes import EPILOG, UNREADABLE, command, reading
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.report import compare_runs, comparison_table, refuse_different_units, report_run
 from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.source_panels import ErrorBySource
-from hdd_servo_ros.tools.replay import ReplayError
 
 
 def _by_source(run: RecordedRun, after: float | None) -> ErrorBySource:
@@ -55,12 +53,14 @@ def _seconds(text: str) -> float:
     return number
 
 
+@command('report', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Report runs; exit code 0, or 2 if one cannot be read or, with ``--by-source``, run again."""
+    """Report runs; exit code 0, or 3 if one cannot be read or, with ``--by-source``, run again."""
     parser = argparse.ArgumentParser(
         prog='report',
         description='Metrics, a picture (report.png) and a page (report.html) of each run, from its bag alone; '
         'of several runs also one table and overlay (comparison.png, comparison.html).',
+        epilog=EPILOG,
     )
     parser.add_argument('run', type=Path, nargs='+', help='run folder, or a bag of the same topics')
     parser.add_argument(
@@ -82,27 +82,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help='repeat each run in this process without each of its sources of error, and report what each contributes',
     )
     options = parser.parse_args(arguments)
-    try:
-        runs = [RecordedRun.open(path) for path in options.run]
-        refuse_different_units(runs)
-        written, remarks = [], []
-        by_source: list[ErrorBySource | None] = []
-        jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
-        for directory, name, run in zip(_directories(runs, options.output), run_names(runs), jobs, strict=True):
+    runs = []
+    for path in options.run:
+        with reading(path):
+            runs.append(RecordedRun.open(path))
+    refuse_different_units(runs)
+    written, remarks = [], []
+    by_source: list[ErrorBySource | None] = []
+    jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
+    for directory, name, run in zip(_directories(runs, options.output), run_names(runs), jobs, strict=True):
+        with reading(run.path):
             by_source.append(_by_source(run, options.after) if options.by_source else None)
             files, lines = report_run(run, directory, options.after, by_source[-1])
-            written += files
-            remarks += [f'{name}: {line}' for line in lines]
-        if len(runs) > 1:
-            beside = options.run[0].resolve().parent if options.output is None else options.output
-            written += compare_runs(runs, beside, options.after)
-        table = comparison_table(runs, options.after, by_source)
-    except (ValueError, OSError, ReplayError, ControllerError) as error:
-        print(f'report: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print('report: interrupted', file=sys.stderr)
-        return 128 + signal.SIGINT
+        written += files
+        remarks += [f'{name}: {line}' for line in lines]
+    if len(runs) > 1:
+        beside = options.run[0].resolve().parent if options.output is None else options.output
+        written += compare_runs(runs, beside, options.after)
+    table = comparison_table(runs, options.after, by_source)
     _print_table(*table)
     for line in remarks:
         print(line)

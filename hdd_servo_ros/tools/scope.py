@@ -27,11 +27,12 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from std_msgs.msg import Float64MultiArray, String
 
+from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS, command
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
 from hdd_servo_ros.messages.scope_blocks import Block
 from hdd_servo_ros.messages.topics import SCOPE
 from hdd_servo_ros.messages.units import Units
-from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
+from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.reporting.live_view import LiveView, lighten
 from hdd_servo_ros.ros.transport import use_udp_alone
 
@@ -214,6 +215,8 @@ def choose_view(*, web: bool, port: int) -> int | None:
 class ViewError(Exception):
     """There is nothing to show the signals on."""
 
+    exit_code = WRONG_ARGUMENTS
+
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
@@ -256,14 +259,11 @@ def _picture(text: str) -> Path:
     return path
 
 
+@command('scope')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
     command_line = list(sys.argv if arguments is None else ['scope', *arguments])
-    try:
-        parsed = _parse(parse_ros_arguments(command_line[1:]).others)
-    except ArgumentError as error:
-        print(f'scope: {error}', file=sys.stderr)
-        return 2
+    parsed = _parse(parse_ros_arguments(command_line[1:]).others)
     use_udp_alone(os.environ)
     os.nice(_NICENESS)
     lighten()
@@ -274,9 +274,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             save(parsed.save, parsed.seconds, parsed.window)
         else:
             show(parsed.window, port)
-    except (ViewError, OSError, ValueError) as error:
-        print(f'scope: {error}', file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     finally:

@@ -367,7 +367,7 @@ def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, argu
     write_constants(names['head_alone'], {HEAD: 0.02})
     if '{study}' in arguments:
         names['study'] = simulated(tmp_path / 'study', '-p', 'duration:=0.1', '-p', 'length_unit:=m')
-    assert main([argument.format(**names) for argument in arguments]) == 2
+    assert main([argument.format(**names) for argument in arguments]) == 3
     assert words in capsys.readouterr().err
 
 

@@ -25,7 +25,7 @@ def test_a_killed_run_is_mended_and_replayed(bench):
         assert time.monotonic() < deadline, process.output
         time.sleep(0.05)
     answer = bench.python('-m', 'hdd_servo_ros.tools.recover', 'run')
-    assert answer.returncode == 2
+    assert answer.returncode == 3
     assert 'still has the bag open' in answer.stderr
     writers = list(children_of(process.popen.pid))
     assert writers

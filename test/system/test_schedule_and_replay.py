@@ -129,18 +129,18 @@ def test_a_live_tuning_session_is_replayed(bench):
 
 def test_what_cannot_be_replayed(bench):
     code, text = replay(bench, 'nothing')
-    assert (code, text) == (2, 'replay: nothing is not a run folder: it has no run.yaml\n')
+    assert (code, text) == (3, 'replay: nothing is not a run folder: it has no run.yaml\n')
     bench.run('simulate', *DURATION, '-p', 'run_dir:=run', '-p', 'plot:=false')
     said = bench.run_yaml('run')
     path = bench.directory / 'run' / 'run.yaml'
     path.write_text(yaml.safe_dump({**said, 'status': 'running'}))
     code, text = replay(bench, 'run')
-    assert code == 2
+    assert code == 3
     assert 'recover run' in text
     del said['nodes']['/adaptive_nn_controller']
     path.write_text(yaml.safe_dump(said))
     code, text = replay(bench, 'run')
-    assert code == 2
+    assert code == 3
     assert '/control, /estimates came from a node that run.yaml does not name' in text
     for content, words in (
         ('', 'does not describe a run'),
@@ -150,7 +150,7 @@ def test_what_cannot_be_replayed(bench):
     ):
         path.write_text(content)
         code, text = replay(bench, 'run', '--without-ros')
-        assert code == 2
+        assert code == 3
         assert words in text
         assert 'Traceback' not in text
 
@@ -161,12 +161,12 @@ def test_a_run_whose_description_or_bag_was_tampered_with_is_refused(bench):
     said['nodes']['/vcm_plant']['parameters']['gain'] = -1.0
     (bench.directory / 'run' / 'run.yaml').write_text(yaml.safe_dump(said))
     code, text = replay(bench, 'run', '--without-ros')
-    assert code == 2
+    assert code == 3
     assert 'gain = -1.0 is refused' in text
     bag = bench.directory / 'run' / 'bag' / 'bag.mcap'
     bag.write_bytes(bag.read_bytes()[:5000])
     code, text = replay(bench, 'run', '--without-ros')
-    assert code == 2
+    assert code == 3
     assert 'does not end as an MCAP file does' in text
     assert 'Traceback' not in text
 

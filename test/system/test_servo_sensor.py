@@ -105,7 +105,7 @@ def test_report_compare_and_checks_of_a_run_without_ldv(bench):
     wanted = loop.peak_sensitivity(pid_law(PidParameters(proportional_gain=0.1, derivative_gain=1.2e-4)))
     assert found.largest == wanted
     refused = bench.python('-m', 'hdd_servo_ros.studies.stability_certificate', 'servo')
-    assert refused.returncode == 2
+    assert refused.returncode == 3
     assert 'adaptive_nn_controller' in refused.stderr
 
 

@@ -207,7 +207,7 @@ def test_run_folder_is_never_overwritten(bench):
     bench.run('rig', *short)
     before = (bench.directory / 'run' / 'run.yaml').read_bytes()
     again = bench.start('rig', *short)
-    assert again.wait() == 1
+    assert again.wait() == 2
     assert 'never overwritten' in again.output
     simulated = bench.start('simulate', *short)
     assert simulated.wait() == 2
