@@ -117,6 +117,8 @@ def told(error: Exception, wrong_input: int = WRONG_ARGUMENTS) -> tuple[int, str
     if isinstance(error, OSError):
         # One without a number is this package's own, about what was given; so is a folder that is there already.
         return (wrong_input if error.errno is None or isinstance(error, FileExistsError) else FAILED), line
+    if type(error) is ValueError:
+        return wrong_input, line
     if isinstance(error, MemoryError):
         return FAILED, f'out of memory {line}'.strip()
     return FAILED, f'unexpected error: {described(error)}; {TRACEBACK}=1 shows the traceback'

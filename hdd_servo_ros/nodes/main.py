@@ -20,7 +20,7 @@ from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.loop_node import LoopNode
-from hdd_servo_ros.ros.transport import use_udp_alone
+from hdd_servo_ros.ros.transport import use_udp_alone, who_can_reach
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -67,6 +67,7 @@ def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments:
 
 def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None) -> int:
     command_line = list(sys.argv if arguments is None else arguments)
+    warning = who_can_reach(os.environ)
     use_udp_alone(os.environ)
     try:
         # Before ROS reads them, whose errors name lines of its C sources.
@@ -76,6 +77,8 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         raise error if hasattr(error, 'exit_code') else ArgumentError(one_line(error)) from None
+    if warning:
+        print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:

@@ -66,7 +66,7 @@ def write_page(
         title=html.escape(title),
         subtitle=html.escape(subtitle),
         table=_table(*table),
-        figures=json.dumps(_figures(panels, sample_time), ensure_ascii=True).replace('</', '<\\/'),
+        figures=_in_script(_figures(panels, sample_time)),
         details=''.join(_details(name, lines) for name, lines in details.items()),
         written=html.escape(f'{dt.datetime.now():%Y-%m-%d %H:%M}'),
         plotly=get_plotlyjs(),
@@ -74,6 +74,12 @@ def write_page(
     temporary = path.with_suffix('.html.tmp')
     temporary.write_text(text, 'utf8')
     temporary.replace(path)
+
+
+def _in_script(value: object) -> str:
+    """Return JSON in which no text can end a script, or begin a comment or a script within it."""
+    text = json.dumps(value, ensure_ascii=True)
+    return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
 def _figures(panels: Sequence[Panel], sample_time: float) -> list[dict[str, Any]]:
@@ -97,7 +103,7 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
         vertical = [max(0.0, top - height), top]
         whole = _Axes(_number(index), _number(0), [0.0, _SPLIT[0]] if has_close_up else [0.0, 1.0], vertical)
         layout |= whole.layout(panel, panel.traces) | {f'legend{whole.number}': {'y': top, 'yanchor': 'top'}}
-        layout[f'yaxis{whole.number}']['title'] = {'text': panel.y_label}
+        layout[f'yaxis{whole.number}']['title'] = {'text': html.escape(panel.y_label)}
         layout['annotations'].append(_title(panel.title, 0.0, top))
         data += whole.lines(panel, panel.traces, sample_time, legend=f'legend{whole.number}')
         layout['shapes'] += whole.shades(panel.shades, legend=f'legend{whole.number}')
@@ -130,9 +136,13 @@ class _Axes:
         """Return the description of the axes."""
         log = {'type': 'log', 'dtick': 1}
         x: dict[str, Any] = {'anchor': f'y{self.number}', 'domain': self.horizontal}
-        x['title'] = {'text': panel.x_label, 'standoff': 4}
+        # Of a text plotly.js takes some tags and all entities.
+        x['title'] = {'text': html.escape(panel.x_label), 'standoff': 4}
         if panel.categories:
-            x |= {'tickvals': list(range(len(panel.categories))), 'ticktext': list(panel.categories)}
+            x |= {
+                'tickvals': list(range(len(panel.categories))),
+                'ticktext': [html.escape(text) for text in panel.categories],
+            }
         if self.followed != self.number:
             x['matches'] = f'x{self.followed}'
         y: dict[str, Any] = {'anchor': f'x{self.number}', 'domain': self.vertical, 'exponentformat': 'power'}
@@ -152,7 +162,7 @@ class _Axes:
         return [
             {
                 'type': 'scattergl' if len(traces[index].x) > _MANY_POINTS else 'scatter',
-                'name': traces[index].name,
+                'name': html.escape(traces[index].name),
                 **_style(traces[index]),
                 'legendrank': index + 1,
                 'legendgroup': f'{panel.name}, {index}',

@@ -12,12 +12,13 @@ Between processes UDP is no slower for messages this small. Lost datagrams are s
 by default takes up to 3 s; a loop that waits for one stands still that long.
 """
 
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
 LOCALHOST_PROFILE = Path(__file__).with_name('localhost.xml')
 ANY_RANGE_PROFILE = Path(__file__).with_name('any_range.xml')
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_LOCALHOST, _OFF = 'LOCALHOST', 'OFF'
 _USER_SETTINGS = (
     'FASTDDS_BUILTIN_TRANSPORTS',
     'FASTRTPS_DEFAULT_PROFILES_FILE',
@@ -28,6 +29,39 @@ _USER_SETTINGS = (
 )
 
 
+_REACHING = (
+    'FASTRTPS_DEFAULT_PROFILES_FILE',
+    'FASTDDS_DEFAULT_PROFILES_FILE',
+    'ROS_DISCOVERY_SERVER',
+    'ROS_STATIC_PEERS',
+)
+"""Settings of a user by which DDS may reach other machines."""
+
+
+def who_can_reach(environment: Mapping[str, str]) -> str:
+    """
+    Return a warning if other machines may find this process, and so change and end its run; else an empty text.
+
+    Parameters
+    ----------
+    environment
+        Environment variables as the user gave them, before :func:`use_udp_alone`.
+    """
+    if environment.get('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE):
+        return ''  # From a process of this package that started this one.
+    if environment.get('ROS_LOCALHOST_ONLY') == '1':
+        return ''
+    given = environment.get(_RANGE, '')
+    if given.upper() not in ('', _LOCALHOST, _OFF):
+        reason = f'{_RANGE}={given}'
+    else:
+        opened = [name for name in _REACHING if environment.get(name) not in (None, '', str(ANY_RANGE_PROFILE))]
+        if not opened:
+            return ''
+        reason = f'{opened[0]} is set'
+    return f'{reason}: other machines may find this run, read it, change its parameters and end it (docs/security.md)'
+
+
 def use_udp_alone(environment: MutableMapping[str, str]) -> None:
     """
     Have Fast DDS use UDP alone; called before the ROS context is made.
@@ -36,15 +70,17 @@ def use_udp_alone(environment: MutableMapping[str, str]) -> None:
     ----------
     environment
         Environment variables of this process, changed. They stay as they are if one of them sets transports,
-        profiles or peers. Other middlewares read none of them.
+        profiles or peers. Other middlewares read none of them. Without a discovery range it is set to LOCALHOST.
     """
     if any(environment.get(name) for name in _USER_SETTINGS):
         return
+    if not environment.get(_RANGE):
+        environment[_RANGE] = _LOCALHOST
     environment['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
     if not environment.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps'):
         return
     profile = ANY_RANGE_PROFILE
-    if environment.get(_RANGE, '').upper() == 'LOCALHOST':
+    if environment[_RANGE].upper() == _LOCALHOST:
         # For this range rmw_fastrtps sets up shared memory regardless of that variable; this profile does not.
         profile = LOCALHOST_PROFILE
         environment[_RANGE] = 'SYSTEM_DEFAULT'

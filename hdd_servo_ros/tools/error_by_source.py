@@ -25,7 +25,7 @@ from hdd_servo_ros.simulation.run_setup import Simulation
 from hdd_servo_ros.tools.replay import Recording
 
 
-def error_by_source_of_run(run: RecordedRun, after: float | None = None) -> ErrorBySource:
+def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trusted: bool = False) -> ErrorBySource:
     """
     Run a recorded run again without each of its sources of error, by the compiled loop, in memory.
 
@@ -35,6 +35,8 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None) -> Erro
         The run.
     after
         Time before which errors do not count [s]; None for the first half of the run, 2 s at most.
+    trusted
+        Whether code that the run's folder names may run: the class of a custom controller.
 
     Raises
     ------
@@ -48,7 +50,7 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None) -> Erro
         raise ValueError(
             f'{run.path}: no track error: the head follows no reference, or /head or /reference is missing'
         )
-    recording = Recording(run.path)
+    recording = Recording(run.path, trusted=trusted)
     sources = _sources_of(run, recording)
     if not sources:
         raise ValueError(f'{run.path}: no source of error is on in this run')

@@ -8,11 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import NODES, SENSORS
+from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, SENSORS
 from hdd_servo_ros.graph.recorded_nodes import kind_of_node
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, WRONG_ARGUMENTS, command, reading
 from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, OPTIONAL_TOPICS, RECORDER
 from hdd_servo_ros.parameters import Value
@@ -44,6 +45,8 @@ class Recording:
     ----------
     run
         The run's folder.
+    trusted
+        Whether code that the folder names may run: the class of a custom controller.
 
     Raises
     ------
@@ -53,7 +56,7 @@ class Recording:
         If it is no run folder.
     """
 
-    def __init__(self, run: Path) -> None:
+    def __init__(self, run: Path, *, trusted: bool = False) -> None:
         self.run = run
         metadata = self.metadata = read_run_yaml(run)
         left_out = dict(metadata.get('topics_left_out', {}))
@@ -98,6 +101,13 @@ class Recording:
         self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
         self._refuse_other_names()
+        # A controller from outside the package is loaded by what it was given as, not by its node's name.
+        self.controller: str = metadata.get('controller_class', metadata['controller'])
+        if self.controller not in CONTROLLERS and not trusted:
+            raise ReplayError(
+                f'{run}: run.yaml names the controller {shown(self.controller)}, which is code of its own; if you '
+                'trust it, ask again with --trust'
+            )
         self.last_tick: int = metadata['last_tick']
         self.sample_time: float = metadata['sample_time']
 
@@ -169,11 +179,7 @@ class Recording:
         recorder['run_dir'] = str(output)
         if self.played:
             content[f'{self.namespace}/{PLAYBACK}'] = {RECORDED_RUN: str(self.run.resolve())}
-        # A controller from outside the package is loaded by what it was given as, not by its node's name.
-        rig: dict[str, Any] = {
-            'controller': self.metadata.get('controller_class', self.metadata['controller']),
-            'plot': False,
-        }
+        rig: dict[str, Any] = {'controller': self.controller, 'plot': False}
         if any(self.kinds[name] == SENSORS['servo'] for name in self.nodes):
             rig['sensor'] = 'servo'
         return {**content, f'{self.namespace}/rig': rig}
@@ -234,11 +240,11 @@ def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
         return rig.main(['rig', *arguments])
 
 
-def replay(run: Path, output: Path, *, without_ros: bool) -> int:
+def replay(run: Path, output: Path, *, without_ros: bool, trusted: bool = False) -> int:
     """Rerun ``run`` into ``output`` and say whether it came out the same; return the exit code."""
     with reading(run):
         try:
-            recording = Recording(run)
+            recording = Recording(run, trusted=trusted)
             schedule = recording.schedule()
         except KeyError as error:
             raise ReplayError(f'{run}: run.yaml does not say {error}') from None
@@ -273,13 +279,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
     parser.add_argument('--without-ros', action='store_true', help='rerun with simulate instead of rig')
     parser.add_argument('--output', type=Path, metavar='DIR', help='keep the rerun in this new folder')
+    parser.add_argument(
+        '--trust', action='store_true', help="run code that the run's folder names: a custom controller's class"
+    )
     parsed = parser.parse_args(arguments)
     if parsed.output is not None:
         if parsed.output.exists():
             raise FileExistsError(f'{parsed.output} exists, and a run is never overwritten')
-        return replay(parsed.run, parsed.output, without_ros=parsed.without_ros)
+        return replay(parsed.run, parsed.output, without_ros=parsed.without_ros, trusted=parsed.trust)
     with tempfile.TemporaryDirectory() as directory:
-        return replay(parsed.run, Path(directory) / 'rerun', without_ros=parsed.without_ros)
+        output = Path(directory) / 'rerun'
+        return replay(parsed.run, output, without_ros=parsed.without_ros, trusted=parsed.trust)
 
 
 if __name__ == '__main__':

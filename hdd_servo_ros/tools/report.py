@@ -20,11 +20,11 @@ from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.source_panels import ErrorBySource
 
 
-def _by_source(run: RecordedRun, after: float | None) -> ErrorBySource:
+def _by_source(run: RecordedRun, after: float | None, *, trusted: bool) -> ErrorBySource:
     # Late: it needs the compiled loop.
     from hdd_servo_ros.tools.error_by_source import error_by_source_of_run
 
-    return error_by_source_of_run(run, after)
+    return error_by_source_of_run(run, after, trusted=trusted)
 
 
 def _directories(runs: Sequence[RecordedRun], output: Path | None) -> list[Path]:
@@ -81,6 +81,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         action='store_true',
         help='repeat each run in this process without each of its sources of error, and report what each contributes',
     )
+    parser.add_argument(
+        '--trust',
+        action='store_true',
+        help="with --by-source: run code that a run's folder names, a custom controller's class",
+    )
     options = parser.parse_args(arguments)
     runs = []
     for path in options.run:
@@ -92,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)
     for directory, name, run in zip(_directories(runs, options.output), run_names(runs), jobs, strict=True):
         with reading(run.path):
-            by_source.append(_by_source(run, options.after) if options.by_source else None)
+            by_source.append(_by_source(run, options.after, trusted=options.trust) if options.by_source else None)
             files, lines = report_run(run, directory, options.after, by_source[-1])
         written += files
         remarks += [f'{name}: {line}' for line in lines]

@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -34,7 +35,7 @@ from hdd_servo_ros.messages.topics import SCOPE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.reporting.live_view import LiveView, lighten
-from hdd_servo_ros.ros.transport import use_udp_alone
+from hdd_servo_ros.ros.transport import use_udp_alone, who_can_reach
 
 FRAME_PERIOD = 0.25
 """Wall time between two pictures [s]."""
@@ -209,7 +210,30 @@ def choose_view(*, web: bool, port: int) -> int | None:
     mpl.rcParams.update({'webagg.address': _ADDRESS, 'webagg.port': port, 'webagg.port_retries': 1})
     mpl.rcParams['webagg.open_in_browser'] = False
     plt.switch_backend('WebAgg')
+    refuse_other_hosts(port)
     return port
+
+
+def refuse_other_hosts(port: int) -> None:
+    """
+    Answer only those who ask for this machine by its own name, with 403 for all others.
+
+    The server listens on the loopback alone, and a WebSocket is refused to a page of another origin. A page of another
+    site whose name has been pointed to 127.0.0.1 would pass both: its origin is then the host that it asks for.
+    """
+    import tornado.web
+    from matplotlib.backends.backend_webagg import WebAggApplication
+
+    own = {f'{name}:{port}' for name in (_ADDRESS, 'localhost')}
+    answer = WebAggApplication.find_handler
+
+    def find_handler(self: Any, request: Any, **options: Any) -> Any:
+        origin = request.headers.get('Origin')
+        if request.host.lower() in own and origin in (None, *(f'http://{host}' for host in own)):
+            return answer(self, request, **options)
+        return self.get_handler_delegate(request, tornado.web.ErrorHandler, {'status_code': 403})
+
+    WebAggApplication.find_handler = find_handler  # type: ignore[method-assign]
 
 
 class ViewError(Exception):
@@ -264,6 +288,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
     command_line = list(sys.argv if arguments is None else ['scope', *arguments])
     parsed = _parse(parse_ros_arguments(command_line[1:]).others)
+    warning = who_can_reach(os.environ)
+    if warning:
+        print(f'scope: warning: {warning}', file=sys.stderr, flush=True)
     use_udp_alone(os.environ)
     os.nice(_NICENESS)
     lighten()

@@ -1,8 +1,10 @@
 """What a report says is what the bag holds, and its page needs nothing but itself."""
 
 import base64
+import html
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import plotly.graph_objects as go
 import pytest
 import yaml
 from matplotlib.figure import Figure
+from plotly.offline import get_plotlyjs
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.bench.response import read_csv
@@ -345,7 +348,7 @@ def test_no_line_of_a_comparison_is_hidden_by_a_larger_one(tmp_path):
 def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, content):
     (tmp_path / 'bag').symlink_to(runs['nn'] / 'bag')
     (tmp_path / 'run.yaml').write_bytes(content if isinstance(content, bytes) else content.encode())
-    assert main([str(tmp_path)]) == 2
+    assert main([str(tmp_path)]) == 3
     assert re.match(
         rf'report: {tmp_path / "run.yaml"} (cannot be read|does not describe a run): ', capsys.readouterr().err
     )
@@ -454,3 +457,18 @@ def test_period_of_the_reference(runs, parameters, samples):
     run = Run.open(runs['nn'])
     run.description['nodes']['/reference_generator']['parameters'].update(parameters)
     assert reference_period(run) == (samples if samples is None else pytest.approx(samples))
+
+
+def test_every_text_in_a_page_is_inert(runs, tmp_path):
+    """Also one that would end the script it is in, or begin another within it."""
+    hostile = '<!--<script></script><img src=x onerror=alert(1)>'
+    shutil.copytree(runs['pid'], tmp_path / 'run')
+    description = yaml.safe_load((tmp_path / 'run' / 'run.yaml').read_text())
+    description |= {'frame_id': hostile, 'length_unit': hostile, 'control_unit': hostile, 'reason': hostile}
+    (tmp_path / 'run' / 'run.yaml').write_text(yaml.safe_dump(description))
+    assert main([str(tmp_path / 'run')]) == 0
+    page = (tmp_path / 'run' / 'report.html').read_text('utf8').replace(get_plotlyjs(), '')
+    assert html.escape(hostile) in page
+    for tag in ('<!--', '<img'):
+        assert tag not in page
+    assert (page.count('<script>'), page.count('</script>')) == (2, 2)

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.ros.transport import ANY_RANGE_PROFILE, LOCALHOST_PROFILE, use_udp_alone
+from hdd_servo_ros.ros.transport import ANY_RANGE_PROFILE, LOCALHOST_PROFILE, use_udp_alone, who_can_reach
 
 SHARED_MEMORY = Path('/dev/shm')
 
@@ -11,7 +11,7 @@ SHARED_MEMORY = Path('/dev/shm')
 @pytest.mark.parametrize(
     ('given', 'profile'),
     [
-        ({}, ANY_RANGE_PROFILE),
+        ({}, LOCALHOST_PROFILE),
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, ANY_RANGE_PROFILE),
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, LOCALHOST_PROFILE),
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp'}, LOCALHOST_PROFILE),
@@ -26,7 +26,7 @@ def test_udp_unless_the_user_says_otherwise(given, profile):
         assert environment.pop('FASTRTPS_DEFAULT_PROFILES_FILE') == str(profile)
     if profile == LOCALHOST_PROFILE:
         assert environment.pop('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'SYSTEM_DEFAULT'
-        given.pop('ROS_AUTOMATIC_DISCOVERY_RANGE')
+        given.pop('ROS_AUTOMATIC_DISCOVERY_RANGE', None)
     assert environment == given
 
 
@@ -37,6 +37,29 @@ def test_what_the_user_says_stays(name):
     environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
     use_udp_alone(environment)
     assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
+
+
+@pytest.mark.parametrize(
+    ('given', 'reason'),
+    [
+        ({}, ''),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, ''),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, ''),
+        ({'ROS_LOCALHOST_ONLY': '1'}, ''),
+        ({'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}, ''),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}, 'ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET'),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SYSTEM_DEFAULT'}, 'ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT'),
+        ({'ROS_STATIC_PEERS': '10.0.0.1'}, 'ROS_STATIC_PEERS is set'),
+        ({'ROS_DISCOVERY_SERVER': '10.0.0.1:11811'}, 'ROS_DISCOVERY_SERVER is set'),
+    ],
+)
+def test_whoever_may_be_reached_from_elsewhere_is_told(given, reason):
+    said = who_can_reach(given)
+    assert said.startswith(reason)
+    assert bool(said) == bool(reason)
+    # A process that this one starts tells it again, but nothing that is not so.
+    use_udp_alone(given)
+    assert bool(who_can_reach(given)) == bool(reason)
 
 
 @pytest.mark.parametrize('discovery_range', ['LOCALHOST', 'SUBNET'])

@@ -50,7 +50,10 @@ def test_the_same_bits_everywhere(example):
     left += 9.7e-5 * (5000.0 * signals.ldv[:, 1] - signals.reference[:, 1])
     spring = np.where(signals.time < 0.05, 0.01, 0.02)
     np.testing.assert_allclose(left, spring * signals.reference[:, 0], atol=1e-12)
-    replayed = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
+    refused = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
+    assert refused.returncode == 3
+    assert 'code of its own; if you trust it, ask again with --trust' in refused.stderr
+    replayed = example.python('-m', 'hdd_servo_ros.tools.replay', '--trust', 'rig')
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 

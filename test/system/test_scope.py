@@ -1,5 +1,6 @@
 """The built-in scope: a picture without a display, the view in the browser, and its end with the run."""
 
+import http.client
 import signal
 import socket
 import subprocess
@@ -80,6 +81,11 @@ def test_the_view_in_the_browser_ends_with_the_run(bench, scope):
             assert time.monotonic() < deadline
             time.sleep(0.2)
     assert '<canvas' in page or 'mpl' in page
+    own = f'127.0.0.1:{port}'
+    assert status(port, own) == status(port, f'localhost:{port}', f'http://localhost:{port}') == 200
+    for host, origin in ((f'evil.example:{port}', None), ('127.0.0.1', None), (own, 'http://evil.example')):
+        assert status(port, host, origin) == 403
+        assert status(port, host, origin, '/1/ws') == 403
     assert process.wait() == 0, process.output
     for line in watching.stdout:
         if 'the run has ended' in line:
@@ -90,6 +96,16 @@ def test_the_view_in_the_browser_ends_with_the_run(bench, scope):
         time.sleep(0.01)
     assert watching.returncode == 0
     assert 'has ended' in line
+
+
+def status(port, host, origin=None, path='/'):
+    """Return the answer to a request that asks for this server by the name ``host``."""
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=60.0)
+    headers = {'Host': host} | ({} if origin is None else {'Origin': origin})
+    connection.request('GET', path, headers=headers)
+    code = connection.getresponse().status
+    connection.close()
+    return code
 
 
 def test_an_interrupt_before_the_run_has_ended(scope):
