@@ -87,6 +87,12 @@ def description(
             description='Further ROS arguments of every node, such as "-p frequency:=200.0 -r ldv:=vibrometer".',
         ),
         DeclareLaunchArgument(
+            'log_level',
+            default_value='info',
+            choices=['debug', 'info', 'warn', 'error', 'fatal'],
+            description='Lowest level of what the nodes of the run log.',
+        ),
+        DeclareLaunchArgument(
             'discovery_range',
             default_value=EnvironmentVariable(DISCOVERY_RANGE, default_value='LOCALHOST'),
             choices=['LOCALHOST', 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'],
@@ -144,6 +150,9 @@ def _ros_arguments(context: LaunchContext) -> list[str]:
     for name in _OF_NODES:
         if value(context, name):
             words += ['-p', f'{name}:={value(context, name)}']
+    level = value(context, 'log_level')
+    # The default is left to ROS, so that ros_args may say another.
+    words += ['--log-level', level] if level != 'info' else []
     return [*words, *shlex.split(value(context, 'ros_args'))]
 
 

@@ -114,6 +114,8 @@ class DeterministicTimer(CatalogueNode):
     def _go(self) -> None:
         self._started, self._hold_at = True, math.inf
         self._pace_from_here()
+        if self._progress is not None:
+            self._progress.go_on(self.tick)
 
     @property
     def _held(self) -> bool:

@@ -13,9 +13,11 @@ from rclpy.signals import SignalHandlerOptions
 from hdd_servo_ros.graph.catalogue import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.known_sections import doubtful_sections
 from hdd_servo_ros.messages.exit_codes import guard, one_line
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
-from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
@@ -86,10 +88,16 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         nodes = composition.nodes
         own = {name for node in nodes for name in node.parameters.as_mapping()}
         for node in nodes:
-            refuse_unknown(node.parameters.unknown, own)
+            try:
+                refuse_unknown(node.parameters.unknown, own)
+            except ParameterError as error:
+                # What was given for all nodes is missing in all.
+                raise error if given.is_for_all(error.name) else with_node(error, node.get_name()) from None
         # ROS would pass over parameters for a node that there is not; `simulate` refuses them as well.
         given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
         _check_schedule(nodes)
+        for doubt in doubtful_sections(given):
+            print(f'{name}: warning: {doubt}', file=sys.stderr, flush=True)
         return Lockstep(nodes, composition.others, intra_process=composition.intra_process).run().exit_code
     except KeyboardInterrupt:  # before the lockstep listens to signals
         return 128 + signal.SIGINT

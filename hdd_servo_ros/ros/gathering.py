@@ -14,6 +14,8 @@ _LOG_PERIOD = 3.0
 """Wall time between two log lines on the same missing nodes [s]."""
 _LOG_PERIOD_OF_CHANGES = 1.0
 """The same if what is missing has changed [s]."""
+_NAMED = 4
+"""How many of the missing nodes and topics a line names."""
 
 
 class Gathering:
@@ -76,7 +78,7 @@ class Gathering:
             member.start(self._make_run(now))
         elif self._timeout and now - member.peers.changed_at > self._timeout:
             raise RunError(
-                f'waited {self._timeout:g} s for {"; ".join(self._missing) or self._unready_names()} '
+                f'waited {self._timeout:g} s for {_short(self._missing) or self._unready_names()} '
                 '(parameter start_timeout)'
             )
         else:
@@ -103,5 +105,12 @@ class Gathering:
     def _log_missing(self, now: float) -> None:
         period = _LOG_PERIOD_OF_CHANGES if self._missing != self._logged else _LOG_PERIOD
         if self._missing and now - self._logged_at > period:
-            self._member.nodes[0].get_logger().info('waiting for ' + '; '.join(self._missing))
+            self._member.nodes[0].get_logger().info(f'waiting for {_short(self._missing)}')
             self._logged, self._logged_at = self._missing, now
+
+
+def _short(missing: list[str]) -> str:
+    """Return what is missing as one line that can be read at a glance: each thing once, and the first few of many."""
+    each = list(dict.fromkeys(missing))
+    more = f'; and {len(each) - _NAMED} more' if len(each) > _NAMED else ''
+    return '; '.join(each[:_NAMED]) + more

@@ -1,8 +1,10 @@
 """Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of whole sets, live changes."""
 
+import copy
 import difflib
 import math
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -37,6 +39,7 @@ _ARRAY_TYPES = {
     float: Parameter.Type.DOUBLE_ARRAY,
     str: Parameter.Type.STRING_ARRAY,
 }
+_LARGEST_INTEGER = 2**63 - 1
 _USE_SIM_TIME = 'use_sim_time'
 _CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the loop has its tick as its time anyway'
 
@@ -59,6 +62,41 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
     return message
 
 
+def with_soft_range(message: ParameterDescriptor, declaration: Declaration, value: Any) -> ParameterDescriptor:
+    """
+    Return a descriptor in which every number has a range, for rqt_reconfigure, which shows a slider where there is one.
+
+    Where the declaration has no bound, the range goes to ten times the default or the value, whichever is larger. rclpy
+    refuses what lies outside of a range that it knows, so it is not to know this one.
+
+    Parameters
+    ----------
+    message
+        The descriptor that rclpy has.
+    declaration
+        What is declared.
+    value
+        The present value.
+    """
+    if declaration.is_sequence or declaration.element_type not in (int, float):
+        return message
+    assert isinstance(declaration.default, int | float)
+    span = 10.0 * max(abs(declaration.default), abs(value)) or 1.0
+    lower, upper = max(declaration.minimum, declaration.above), declaration.maximum
+    if not math.isfinite(lower):
+        lower = -span
+    if not math.isfinite(upper):
+        upper = max(span, lower + span)
+    shown = copy.copy(message)
+    if declaration.element_type is float:
+        largest = sys.float_info.max
+        shown.floating_point_range = [FloatingPointRange(from_value=max(lower, -largest), to_value=min(upper, largest))]
+    else:
+        bounds = (max(int(lower), -_LARGEST_INTEGER), min(int(upper), _LARGEST_INTEGER))
+        shown.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1], step=1)]
+    return shown
+
+
 class ParameterNode(Node):
     """
     A node that rejects unknown parameters by name; rclpy's own services would return an empty list.
@@ -70,15 +108,37 @@ class ParameterNode(Node):
     """
 
     def __init__(self, name: str) -> None:
+        self.declared: dict[str, Declaration] = {}
+        """What is declared of each parameter, by its ROS name."""
         try:
             super().__init__(name)
         except InvalidParameterTypeException as error:
             # Its text is all that it keeps.
             found = re.search(r"parameter '(\w+)' to '(.*)' of type", str(error))
             given, value = found.groups() if found else ('use_sim_time', '')
-            raise ParameterError(f'{name}:{given}', read_value(value), 'true or false') from None
+            raise ParameterError(given, read_value(value), 'true or false') from None
         except Exception as error:
             raise ArgumentError(f'{name}: {one_line(error)}') from None
+
+    def describe_parameter(self, name: str) -> ParameterDescriptor:
+        """Return the descriptor of a parameter, as other processes see it."""
+        message = super().describe_parameter(name)
+        if name not in self.declared:
+            return message
+        return with_soft_range(message, self.declared[name], self.get_parameter(name).value)
+
+    def _as_declared(self, parameter: Parameter) -> Parameter:
+        """Return a parameter with doubles for integers where doubles are declared, as a command line takes them."""
+        declaration = self.declared.get(parameter.name)
+        if declaration is None or declaration.element_type is not float:
+            return parameter
+        if parameter.type_ == Parameter.Type.INTEGER and not declaration.is_sequence:
+            return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+        if parameter.type_ == Parameter.Type.INTEGER_ARRAY and declaration.is_sequence:
+            return Parameter(
+                parameter.name, Parameter.Type.DOUBLE_ARRAY, [float(element) for element in parameter.value]
+            )
+        return parameter
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
         """Change parameters one by one; return the result of each."""
@@ -92,7 +152,7 @@ class ParameterNode(Node):
                 hint = f'; did you mean {similar[0]}?' if similar else ''
                 reason = f'{self.get_fully_qualified_name()} has no parameter {parameter.name}{hint}'
                 return SetParametersResult(successful=False, reason=reason)
-        return super().set_parameters_atomically(parameter_list)
+        return super().set_parameters_atomically([self._as_declared(parameter) for parameter in parameter_list])
 
 
 class NodeParameters:
@@ -141,6 +201,8 @@ class NodeParameters:
         values = self.as_mapping()
         for kind in self.kinds:
             for declaration in declarations(kind):
+                if isinstance(self._node, ParameterNode):
+                    self._node.declared[declaration.name] = declaration
                 if values[declaration.name] == () and declaration.default != ():
                     raise ParameterError(declaration.name, [], f'{declaration.allowed}, not empty')
                 _declare(self._node, declaration, values[declaration.name])

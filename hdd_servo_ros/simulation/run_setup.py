@@ -219,8 +219,8 @@ class Simulation:
                 sets[kind] = from_mapping(kind, {name: values.pop(name) for name in known & values.keys()})
         except ParameterError as error:
             raise with_node(error, node) from None
+        take_standard(values)
         try:
-            take_standard(values)
             refuse_unknown(values)
         except ParameterError as error:
             # What was given for all nodes is missing in all.

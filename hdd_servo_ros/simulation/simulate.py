@@ -15,6 +15,7 @@ from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.control.controller import ReportsFault
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
+from hdd_servo_ros.graph.known_sections import doubtful_sections
 from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.messages.signals import SignalRows
@@ -191,6 +192,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if first_compilation():
             print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
         simulation = Simulation(parsed)
+        for warning in doubtful_sections(parsed):
+            print(f'simulate: warning: {warning}', file=sys.stderr)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
     except KeyboardInterrupt:
         # Compiling takes a while, and nothing is recorded yet.

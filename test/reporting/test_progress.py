@@ -1,6 +1,8 @@
 """The progress of a run on standard error, or what is left of it."""
 
+import re
 import sys
+import time
 
 import pytest
 
@@ -36,3 +38,44 @@ def test_a_reader_that_is_gone_ends_no_run(monkeypatch, gone_at):
             monkeypatch.setattr(sys, 'stderr', Gone())
         progress.show(tick)
     progress.close()
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Wall time that goes on when it is told to [s]."""
+    now = [100.0]
+    monkeypatch.setattr(time, 'monotonic', lambda: now[0])
+    return now
+
+
+def shown(capsys):
+    """Return the last line's real-time factor and what is left [s]."""
+    line = capsys.readouterr().err.splitlines()[-1]
+    factor, left = re.search(r'real-time factor (\S+), (\S+) s left', line).groups()
+    return float(factor), float(left)
+
+
+def test_a_pause_does_not_count(capsys, clock):
+    progress = Progress('run', 1000, 0.1)
+    for tick in range(200):
+        progress.show(tick)
+        clock[0] += 0.05
+    assert shown(capsys) == (2.0, pytest.approx(45.0, abs=5.0))
+    clock[0] += 3600.0
+    progress.go_on(200)
+    for tick in range(201, 500):
+        clock[0] += 0.05
+        progress.show(tick)
+    assert shown(capsys)[0] == 2.0
+
+
+def test_the_last_seconds_count(capsys, clock):
+    """Not those before: a run that has become ten times as fast says so, and so does one that is paced slowly."""
+    progress = Progress('run', 100_000, 1e-3)
+    progress.show(0)
+    for tick, seconds in ((1000, 100.0), (2000, 100.0), (3000, 10.0), (4000, 10.0)):
+        clock[0] += seconds
+        progress.show(tick)
+    factor, left = shown(capsys)
+    assert factor == 0.1
+    assert left == pytest.approx(960.0)

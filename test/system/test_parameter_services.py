@@ -74,6 +74,33 @@ def run(bench, outside):
     return process
 
 
+def expect_slider(described, declaration, value):
+    """Expect a range for every number: the declared bounds where there are some, and the present value inside."""
+    ranges = [*described.floating_point_range, *described.integer_range]
+    is_number = declaration.element_type in (int, float) and not declaration.is_sequence
+    assert len(ranges) == is_number, declaration.name
+    if is_number:
+        (found,) = ranges
+        lower, upper = max(declaration.minimum, declaration.above), declaration.maximum
+        assert math.isinf(lower) or found.from_value == lower, declaration.name
+        assert math.isinf(upper) or found.to_value == upper, declaration.name
+        present = value.double_value if declaration.element_type is float else value.integer_value
+        assert found.from_value <= present <= found.to_value, declaration.name
+        assert found.from_value < found.to_value, declaration.name
+
+
+def test_numbers_beyond_a_slider_and_integers_for_doubles_are_taken(run):
+    """As a command line takes them; a range that is there for a slider alone refuses nothing."""
+    for value in (1e9, 4):
+        kind = ParameterType.PARAMETER_DOUBLE if isinstance(value, float) else ParameterType.PARAMETER_INTEGER
+        changes = [parameter('frequency', value, kind)]
+        assert run.ask('reference_generator', SetParameters, parameters=changes).results[0].successful
+        (got,) = run.ask('reference_generator', GetParameters, names=['frequency']).values
+        assert (got.type, got.double_value) == (ParameterType.PARAMETER_DOUBLE, value)
+    (refused,) = run.ask('reference_generator', SetParameters, parameters=[parameter('frequency', -1.0)]).results
+    assert refused.reason == 'parameter frequency = -1.0 is refused: a finite number at least 0 [Hz]'
+
+
 def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
     dumped = ('-p', 'use_sim_time:=false', '-p', 'start_type_description_service:=true')  # what a dump holds besides
     simulated = bench.start('simulate', *RUN, *dumped, '-p', 'bag_recorder:run_dir:=simulated')
@@ -90,6 +117,7 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
             assert described[name].description.startswith(declaration.description), name
             assert declaration.unit in described[name].description, name
             assert described[name].additional_constraints == declaration.allowed, name
+            expect_slider(described[name], declaration, values[name])
 
         # What can be changed alone cannot be changed beside something that is refused.
         good = next((d for d in declared.values() if not d.read_only and d.element_type is float), None)

@@ -35,6 +35,7 @@ REFUSED = {
     'digits': (['-p', 'ldv_sensor:seed:=' + '9' * 400], 'seed = '),
     'mixed list': (['-p', 'phase:=[1, 2.0]'], 'write 2.0 for 2'),
     'alias': (['-p', 'phase:=*a'], 'the alias *a'),
+    'a standard parameter of another type': (['-p', 'use_sim_time:=5'], 'use_sim_time = 5 is refused: true or false'),
     'a name before it was changed': (['-r', 'ldv_sensor:__node:=foo', '-p', 'ldv_sensor:seed:=3'], "for '/ldv_sensor'"),
 }
 
@@ -44,6 +45,10 @@ FILES = {
     'wildcard in a name': (f'/ref*:\n{SECTION}    frequency: 1.0\n', "'/ref*' is no node name"),
     'anchor': (f'reference_generator:\n{SECTION}    phase: &a 1.0\n    offset: *a\n', 'line 4: offset: the alias *a'),
     'latin-1': (f'# fréquence\nreference_generator:\n{SECTION}    frequency: 1.0\n'.encode('latin-1'), 'UTF-8'),
+    'quality of service': (
+        f'ldv_sensor:\n{SECTION}    qos_overrides: {{/ldv: {{publisher: {{depth: 3}}}}}}\n',
+        'the quality of service of the topics is fixed',
+    ),
     'deep': (f'reference_generator:\n{SECTION}    phase: {"[" * 2000}\n', 'line 3: phase: a list holds a list'),
 }
 
@@ -78,6 +83,19 @@ def test_both_refuse_a_file_in_the_same_words(bench, name):
     text, words = FILES[name]
     (bench.directory / 'file.yaml').write_bytes(text if isinstance(text, bytes) else text.encode())
     refused(bench, ['--params-file', 'file.yaml'], words)
+
+
+def test_a_section_that_may_have_been_meant_for_a_node(bench):
+    names = {'pid': 'pid_controller', '/ldv': 'ldv_sensor', 'reference_genrator': 'reference_generator'}
+    text = ''.join(f'{name}:\n{SECTION}    seed: 3\n' for name in (*names, 'ekf_filter_node', '/camera/driver'))
+    (bench.directory / 'file.yaml').write_text(text)
+    for program in ('rig', 'simulate'):
+        process = bench.run(program, *SHORT, '-p', 'record:=false', '--params-file', 'file.yaml')
+        said = [line for line in process.output.splitlines() if 'did you mean' in line]
+        assert said == [
+            f'{program}: warning: no node takes the parameters of {name}; did you mean {node}?'
+            for name, node in names.items()
+        ]
 
 
 def refused(bench, arguments, words):
