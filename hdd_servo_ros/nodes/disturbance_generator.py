@@ -50,7 +50,7 @@ class DisturbanceGeneratorNode(CatalogueNode):
         self._largest_force = max(self._largest_force, abs(force))
         self._largest_displacement = max(self._largest_displacement, abs(track_centre))
         self.publish_vector(0, tick, self._vectors.pack(stamp, force, track_centre, 0.0), force, track_centre, 0.0)
-        if not math.isfinite(sum(linear) + sum(angular)):
+        if not math.isfinite(sum(linear) + sum(angular)) and not all(map(math.isfinite, (*linear, *angular))):
             raise NotFiniteError(self.loop_publishers[1].topic_name, tick, (*linear, *angular), self.get_name())
         self.publish_bytes(1, self._accelerations.pack(stamp, linear, angular))
 

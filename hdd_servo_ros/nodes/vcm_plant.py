@@ -60,7 +60,7 @@ class VcmPlant(CatalogueNode):
 
     def _voltage(self, port: int, tick: int, messages: Sequence[bytes]) -> float:
         x, y, z = unpack_vector(messages[port])
-        if not math.isfinite(x + y + z):
+        if not math.isfinite(x + y + z) and not all(map(math.isfinite, (x, y, z))):
             topic = self.inputs[port].name
             raise NotFiniteError(topic, tick - 1, (x, y, z), publishers_of(self, topic))
         return x

@@ -130,25 +130,34 @@ class Bag:
         except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise BagError(f'{path}: metadata.yaml cannot be read: {type(error).__name__}: {error}') from None
 
-    def check(self) -> None:
+    def check(self) -> bool:
         """
         Check the files by what is written in them for that: of MCAP files all bytes, where their writer says checksums.
 
         Rows of an sqlite3 file are checked as a topic is read.
+
+        Returns
+        -------
+        bool
+            Whether every byte of the bag's files was checked.
 
         Raises
         ------
         BagError
             If a file is missing or damaged.
         """
+        is_checked = True
         for file in self._files:
             try:
                 if self._storage == 'mcap' and not self._compressed and check_mcap(file):
                     self._checked[file].set_whole(file.stat())
-                elif not file.is_file():
+                    continue
+                is_checked = False
+                if not file.is_file():
                     raise BagError(f'{file} is missing')
             except (OSError, CheckError) as error:
                 raise BagError(f'{file}: {error}') from None
+        return is_checked
 
     def column(self, topic: str) -> Column:
         """

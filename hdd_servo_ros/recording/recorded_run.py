@@ -49,6 +49,8 @@ class RecordedRun(Signals):
         self._topics = topics
         self._arrays: dict[str, NDArray[Any]] = {}
         self._read_topics: set[str] = set()
+        self.is_checked = False
+        """Whether checksums were right that cover all of the bag; if not, a topic is checked as it is read."""
 
     @classmethod
     def open(cls: type[OpenedRun], path: str | Path, *, namespace: str | None = None) -> OpenedRun:
@@ -84,8 +86,10 @@ class RecordedRun(Signals):
         topics = dict(description['topics']) if description else _loop_topics(bag, namespace)
         if description:
             _compare_with_bag(path, description, topics, bag)
-        bag.check()
-        return cls(path, bag, description, topics)
+        is_checked = bag.check()
+        run = cls(path, bag, description, topics)
+        run.is_checked = is_checked
+        return run
 
     @classmethod
     def open_bag(

@@ -400,6 +400,7 @@ class LoopNode(ParameterNode):
         NotFiniteError
             If one is not.
         """
-        if not math.isfinite(x + y + z):
+        # The sum first, which is quicker; that of finite numbers may overflow.
+        if not math.isfinite(x + y + z) and not all(map(math.isfinite, (x, y, z))):
             raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
         self._publish[output](message)

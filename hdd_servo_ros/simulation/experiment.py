@@ -498,7 +498,7 @@ class Experiment:
             rows.head[row] = head
             rows.control[row] = commanded
             rows['estimates'][row] = self._estimates()
-            if not math.isfinite(sum(head) + sum(commanded)):
+            if not math.isfinite(sum(head) + sum(commanded)) and not all(map(math.isfinite, (*head, *commanded))):
                 # Nothing after it means anything, and the controller must not be asked what to make of it.
                 for signal in signals:
                     signal[row + 1 :] = math.nan

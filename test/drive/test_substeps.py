@@ -105,7 +105,7 @@ def test_the_shipped_drives_are_resolved(file):
 
 
 def flat(section, prefix=''):
-    found = {}
+    found: dict[str, object] = {}
     for name, value in section.items():
         found |= flat(value, f'{prefix}{name}.') if isinstance(value, dict) else {f'{prefix}{name}': value}
     return found

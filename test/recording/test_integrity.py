@@ -1,7 +1,9 @@
 """A changed byte is never read as data: it is found, or it changes nothing that is read."""
 
+import contextlib
 import re
 import shutil
+import sqlite3
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.recording.bag_columns import Bag, BagError
+from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.mcap_checks import check_mcap
 from hdd_servo_ros.recording.recovery import Recovery
@@ -109,15 +111,17 @@ def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tm
     assert found > FLIPS // 2
 
 
-def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, capsys):
+@pytest.mark.parametrize('topic', ['clock', 'reference', 'head', 'ldv', 'control', 'estimates'])
+def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, capsys, topic):
     run = copy_of(runs['sqlite3'], tmp_path / 'run')
-    file, payload = file_of(run), Bag(run / 'bag').column('/head').payloads[700]
-    assert isinstance(payload, np.ndarray)
-    content = bytearray(file.read_bytes())
-    content[content.index(payload.tobytes()[-20:])] ^= 1
-    file.write_bytes(content)
-    with pytest.raises(BagError, match='/head is damaged: its messages are not those that were written'):
-        Run.open(run).head  # noqa: B018
+    with contextlib.closing(sqlite3.connect(file_of(run))) as connection:
+        where = 'topic_id = (SELECT id FROM topics WHERE name = ?) AND timestamp = 70000000'
+        (payload,) = connection.execute(f'SELECT data FROM messages WHERE {where}', (f'/{topic}',)).fetchone()
+        changed = payload[:-3] + bytes([payload[-3] ^ 1]) + payload[-2:]
+        connection.execute(f'UPDATE messages SET data = ? WHERE {where}', (changed, f'/{topic}'))
+        connection.commit()
+    with pytest.raises(BagError, match=f'/{topic} is damaged: its messages are not those that were written'):
+        Run.open(run)[topic]
     assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
     before = sorted(path.name for path in run.iterdir())
     assert recover([str(run)]) == 2

@@ -40,7 +40,9 @@ class Law:
         self.estimates = [inputs.tick * self.sample_time, 1e308, 1e308]
         if inputs.tick == 77:
             self.estimates[2] = VALUE
-        return 0.1 * (inputs.desired_position - inputs.position)
+        u = 0.1 * (inputs.desired_position - inputs.position)
+        # Finite, though the sum of the three is not.
+        return u, 1.2e308, 1.2e308
 """
 
 
