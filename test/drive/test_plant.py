@@ -28,7 +28,7 @@ RIGID = PlantParameters(friction=FrictionParameters(model='none'), resonance=Res
     [
         ({'gain': -1.0}, 'above 0'),
         ({'gain': math.nan}, 'finite'),
-        ({'substeps': 0}, 'at least 1'),
+        ({'substeps': -1}, 'at least 0'),
         ({'control_limit': 0.0}, 'above 0'),
         ({'friction.stiffness': -1.0}, 'above 0'),
         ({'friction.static_level': 0.1}, 'at least coulomb_level, which is 0.13'),
