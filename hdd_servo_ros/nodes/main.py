@@ -21,8 +21,9 @@ from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ro
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
+from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.loop_node import LoopNode
-from hdd_servo_ros.ros.transport import use_udp_alone, who_can_reach
+from hdd_servo_ros.ros.transport import check_domain, use_udp_alone, who_can_reach
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -69,8 +70,10 @@ def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments:
 
 def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None) -> int:
     command_line = list(sys.argv if arguments is None else arguments)
+    check_domain(os.environ)
     warning = who_can_reach(os.environ)
     use_udp_alone(os.environ)
+    find_log_folder(os.environ)
     try:
         # Before ROS reads them, whose errors name lines of its C sources.
         given = parse_ros_arguments(command_line[1:])

@@ -15,9 +15,13 @@ by default takes up to 3 s; a loop that waits for one stands still that long.
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
+from hdd_servo_ros.messages.shown import shown
+from hdd_servo_ros.parameters.files import ArgumentError
+
 LOCALHOST_PROFILE = Path(__file__).with_name('localhost.xml')
 ANY_RANGE_PROFILE = Path(__file__).with_name('any_range.xml')
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_LARGEST_DOMAIN = 232
 _LOCALHOST, _OFF = 'LOCALHOST', 'OFF'
 _USER_SETTINGS = (
     'FASTDDS_BUILTIN_TRANSPORTS',
@@ -60,6 +64,13 @@ def who_can_reach(environment: Mapping[str, str]) -> str:
             return ''
         reason = f'{opened[0]} is set'
     return f'{reason}: other machines may find this run, read it, change its parameters and end it (docs/security.md)'
+
+
+def check_domain(environment: Mapping[str, str]) -> None:
+    """Refuse a ROS domain that has no ports: Fast DDS would end the process. Raises ArgumentError."""
+    given = environment.get('ROS_DOMAIN_ID')
+    if given and not (given.isascii() and given.isdigit() and int(given[:9]) <= _LARGEST_DOMAIN):
+        raise ArgumentError(f'ROS_DOMAIN_ID = {shown(given)} is refused: an integer from 0 to {_LARGEST_DOMAIN}')
 
 
 def use_udp_alone(environment: MutableMapping[str, str]) -> None:

@@ -35,7 +35,8 @@ from hdd_servo_ros.messages.topics import SCOPE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.reporting.live_view import LiveView, lighten
-from hdd_servo_ros.ros.transport import use_udp_alone, who_can_reach
+from hdd_servo_ros.ros.log_folder import find_log_folder
+from hdd_servo_ros.ros.transport import check_domain, use_udp_alone, who_can_reach
 
 FRAME_PERIOD = 0.25
 """Wall time between two pictures [s]."""
@@ -288,10 +289,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
     command_line = list(sys.argv if arguments is None else ['scope', *arguments])
     parsed = _parse(parse_ros_arguments(command_line[1:]).others)
+    check_domain(os.environ)
     warning = who_can_reach(os.environ)
     if warning:
         print(f'scope: warning: {warning}', file=sys.stderr, flush=True)
     use_udp_alone(os.environ)
+    find_log_folder(os.environ)
     os.nice(_NICENESS)
     lighten()
     try:

@@ -3,7 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.ros.transport import ANY_RANGE_PROFILE, LOCALHOST_PROFILE, use_udp_alone, who_can_reach
+from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.ros.transport import ANY_RANGE_PROFILE, LOCALHOST_PROFILE, check_domain, use_udp_alone, who_can_reach
 
 SHARED_MEMORY = Path('/dev/shm')
 
@@ -37,6 +38,18 @@ def test_what_the_user_says_stays(name):
     environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
     use_udp_alone(environment)
     assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
+
+
+@pytest.mark.parametrize('domain', ['-1', '233', '99999', 'abc', '1.0', '٣', '9' * 5000])
+def test_a_domain_that_has_no_ports_is_refused(domain):
+    with pytest.raises(ArgumentError, match='an integer from 0 to 232') as refused:
+        check_domain({'ROS_DOMAIN_ID': domain})
+    assert len(str(refused.value)) < 200
+
+
+@pytest.mark.parametrize('environment', [{}, {'ROS_DOMAIN_ID': ''}, {'ROS_DOMAIN_ID': '0'}, {'ROS_DOMAIN_ID': '232'}])
+def test_a_domain_that_has_ports_is_taken(environment):
+    check_domain(environment)
 
 
 @pytest.mark.parametrize(
