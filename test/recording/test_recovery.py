@@ -242,7 +242,7 @@ def test_a_whole_run_is_left_alone(runs, tmp_path, capsys):
 
 
 def test_what_cannot_be_mended(runs, tmp_path, capsys):
-    assert recover([str(tmp_path)]) == 2
+    assert recover([str(tmp_path)]) == 3
     assert 'is not a run folder' in capsys.readouterr().err
     run, file = damaged(runs, tmp_path)
     with file.open('rb'), pytest.raises(RecoveryError, match='still has the bag open'):
