@@ -12,6 +12,20 @@ class RunError(Exception):
     """A run that cannot start or go on."""
 
 
+class DiskError(RunError, OSError):
+    """A file of the run that cannot be written: names it, and why."""
+
+    @classmethod
+    def of(cls, error: OSError) -> 'DiskError':
+        """Return the same error in one line."""
+        what = error.strerror or str(error)
+        return cls(f'{error.filename}: {what}' if error.filename else what)
+
+
+class WriterError(RunError, RuntimeError):
+    """A process that wrote the bag and has ended or hangs: says why."""
+
+
 class StopRequest(Exception):
     """Somebody asked the run to end before its last tick."""
 

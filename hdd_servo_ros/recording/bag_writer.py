@@ -1,5 +1,6 @@
 """A rosbag2 bag to be written: MCAP in bulk by this package, sqlite3 by `rosbags`."""
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,19 @@ from hdd_servo_ros.recording.mcap_bag import McapBag
 
 STORAGES = ('mcap', 'sqlite3')
 _BATCH_MESSAGES = 512
-"""Messages that are written at once; a crash may lose so many in addition to a chunk."""
+"""Messages that are written at once."""
+FLUSH_INTERVAL = 0.1
+"""How long messages may stay in this process before a further one hands them over to the operating system [s]."""
+FLUSH_TICKS = 512
+"""Ticks that may stay in this process, of those that arrive a few at a time."""
 
 
 class BagWriter:
     """
     Write serialized messages into a new bag.
+
+    What was written is handed over to the operating system every :data:`FLUSH_INTERVAL` and every :data:`FLUSH_TICKS`,
+    so that it survives the end of this process.
 
     Parameters
     ----------
@@ -39,6 +47,9 @@ class BagWriter:
         If the storage is unknown, or cannot do what the options ask for.
     FileExistsError
         If the path exists already: nothing is overwritten.
+    OSError
+        From any method, if the disk is full or fails. The bag is then complete without the last messages once it was
+        closed, if there is any way.
     """
 
     def __init__(
@@ -57,6 +68,10 @@ class BagWriter:
         self._topics: list[int] = []
         self._stamps: list[int] = []
         self._messages: list[bytes | memoryview] = []
+        self._has_failed = False
+        self._most_unflushed = FLUSH_TICKS * len(topics)
+        self._unflushed = 0
+        self._flushed_at = time.monotonic()
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
         """
@@ -75,9 +90,28 @@ class BagWriter:
         self._stamps += stamps
         self._messages += messages
         if len(self._messages) >= _BATCH_MESSAGES:
-            self._flush()
+            self._write_queue()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Hand over what is queued and what is in memory to the operating system: it survives this process."""
+        self._write_queue()
+        self._flush_bag()
+
+    def _flush_bag(self) -> None:
+        self._unflushed, self._flushed_at = 0, time.monotonic()
+        try:
+            self._bag.flush()
+        except OSError:
+            self._has_failed = True
+            raise
+
+    def _flush_if_due(self, messages: int = 0) -> None:
+        """Flush if there are too many messages, ``messages`` of them since, or the last time is too long ago."""
+        self._unflushed += messages
+        if self._unflushed >= self._most_unflushed or time.monotonic() - self._flushed_at >= FLUSH_INTERVAL:
+            self._flush_bag()
+
+    def _write_queue(self) -> None:
         if self._messages:
             topics, stamps, messages = self._topics, self._stamps, self._messages
             self._topics, self._stamps, self._messages = [], [], []
@@ -101,24 +135,38 @@ class BagWriter:
         payloads
             The messages, one after the other.
         """
-        self._flush()
+        self._write_queue()
         numbers = [array.astype(np.int64) for array in (topics, stamps, sizes)]
         kinds = _messages_per_tick(*numbers)
-        if kinds:
-            ticks = _BatchOfTicks(numbers[1][::kinds], numbers[2][:kinds], payloads)
-            self.write_ticks(numbers[0][:kinds].tolist(), ticks)
-        else:
-            self._bag.write_messages(*numbers, payloads)
+        try:
+            if kinds:
+                ticks = _BatchOfTicks(numbers[1][::kinds], numbers[2][:kinds], payloads)
+                self._bag.write_ticks(numbers[0][:kinds].tolist(), ticks)
+            else:
+                self._bag.write_messages(*numbers, payloads)
+        except OSError:
+            self._has_failed = True
+            raise
+        self._flush_if_due(len(numbers[0]))
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
         """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
-        self._flush()
-        self._bag.write_ticks(topics, messages)
+        self._write_queue()
+        try:
+            self._bag.write_ticks(topics, messages)
+        except OSError:
+            self._has_failed = True
+            raise
+        # Thousands at a time, so that the time alone decides.
+        self._flush_if_due()
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``: from here on the bag is complete."""
-        self._flush()
-        self._bag.close()
+        try:
+            if not self._has_failed:
+                self._write_queue()
+        finally:
+            self._bag.close()
 
 
 def _messages_per_tick(topics: NDArray[np.int64], stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> int:

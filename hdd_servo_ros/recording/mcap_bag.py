@@ -13,6 +13,7 @@ from hdd_servo_ros.messages.ticks import NANOSECONDS
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_topics import BagTopic, bag_topics, to_yaml
+from hdd_servo_ros.recording.disk import Reserve, sync_folder, write_durably
 from hdd_servo_ros.recording.mcap_writer import Channel, McapWriter
 from hdd_servo_ros.recording.zstd import require_zstd
 from hdd_servo_ros.version import __version__
@@ -21,6 +22,8 @@ _VERSION = 9
 """Of rosbag2's format."""
 _TICKS_BETWEEN_SPLITS = 512
 """Ticks after which the size of a file is looked at."""
+_RESERVE_STEP = 2**18
+"""By how much room on the disk is kept at once for what closing a bag writes [bytes]; it suffices without chunks."""
 _NO_TIMES = 2**63 - 1, 0
 """First and last time of a bag without messages, as rosbag2 writes them."""
 
@@ -43,12 +46,24 @@ class McapBag:
         path.mkdir(parents=True)
         self._files: list[_File] = []
         self._options = options
-        self._file = self._open()
+        self._reserve = Reserve(path / 'reserve.tmp')
+        try:
+            self._keep_room(0)
+            self._file = self._open()
+        except OSError:
+            self._reserve.release()
+            raise
+
+    def _keep_room(self, summary: int) -> None:
+        """Keep room for closing the bag, whose file has a summary of some size [bytes] beside topics and metadata."""
+        if summary + _RESERVE_STEP > self._reserve.size:
+            self._reserve.grow(2 * (summary + _RESERVE_STEP) if summary else _RESERVE_STEP)
 
     def _open(self) -> McapWriter:
         self._name = f'{self._path.name}_{len(self._files)}.mcap' if self._options.splits else f'{self._path.name}.mcap'
         channels = [_channel(topic) for topic in self._topics]
-        return McapWriter(self._path / self._name, channels, f'hdd_servo_ros {__version__}', self._options.compression)
+        library = f'hdd_servo_ros {__version__}'
+        return McapWriter(self._path / self._name, channels, library, self._options.compression, self._keep_room)
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
         """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
@@ -87,17 +102,39 @@ class McapBag:
         late = np.flatnonzero(times - (times[0] if begun is None else begun[0]) > longest)
         return int(late[0]) if len(late) else len(times)
 
+    def flush(self) -> None:
+        """Write what is in memory, so that it survives the end of this process."""
+        self._file.flush()
+
     def close(self) -> None:
-        """Complete the last file, and write ``metadata.yaml``."""
-        self._close_file()
-        temporary = self._path / 'metadata.yaml.tmp'
-        temporary.write_text(to_yaml({'rosbag2_bagfile_information': self._metadata(self._files)}), 'utf8')
-        temporary.replace(self._path / 'metadata.yaml')
+        """
+        Complete the last file, and write ``metadata.yaml``.
+
+        Raises
+        ------
+        OSError
+            If a part cannot be written; if it is messages, the bag is complete without them.
+        """
+        try:
+            if not self._file.is_closed:
+                self._file.finish_data()
+        finally:
+            # From here on everything must fit into what was kept.
+            self._reserve.release()
+            if not self._file.is_closed:
+                self._write_summary()
+            text = to_yaml({'rosbag2_bagfile_information': self._metadata(self._files)})
+            write_durably(self._path / 'metadata.yaml', text, self._path / 'metadata.yaml.tmp')
+            sync_folder(self._path.parent)
 
     def _close_file(self) -> None:
-        file = self._file
-        self._files.append(_File(self._name, file.counts, *(file.times or _NO_TIMES)))
-        file.close('rosbag2', {'serialized_metadata': to_yaml(self._metadata(self._files[-1:])).strip()})
+        self._file.finish_data()
+        self._write_summary()
+
+    def _write_summary(self) -> None:
+        written = _File(self._name, self._file.counts, *(self._file.times or _NO_TIMES))
+        self._file.write_summary('rosbag2', {'serialized_metadata': to_yaml(self._metadata([written])).strip()})
+        self._files.append(written)
 
     def _metadata(self, files: Sequence['_File']) -> dict[str, Any]:
         """Return the content of ``metadata.yaml`` for some of the files."""

@@ -7,6 +7,7 @@ libraries that write MCAP (`rosbags`, `mcap`, `foxglove-sdk`) take one message a
 """
 
 import dataclasses
+import os
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,13 +18,14 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.recording.crc import combined_crc
+from hdd_servo_ros.recording.disk import write_all
 from hdd_servo_ros.recording.zstd import compress
 
 MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(0x0B, 0x10)
 CHUNK_SIZE = 2**20
-"""A chunk is closed before it would grow beyond this [bytes]; it is what a crash of the writing process loses."""
+"""A chunk is closed before it would grow beyond this [bytes], or by :meth:`McapWriter.flush`."""
 
 MESSAGE_HEAD = np.dtype(
     [
@@ -81,26 +83,48 @@ class McapWriter:
         What the Header record names as the file's writer.
     compression
         Of the chunks: ``none`` or ``zstd``.
+    keep_room
+        Is called with the size of the summary [bytes] before it grows by another chunk; raises OSError if there is no
+        room for it. That room must be there when :meth:`write_summary` is called.
 
     Raises
     ------
     FileExistsError
         If the file exists.
+    OSError
+        From any method, if the file cannot be written. What is on the disk then ends with a whole chunk, and the
+        summary can still be written.
     """
 
-    def __init__(self, path: Path, channels: Sequence[Channel], library: str, compression: str = 'none') -> None:
+    def __init__(
+        self,
+        path: Path,
+        channels: Sequence[Channel],
+        library: str,
+        compression: str = 'none',
+        keep_room: Callable[[int], None] = lambda _: None,
+    ) -> None:
         self._compress = _COMPRESSIONS[compression]
         self._compression = b'' if compression == 'none' else compression.encode()
-        self._file = path.open('xb')
+        self._path = path
+        self._keep_room = keep_room
+        # Without a buffer: what is written is large, and after an error nothing must be left to be written again.
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._size = 0
         self._crc = 0
         self._counts = np.zeros(len(channels), dtype=np.int64)
         self._chunk = _Chunk(len(channels))
         self._chunk_indexes: list[bytes] = []
+        self._index_size = 0
         self._first, self._last = _NO_TIMES
         self._schemas, self._channels = _schemas_and_channels(channels)
         self._put(MAGIC + _record(HEADER, _text('ros2') + _text(library)))
         self._chunk.append(np.frombuffer(b''.join((*self._schemas, *self._channels)), dtype=np.uint8))
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the file is complete."""
+        return self._file < 0
 
     @property
     def size(self) -> int:
@@ -202,14 +226,38 @@ class McapWriter:
         first, last = self._chunk.times
         self._chunk.times = min(first, int(times.min())), max(last, int(times.max()))
 
+    def flush(self) -> None:
+        """Write the chunk that is in memory, if it holds messages: they then survive the end of this process."""
+        if self._chunk.has_messages:
+            self._close_chunk()
+
     def _put(self, data: bytes | memoryview, crc: int | None = None) -> None:
         """Write data, whose checksum may be known."""
-        self._file.write(data)
+        try:
+            write_all(self._file, memoryview(data))
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._path)) from None
         self._crc = zlib.crc32(data, self._crc) if crc is None else combined_crc(self._crc, crc, len(data))
         self._size += len(data)
 
     def _close_chunk(self) -> None:
         """Write the chunk with its Message Index records, and begin another."""
+        size, crc, times = self._size, self._crc, (self._first, self._last)
+        try:
+            self._keep_room(self._index_size + _LARGEST_CHUNK_INDEX + _TOPIC_IN_CHUNK_INDEX * len(self._channels))
+            self._write_chunk()
+        except OSError:
+            # As if it had never been begun, for there must be room for the summary, and nothing may be cut off.
+            os.ftruncate(self._file, size)
+            os.lseek(self._file, size, os.SEEK_SET)
+            self._size, self._crc, (self._first, self._last) = size, crc, times
+            for topic, entries in self._chunk.entries():
+                self._counts[topic] -= sum(len(part) for part in entries)
+            self._chunk.clear()
+            raise
+        self._chunk.clear()
+
+    def _write_chunk(self) -> None:
         chunk, start = self._chunk, self._size
         first, last = chunk.times
         self._first, self._last = min(self._first, first), max(self._last, last)
@@ -230,24 +278,41 @@ class McapWriter:
             index += [struct.pack('<BQHI', MESSAGE_INDEX, 6 + size, topic + 1, size), *map(_buffer, entries)]
             place += 15 + size
         self._put(b''.join(index))
-        # From here on the chunk survives the end of this process.
-        self._file.flush()
-        self._chunk_indexes.append(
-            _record(
-                CHUNK_INDEX,
-                struct.pack('<QQQQ', first, last, start, end - start)
-                + _bytes(b''.join(offsets))
-                + struct.pack('<Q', self._size - end)
-                + _bytes(self._compression)
-                + struct.pack('<QQ', len(records), chunk.size),
-            )
+        record = _record(
+            CHUNK_INDEX,
+            struct.pack('<QQQQ', first, last, start, end - start)
+            + _bytes(b''.join(offsets))
+            + struct.pack('<Q', self._size - end)
+            + _bytes(self._compression)
+            + struct.pack('<QQ', len(records), chunk.size),
         )
-        chunk.clear()
+        self._chunk_indexes.append(record)
+        self._index_size += len(record)
 
     def close(self, name: str, metadata: Mapping[str, str]) -> None:
         """Write the last chunk, a Metadata record of this name, and the summary; the file is complete then."""
+        self.finish_data()
+        self.write_summary(name, metadata)
+
+    def finish_data(self) -> None:
+        """Write the last chunk, which holds the topics if there is no message."""
         if self._chunk.size:
             self._close_chunk()
+
+    def write_summary(self, name: str, metadata: Mapping[str, str]) -> None:
+        """Write a Metadata record of this name and the summary of the chunks that are on the disk, and close it."""
+        size, crc = self._size, self._crc
+        try:
+            self._write_summary(name, metadata)
+        except OSError:
+            os.ftruncate(self._file, size)
+            os.lseek(self._file, size, os.SEEK_SET)
+            self._size, self._crc = size, crc
+            raise
+        os.close(self._file)
+        self._file = -1
+
+    def _write_summary(self, name: str, metadata: Mapping[str, str]) -> None:
         start = self._size
         self._put(_record(METADATA, _text(name) + _map(metadata)))
         index = _record(METADATA_INDEX, struct.pack('<QQ', start, self._size - start) + _text(name))
@@ -270,7 +335,6 @@ class McapWriter:
         footer = struct.pack('<BQQQ', FOOTER, 20, self._size, self._size + len(summary))
         content = summary + offsets + footer
         self._put(content + struct.pack('<I', zlib.crc32(content)) + MAGIC)
-        self._file.close()
 
     def _statistics(self) -> bytes:
         first, last = self.times or (0, 0)
@@ -280,6 +344,8 @@ class McapWriter:
 
 
 _NO_TIMES = 2**63 - 1, 0
+_LARGEST_CHUNK_INDEX, _TOPIC_IN_CHUNK_INDEX = 100, 10
+"""Size of a Chunk Index record without topics, rounded up, and of each topic in it [bytes]."""
 
 
 class _Chunk:

@@ -2,12 +2,15 @@
 A run's folder: ``runs/<name>/`` with ``bag/`` and ``run.yaml``.
 
 ``run.yaml`` is written when the run starts, with status ``running``, and again when it ends; each time it lands by
-rename, so that a killed run never looks complete.
+rename, so that a killed run never looks complete, and it is on the disk when the writing returns. The room that it
+needs at the end is allocated at the start, so that a full disk does not leave it ``running``.
 """
 
 import datetime as dt
 import importlib.metadata
+import os
 import platform
+import shutil
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +22,7 @@ from hdd_servo_ros.messages.exit_codes import UNREADABLE, one_line
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
+from hdd_servo_ros.recording.disk import allocate, sync_folder, write_durably
 from hdd_servo_ros.version import __version__
 
 _KINDS: dict[str, type | tuple[type, ...]] = {
@@ -29,6 +33,8 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
     'nodes': dict,
 }
 """Types of what readers rely on."""
+_MORE_AT_THE_END = 2**14
+"""By how much run.yaml may grow until the run ends [bytes]: the reason is the longest of it."""
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
 
 
@@ -68,6 +74,8 @@ class RunFolder:
     ------
     FileExistsError
         If the folder exists: a run is never overwritten.
+    OSError
+        If it cannot be written; there is no folder then.
     """
 
     def __init__(self, directory: Path, description: Mapping[str, Any]) -> None:
@@ -87,7 +95,23 @@ class RunFolder:
             'versions': versions(),
             'git_revision': git_revision(),
         }
-        self._save()
+        try:
+            self._save()
+            self._reserve()
+        except OSError as error:
+            # Nothing is recorded in it, and nothing could say how the run ended.
+            shutil.rmtree(directory, ignore_errors=True)
+            raise OSError(error.errno, error.strerror, str(directory)) from None
+        sync_folder(directory.parent)
+
+    def _reserve(self) -> None:
+        """Give the file that becomes run.yaml at the end its room on the disk."""
+        temporary = _temporary(self.directory)
+        file = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        try:
+            allocate(file, 0, (self.directory / 'run.yaml').stat().st_size + _MORE_AT_THE_END)
+        finally:
+            os.close(file)
 
     def close(self, status: str, reason: str, last_tick: int, **measured: Any) -> None:
         """
@@ -103,9 +127,20 @@ class RunFolder:
             The last tick that the bag holds on every loop topic; -1 if none.
         measured
             Further entries, such as the wall time.
+
+        Raises
+        ------
+        OSError
+            If ``run.yaml`` cannot be written; says that it still has the status ``running``.
         """
         self._content.update(status=status, reason=reason, last_tick=last_tick, ended=_now(), **measured)
-        self._save()
+        try:
+            self._save()
+        except OSError as error:
+            where = self.directory / 'run.yaml'
+            raise OSError(
+                f'{where} still says {RUNNING}, for it cannot be written: {error.strerror or error}'
+            ) from None
 
     def _save(self) -> None:
         rewrite_run_yaml(self.directory, self._content)
@@ -113,10 +148,12 @@ class RunFolder:
 
 def rewrite_run_yaml(directory: Path, content: Mapping[str, Any]) -> None:
     """Write a folder's ``run.yaml``, by rename."""
-    path = directory / 'run.yaml'
-    temporary = path.with_suffix('.yaml.tmp')
-    temporary.write_text(yaml.dump(_plain(content), Dumper=_DUMPER, sort_keys=False, width=120), 'utf8')
-    temporary.replace(path)
+    text = yaml.dump(_plain(content), Dumper=_DUMPER, sort_keys=False, width=120)
+    write_durably(directory / 'run.yaml', text, _temporary(directory))
+
+
+def _temporary(directory: Path) -> Path:
+    return directory / 'run.yaml.tmp'
 
 
 def read_run_yaml(directory: Path) -> dict[str, Any]:

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.graph.catalogue import CONTROLLERS
-from hdd_servo_ros.messages.outcome import FAILED
+from hdd_servo_ros.messages.errors import DiskError, RunError
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED
 from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import CONTROL, PARAMETER_EVENT_TYPE, PARAMETER_EVENTS, QUEUE_DEPTH, LoopTopic
 from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
@@ -33,8 +35,10 @@ class _Faults:
     def __enter__(self) -> None:
         pass
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
         self.has_failed |= kind is not None
+        if isinstance(error, OSError) and not isinstance(error, DiskError):
+            raise DiskError.of(error) from error
 
 
 class RunRecorder:
@@ -186,29 +190,54 @@ class RunRecorder:
         """
         Complete the bag if that has not been done, and write into ``run.yaml`` how the run ended.
 
-        After a fault of the writer the last tick is that of what is on the disk, not of what was handed over.
+        After a fault of the writer the last tick is that of what is on the disk, not of what was handed over, and a run
+        that was finished has failed.
+
+        Raises
+        ------
+        RunError
+            If the bag cannot be completed; ``run.yaml`` says so then.
+        OSError
+            If ``run.yaml`` cannot be written.
         """
+        fault: RunError | None = None
         try:
             with self._noting_faults:
                 self.close_bag()
-        finally:
-            if self._noting_faults.has_failed:
-                self._last_tick = self._last_tick_on_disk()
-            looped = max((self._last_tick_at or time.monotonic()) - self._first_tick_at, 1e-9)
-            self._folder.close(
-                status,
-                reason,
-                self._last_tick,
-                wall_time=round(time.monotonic() - self._started, 3),
-                real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
-            )
+        except RunError as error:
+            fault = error
+        if self._noting_faults.has_failed:
+            self._last_tick = self._last_tick_on_disk()
+            if status == FINISHED:
+                status, reason = FAILED, str(fault or 'a part of the bag could not be written')
+        looped = max((self._last_tick_at or time.monotonic()) - self._first_tick_at, 1e-9)
+        self._folder.close(
+            status,
+            reason,
+            self._last_tick,
+            wall_time=round(time.monotonic() - self._started, 3),
+            real_time_factor=float(f'{max(self._last_tick, 0) * self._sample_time / looped:.4g}'),
+        )
+        if fault is not None:
+            raise fault
+
+    def flush(self) -> None:
+        """Hand over what waits in this process, so that its end does not lose it."""
+        if self._writer is not None and self.is_open:
+            with self._noting_faults:
+                self._writer.flush()
 
     def _last_tick_on_disk(self) -> int:
-        """Return the last complete tick that can be salvaged of a bag that was not closed, -1 if none can."""
+        """Return the last tick that is complete in the bag after a fault of its writer, -1 if none is."""
         step = sample_time_to_nanoseconds(self._sample_time)
+        topics = [self._names[topic.name] for topic in self.topics]
         try:
-            return last_tick_of(self._folder.bag, [self._names[topic.name] for topic in self.topics], step)
-        except OSError:
+            if (self._folder.bag / 'metadata.yaml').is_file():
+                # It is complete as far as it goes.
+                counts = Bag(self._folder.bag).counts
+                return min(counts[topic] for topic in topics) - 1
+            return last_tick_of(self._folder.bag, topics, step)
+        except (OSError, BagError):
             return -1
 
 

@@ -1,6 +1,12 @@
 """A rosbag2 bag of an sqlite3 database, written with `rosbags`, carrying what `ros2 bag info` of Jazzy reads."""
 
-from collections.abc import Sequence
+import contextlib
+import copy
+import dataclasses
+import errno
+import os
+import sqlite3
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -14,14 +20,21 @@ from rosbags.typesys import Stores, get_typestore
 from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, write_digests
 from hdd_servo_ros.recording.bag_options import BagOptions
+from hdd_servo_ros.recording.disk import Reserve, sync_folder, write_durably
 
 _WRITTEN_BY = 'ros_distro: rosbags'
 _DISTRIBUTION = 'ros_distro: jazzy'
+_RESERVE = 2**20
+"""Room on the disk that is kept for closing a bag: its metadata, twice, and pages of the database [bytes]."""
 _FOREVER = QosTime(9223372036, 854775807)
 
 
 class _JazzySqlite3Writer(Sqlite3Writer):
-    SQLITE_SCHEMA = Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'")
+    SQLITE_SCHEMA = (
+        # A commit survives the end of this process at once, and a power failure when the system has written it: waiting
+        # for the disk at every commit would take longer than writing the rows.
+        'PRAGMA synchronous = OFF;' + Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'")
+    )
 
     def close(self, version: int, metadata: str) -> None:
         super().close(version, metadata.replace(_WRITTEN_BY, _DISTRIBUTION))
@@ -34,9 +47,24 @@ class _JazzyWriter(Writer):
 
     def close(self) -> None:
         super().close()
-        temporary = self.metapath.with_suffix('.yaml.tmp')
-        temporary.write_text(self.metapath.read_text('utf8').replace(_WRITTEN_BY, _DISTRIBUTION), 'utf8')
-        temporary.replace(self.metapath)
+        text = self.metapath.read_text('utf8').replace(_WRITTEN_BY, _DISTRIBUTION)
+        write_durably(self.metapath, text, self.metapath.with_suffix('.yaml.tmp'))
+        sync_folder(self.path.parent)
+
+    @property
+    def database(self) -> sqlite3.Connection:
+        """The database."""
+        assert isinstance(self.storage, _JazzySqlite3Writer)
+        return self.storage.conn
+
+
+@dataclasses.dataclass(frozen=True)
+class _Committed:
+    """What the bag says of its messages: counts by topic, first and last time [ns], and digests."""
+
+    counts: dict[int, int]
+    times: tuple[int, int]
+    digests: tuple[TopicDigest, ...]
 
 
 def _offered_qos(depth: int) -> Qos:
@@ -61,10 +89,14 @@ class Sqlite3Bag:
     ) -> None:
         if options != BagOptions():
             raise ValueError(f'{options} with storage = sqlite3: only MCAP can do that')
+        self._file = path / f'{path.name}.db3'
+        self._committed: _Committed | None = None
         self._writer = _JazzyWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
         for key, text in metadata.items():
             self._writer.set_custom_data(key, text)
-        self._writer.open()
+        with self._os_errors():
+            self._writer.open()
+        self._reserve = Reserve(path / 'reserve.tmp')
         self._digests = {name: TopicDigest() for name, _, _ in topics}
         self._digest_of = list(self._digests.values())
         types = get_typestore(Stores.ROS2_JAZZY)
@@ -72,6 +104,48 @@ class Sqlite3Bag:
             self._writer.add_connection(name, type_name, typestore=types, offered_qos_profiles=(_offered_qos(depth),))
             for name, type_name, depth in topics
         ]
+        self._committed = self._state()
+        try:
+            self._reserve.grow(_RESERVE)
+            self.flush()
+        except OSError:
+            self._reserve.release()
+            raise
+
+    def _state(self) -> _Committed:
+        times = self._writer.min_timestamp, self._writer.max_timestamp
+        return _Committed(dict(self._writer.counts), times, tuple(map(copy.copy, self._digest_of)))
+
+    @contextlib.contextmanager
+    def _os_errors(self) -> Iterator[None]:
+        """Turn an error of SQLite into one of the operating system, as those of other files are."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            # Of Python 3.10 it carries no number.
+            full = 'full' in str(error)
+            # SQLite may have taken the whole transaction back already.
+            with contextlib.suppress(sqlite3.Error):
+                self._roll_back()
+            number = errno.ENOSPC if full else errno.EIO
+            raise OSError(number, os.strerror(number) if full else str(error), str(self._file)) from None
+
+    def flush(self) -> None:
+        """Commit what was written, so that it survives the end of this process."""
+        with self._os_errors():
+            self._writer.database.commit()
+        self._committed = self._state()
+
+    def _roll_back(self) -> None:
+        """Go back to what was committed last."""
+        if self._committed is None:
+            return
+        self._writer.database.rollback()
+        self._writer.counts.clear()
+        self._writer.counts.update(self._committed.counts)
+        self._writer.min_timestamp, self._writer.max_timestamp = self._committed.times
+        for digest, committed in zip(self._digest_of, self._committed.digests, strict=True):
+            digest.__dict__.update(committed.__dict__)
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages) -> None:
         """Write the messages of ticks, one per topic and tick, in the order of ``topics`` within each tick."""
@@ -79,9 +153,10 @@ class Sqlite3Bag:
         payloads = [np.tile(np.frombuffer(template, np.uint8), (count, 1)) for template in messages.templates]
         messages.fill(slice(0, count), payloads)
         write, connections = self._writer.write, [self._connections[topic] for topic in topics]
-        for tick, time in enumerate(messages.times.tolist()):
-            for connection, rows in zip(connections, payloads, strict=True):
-                write(connection, time, rows[tick].data)
+        with self._os_errors():
+            for tick, time in enumerate(messages.times.tolist()):
+                for connection, rows in zip(connections, payloads, strict=True):
+                    write(connection, time, rows[tick].data)
         for topic, rows in zip(topics, payloads, strict=True):
             self._digest_of[topic].add(messages.times, rows)
 
@@ -91,8 +166,9 @@ class Sqlite3Bag:
         """Write messages: topic, time [ns] and size [bytes] of each, and all of them one after the other."""
         ends = np.cumsum(sizes)
         numbers = (topics.tolist(), times.tolist(), (ends - sizes).tolist(), ends.tolist())
-        for topic, time, start, end in zip(*numbers, strict=True):
-            self._writer.write(self._connections[topic], time, payloads[start:end])
+        with self._os_errors():
+            for topic, time, start, end in zip(*numbers, strict=True):
+                self._writer.write(self._connections[topic], time, payloads[start:end])
         for topic in np.unique(topics).tolist():
             own = np.flatnonzero(topics == topic)
             parts = [payloads[start:end] for start, end in zip(ends[own] - sizes[own], ends[own], strict=True)]
@@ -100,5 +176,10 @@ class Sqlite3Bag:
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``, with the digests of the topics."""
-        self._writer.set_custom_data(DIGEST_KEY, write_digests(self._digests))
-        self._writer.close()
+        try:
+            self.flush()
+        finally:
+            self._reserve.release()
+            self._writer.set_custom_data(DIGEST_KEY, write_digests(self._digests))
+            with self._os_errors():
+                self._writer.close()

@@ -23,14 +23,17 @@ from typing import BinaryIO
 
 import numpy as np
 
+from hdd_servo_ros.messages.errors import WriterError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 
 _BATCH = struct.Struct('<I')
 _CLOSE = 0
-_PIPE_SIZE = 2**20
+_PIPE_SIZE = 2**19
 """Several batches, where the usual 64 KiB hold half of one: the loop would wait for this process at each [bytes]."""
 BATCH_MESSAGES = 1024
+_BATCH_TICKS = 256
+"""Ticks that are handed over at once where a tick has few messages."""
 STALL_TIMEOUT = 4.0
 """How long the pipe may stay full before the run fails [s]."""
 CLOSE_TIMEOUT = 60.0
@@ -59,7 +62,7 @@ class WriterProcess:
 
     Raises
     ------
-    RuntimeError
+    WriterError
         From any method, when the writing process has failed; carries its error text.
     """
 
@@ -81,6 +84,8 @@ class WriterProcess:
         self._topics: list[int] = []
         self._stamps: list[int] = []
         self._messages: list[bytes | memoryview] = []
+        self._batch_messages = min(BATCH_MESSAGES, _BATCH_TICKS * len(topics))
+        self._fault = ''
         opening = {
             'path': str(path),
             'storage': storage,
@@ -99,10 +104,15 @@ class WriterProcess:
         self._topics += topics
         self._stamps += stamps
         self._messages += messages
-        if len(self._messages) >= BATCH_MESSAGES:
-            self._flush()
+        if len(self._messages) >= self._batch_messages:
+            self._hand_over()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Hand over what is queued: it survives the end of this process."""
+        if self._messages:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
         lengths = array('I', map(len, self._messages))
         self._send(
             b''.join(
@@ -125,7 +135,8 @@ class WriterProcess:
             _, writable, _ = select.select((), (descriptor,), (), STALL_TIMEOUT)
             if not writable:
                 self._process.kill()
-                raise RuntimeError(f'the bag writer took nothing for {STALL_TIMEOUT:g} s')
+                self._fault = f'the bag writer took nothing for {STALL_TIMEOUT:g} s'
+                raise WriterError(self._fault)
             try:
                 left = left[os.write(descriptor, left) :]
             except BlockingIOError:
@@ -137,12 +148,15 @@ class WriterProcess:
         assert self._process.stderr is not None
         text = self._process.stderr.read().decode(errors='replace').strip()
         self._process.wait()
-        raise RuntimeError(text.splitlines()[-1] if text else f'the bag writer ended with {self._process.returncode}')
+        self._fault = text.splitlines()[-1] if text else f'the bag writer ended with {self._process.returncode}'
+        raise WriterError(self._fault)
 
     def close(self) -> None:
-        """Hand over what is queued, and wait until the bag is complete."""
+        """Hand over what is queued, and wait until the bag is complete; what has failed before fails again."""
+        if self._fault:
+            raise WriterError(self._fault)
         if self._messages:
-            self._flush()
+            self._hand_over()
         self._send(_BATCH.pack(_CLOSE))
         self._pipe.close()
         self._process.stdin = None
@@ -150,10 +164,10 @@ class WriterProcess:
             _, text = self._process.communicate(timeout=CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            raise RuntimeError(f'the bag writer did not close the bag within {CLOSE_TIMEOUT:g} s') from None
+            raise WriterError(f'the bag writer did not close the bag within {CLOSE_TIMEOUT:g} s') from None
         if self._process.returncode != 0:
             lines = text.decode(errors='replace').strip().splitlines()
-            raise RuntimeError(lines[-1] if lines else f'the bag writer ended with {self._process.returncode}')
+            raise WriterError(lines[-1] if lines else f'the bag writer ended with {self._process.returncode}')
 
 
 def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:
@@ -193,6 +207,9 @@ def main() -> int:
             closed = _write_batches(pipe, writer)
         finally:
             writer.close()
+    except OSError as error:
+        sys.stderr.write(f'{error.filename or opening["path"]}: {error.strerror or error}\n')
+        return 1
     except Exception as error:
         sys.stderr.write(f'{type(error).__name__}: {error}\n')
         return 1

@@ -4,6 +4,7 @@
 No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
 """
 
+import dataclasses
 import signal
 import sys
 import time
@@ -16,6 +17,7 @@ from hdd_servo_ros.control.controller import ReportsFault
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_sections import doubtful_sections
+from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.messages.signals import SignalRows
@@ -170,16 +172,30 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
             outcome = run.run(requests, shown)
             if shown is not None:
                 shown.close()
+        except RunError as error:
+            outcome = failed(str(error))
         except BaseException as error:
             outcome = failed(f'{type(error).__name__}: {error}')
             raise
         finally:
-            run.finish(outcome)
+            outcome = _finished(run, outcome)
     if outcome != FINISHED_OUTCOME:
         print(f'simulate: run {outcome.status}: {outcome.reason}', file=sys.stderr)
     elif run.recorder is None:
         print(run.summary(outcome))
     return outcome.exit_code, None if run.recorder is None else run.recorder.directory
+
+
+def _finished(run: SimulatedRun, outcome: Outcome) -> Outcome:
+    """Finish a run, and return how it has ended by then: the first error is the one to report."""
+    try:
+        run.finish(outcome)
+    except (RunError, OSError) as error:
+        if outcome != FINISHED_OUTCOME:
+            outcome = dataclasses.replace(outcome, reason=f'{outcome.reason}; {error}')
+        else:
+            outcome = failed(str(error))
+    return outcome
 
 
 @command('simulate')
