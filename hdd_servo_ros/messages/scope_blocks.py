@@ -55,10 +55,10 @@ def decimated(values: NDArray[np.float64], bins: int = BINS) -> NDArray[np.float
     return rows
 
 
-def make_block(signals: Signals) -> Block:
+def make_block(signals: Signals, bins: int = BINS) -> Block:
     """Return the block of consecutive ticks: time, error, every field of every topic, and the estimates."""
     columns = dict(_columns(signals))
-    return Block(tuple(columns), decimated(np.column_stack(list(columns.values()))))
+    return Block(tuple(columns), decimated(np.column_stack(list(columns.values())), bins))
 
 
 def _columns(signals: Signals) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -68,7 +68,7 @@ def _columns(signals: Signals) -> Iterator[tuple[str, NDArray[np.float64]]]:
         if topic.name in signals:
             for index, field in enumerate(topic.field_names):
                 yield column_name(topic, field), signals[topic.name][:, index]
-    for name, values in signals.estimates.items():
+    for name, values in signals.estimates.items() if ESTIMATES.name in signals else ():
         # The time of the tick is a column already.
         if name != TIME:
             yield column_name(ESTIMATES, name), values

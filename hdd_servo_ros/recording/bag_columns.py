@@ -17,7 +17,7 @@ import os
 import sqlite3
 import struct
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +87,10 @@ class Column:
 
     def __len__(self) -> int:
         return len(self.times)
+
+    def __getitem__(self, rows: slice) -> 'Column':
+        """Return some of the messages."""
+        return Column(self.times[rows], self.payloads[rows])
 
     def as_bytes(self) -> list[bytes]:
         """Return the payloads one by one."""
@@ -180,16 +184,56 @@ class Bag:
             parts = self._walk(topic)
         if parts is None:
             parts = [self._read_one_by_one(topic)]
-        column = _joined(parts)
+        column = joined(parts)
         if len(column) != self.counts[topic] and self._storage == 'mcap' and not self._compressed:
             # Some messages may be outside of chunks, and so in no index.
-            column = _joined(self._walk(topic) or [column])
+            column = joined(self._walk(topic) or [column])
         if len(column) != self.counts[topic]:
             raise BagError(f'{self.path}: {topic} has {len(column)} messages, {self.counts[topic]} by metadata.yaml')
         # Of the parts, which are in the order in which the messages were written; by time it may be another one.
         if self._storage == 'sqlite3' and topic in self._digests and _digest_of(parts) != self._digests[topic]:
             raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
         return column
+
+    def pieces(self, topics: Sequence[str]) -> Iterator[dict[str, Column]]:
+        """
+        Iterate over the messages of some topics, given by their full names, a chunk of the file after the other.
+
+        No more than a chunk is in memory at once where the files are MCAP with indexes; else all messages are.
+
+        Yields
+        ------
+        dict
+            The next messages of each topic that has some in the chunk.
+
+        Raises
+        ------
+        KeyError
+            If the bag has no such topic.
+        BagError
+            If a file is damaged.
+        """
+        files = self._indexed_files() if self._storage == 'mcap' and not self._compressed else None
+        if files is None:
+            yield {topic: self.column(topic) for topic in topics}
+            return
+        left = {topic: self.counts[topic] for topic in topics}
+        for file in files:
+            for piece in file.pieces(topics):
+                for topic, column in piece.items():
+                    left[topic] -= len(column)
+                yield piece
+        for topic, count in left.items():
+            if count:
+                held = self.counts[topic] - count
+                raise BagError(f'{self.path}: {topic} has {held} messages, {self.counts[topic]} by metadata.yaml')
+
+    def _indexed_files(self) -> 'list[_McapFile] | None':
+        """Return the files if all are MCAP files with indexes, else None."""
+        try:
+            return [_open_mcap(file, self._checked[file]) for file in self._files]
+        except _NotInBulk:
+            return None
 
     def _walk(self, topic: str) -> list[Column] | None:
         """Read MCAP files from the start, without their indexes; return None if they hold what that cannot read."""
@@ -263,7 +307,10 @@ def _column(times: Sequence[int], payloads: list[bytes]) -> Column:
     return Column(stamps, np.frombuffer(b''.join(payloads), dtype=np.uint8).reshape(len(payloads), sizes.pop()))
 
 
-def _joined(parts: Sequence[Column]) -> Column:
+def joined(parts: Sequence[Column]) -> Column:
+    """Return the messages of a topic of several parts, ordered by time."""
+    if len(parts) == 1 and not np.any(parts[0].times[1:] < parts[0].times[:-1]):
+        return parts[0]
     parts = [part for part in parts if len(part)]
     if not parts:
         return Column(np.zeros(0, dtype=np.int64), [])
@@ -305,12 +352,21 @@ def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
 
 
 def _read_mcap(path: Path, topic: str, checked: _Checked) -> Column:
+    with _bag_errors(path):
+        return _open_mcap(path, checked).column(topic)
+
+
+def _open_mcap(path: Path, checked: _Checked) -> '_McapFile':
+    with _bag_errors(path), path.open('rb') as file:
+        # Left to the garbage collector: it cannot be closed while an array still looks into it.
+        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        return _McapFile(path, content, checked.of(os.fstat(file.fileno())))
+
+
+@contextlib.contextmanager
+def _bag_errors(path: Path) -> Iterator[None]:
     try:
-        with path.open('rb') as file:
-            # Left to the garbage collector: it cannot be closed while an array still looks into it.
-            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            starts = checked.of(os.fstat(file.fileno()))
-        return _McapFile(path, content, starts).column(topic)
+        yield
     except (OSError, ValueError, struct.error) as error:
         if isinstance(error, BagError):
             raise
@@ -358,7 +414,7 @@ class _McapFile:
     def column(self, topic: str) -> Column:
         """Return the messages of a topic in this file."""
         channels = self._channels.get(topic, set())
-        return _joined(
+        return joined(
             [
                 self._chunk_column(start, indexes[channel])
                 for start, indexes in self._chunks
@@ -366,9 +422,31 @@ class _McapFile:
             ]
         )
 
-    def _chunk_column(self, start: int, index: int) -> Column:
+    def pieces(self, topics: Sequence[str]) -> Iterator[dict[str, Column]]:
+        """Iterate over the messages of some topics, a chunk after the other."""
+        channels = {topic: self._channels.get(topic, set()) for topic in topics}
+        dropped = 0
+        for start, indexes in self._chunks:
+            wanted = {topic: sorted(own & indexes.keys()) for topic, own in channels.items() if own & indexes.keys()}
+            if not wanted:
+                continue
+            with _bag_errors(self._path):
+                data = self._chunk_data(start)
+                piece = {
+                    topic: joined([self._chunk_column(start, indexes[channel], data) for channel in own])
+                    for topic, own in wanted.items()
+                }
+            yield piece
+            # What has been read need not stay in this process's memory.
+            page = start - start % mmap.PAGESIZE
+            if page > dropped and hasattr(self._content, 'madvise'):
+                self._content.madvise(mmap.MADV_DONTNEED, dropped, page - dropped)
+                dropped = page
+
+    def _chunk_column(self, start: int, index: int, data: memoryview | None = None) -> Column:
         """Return the messages of one channel in the chunk at ``start``, found by the index record at ``index``."""
-        data = self._chunk_data(start)
+        if data is None:
+            data = self._chunk_data(start)
         size = len(data)
         (length,) = struct.unpack_from('<I', self._content, index + _INDEX_HEAD - 4)
         entries = np.frombuffer(self._content, _INDEX_ENTRY, length // _INDEX_ENTRY.itemsize, index + _INDEX_HEAD)

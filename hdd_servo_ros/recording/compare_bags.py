@@ -10,11 +10,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from hdd_servo_ros.messages.cdr import names_and_start, numbers
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
-from hdd_servo_ros.recording.bag_columns import BagError
+from hdd_servo_ros.recording.bag_columns import BagError, Column
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
@@ -44,6 +46,8 @@ def first_difference(
 
 def _first_difference(left: '_Side', right: '_Side', last_tick: int | None) -> str | None:
     ticks = None if last_tick is None else last_tick + 1
+    if left.run.is_long and right.run.is_long and _are_the_same(left, right, ticks):
+        return None
     differences = list(_differences(left, right, ticks))
     # Of several at one tick the first in the order of the topics, along which data flows.
     return min(differences, key=lambda difference: difference[0])[1] if differences else None
@@ -69,6 +73,35 @@ class _Side:
 
     def tick(self, stamp: int) -> int:
         return round(stamp / sample_time_to_nanoseconds(self.run.sample_time))
+
+
+def _are_the_same(left: _Side, right: _Side, ticks: int | None) -> bool:
+    """Return whether all messages of the topics to compare are the same, read in pieces."""
+    names = [topic.name for topic in _topics_of(left, right)]
+    if any(name not in side.run.counts for side in (left, right) for name in names):
+        return False
+    counts = [[min(side.run.counts[name], ticks or side.run.counts[name]) for name in names] for side in (left, right)]
+    if counts[0] != counts[1]:
+        return False
+    compared = 0
+    ours, theirs = (side.run.column_pieces(names) for side in (left, right))
+    waiting: list[dict[str, Column]] = [{}, {}]
+    while ticks is None or compared < ticks:
+        for side, pieces in enumerate((ours, theirs)):
+            if not any(map(len, waiting[side].values())):
+                waiting[side] = next(pieces, {})
+        count = min((len(column) for columns in waiting for column in columns.values()), default=0)
+        if not all(waiting) or not count:
+            break
+        if ticks is not None:
+            count = min(count, ticks - compared)
+        for name in names:
+            one, other = (columns[name][:count].payloads for columns in waiting)
+            if isinstance(one, list) or isinstance(other, list) or not np.array_equal(one, other):
+                return False
+        waiting = [{name: column[count:] for name, column in columns.items()} for columns in waiting]
+        compared += count
+    return compared == (counts[0][0] if counts[0] else 0)
 
 
 def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple[int, str]]:

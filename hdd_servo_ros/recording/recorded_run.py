@@ -1,7 +1,7 @@
 """A recorded run: its signals as arrays aligned by tick, its metadata, and the parameters in force."""
 
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.codecs import CODECS
 from hdd_servo_ros.messages.outcome import FINISHED, RUNNING
-from hdd_servo_ros.messages.signals import Signals
+from hdd_servo_ros.messages.signals import SignalRows, Signals
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, ESTIMATES
+from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, ESTIMATES, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units
-from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column, bag_directory
+from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column, bag_directory, joined
 from hdd_servo_ros.recording.decoding import array_names, check_layout, stamps_of, values_of
 from hdd_servo_ros.recording.parameter_history import ParameterChange, ParameterHistory
 from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
@@ -22,6 +22,8 @@ from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
 _WALL_CLOCK = 10**17
 """Stamps from here on are of a wall clock, not of a run: three years after its start, 1973 in Unix time [ns]."""
 
+LONG_RUN = 2**18
+"""Ticks from which a run is long: its signals as arrays take some hundred megabytes."""
 OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 
 
@@ -125,6 +127,81 @@ class RecordedRun(Signals):
         """Number of messages of the bag, on all topics."""
         return sum(self._bag.counts.values())
 
+    @functools.cached_property
+    def is_long(self) -> bool:
+        """Whether the run is long, and one whose ticks can be read in pieces; see :meth:`pieces`."""
+        return bool(self.description) and max(self.counts.values(), default=0) >= LONG_RUN and self._is_strict
+
+    def pieces(self, topics: Collection[str] | None = None) -> Iterator[Signals]:
+        """
+        Iterate over the signals of the run in pieces of consecutive ticks, so that a long run needs little memory.
+
+        A run that is not long is one piece, the run itself, whose arrays are kept.
+
+        Parameters
+        ----------
+        topics
+            Names without namespace of those to read; None for all that have fields.
+
+        Raises
+        ------
+        BagError
+            As :meth:`__getitem__`.
+        """
+        if not self.is_long:
+            yield self
+            return
+        names = [
+            topic.name for topic in SIGNAL_TOPICS if topic.name in self and (topics is None or topic.name in topics)
+        ]
+        tick = 0
+        estimate_names: tuple[str, ...] = ()
+        for columns in self._aligned({self._topics[name]: name for name in names}):
+            arrays = {}
+            count = len(next(iter(columns.values())))
+            ticks = np.arange(tick, tick + count)
+            for name, column in columns.items():
+                self._check_layout(name, column)
+                stamps = self._stamps(name, column)
+                self._check_ticks(name, column, stamps, ticks)
+                arrays[name] = values_of(column, self._bag.types[self._topics[name]])
+                if name == ESTIMATES.name and not estimate_names:
+                    estimate_names = array_names(column)
+            yield SignalRows(tick, self.sample_time, arrays, estimate_names, self.units)
+            tick += count
+
+    def column_pieces(self, topics: Collection[str]) -> Iterator[dict[str, Column]]:
+        """
+        Iterate over the messages of topics of the loop as they were recorded, as many of each at once.
+
+        Parameters
+        ----------
+        topics
+            Names without namespace.
+
+        Raises
+        ------
+        BagError
+            If the bag cannot be read, or does not hold as many messages of each.
+        """
+        yield from self._aligned({self._topics[name]: name for name in topics})
+
+    def _aligned(self, names: Mapping[str, str]) -> Iterator[dict[str, Column]]:
+        """Iterate over columns of equal length of topics by full name; the keys are ``names`` of them."""
+        waiting: dict[str, list[Column]] = {name: [] for name in names.values()}
+        for piece in self._bag.pieces(list(names)):
+            for full_name, column in piece.items():
+                waiting[names[full_name]].append(column)
+            count = min(sum(map(len, parts)) for parts in waiting.values())
+            if not count:
+                continue
+            taken = {name: joined(parts) for name, parts in waiting.items()}
+            yield {name: column[:count] for name, column in taken.items()}
+            waiting = {name: [column[count:]] for name, column in taken.items()}
+        for name, parts in waiting.items():
+            if sum(map(len, parts)):
+                raise BagError(f'{self.path}: {self._topics[name]} has messages of more ticks than other topics')
+
     def verify(self) -> None:
         """
         Read the whole bag: every message of every topic, and the time line of those of the loop.
@@ -135,10 +212,26 @@ class RecordedRun(Signals):
             If a part of it cannot be read, or is not what it should be.
         """
         known = {full_name: name for name, full_name in self._topics.items()}
+        if max(self._bag.counts.values(), default=0) >= LONG_RUN and len({*self.counts.values()}) == 1:
+            self._verify_in_pieces(known)
+            return
         for topic in self._bag.types:
             column = self._bag.column(topic)
             if len(column) and topic in known:
                 self._decoded(known[topic])
+
+    def _verify_in_pieces(self, known: Mapping[str, str]) -> None:
+        tick = 0
+        for columns in self._aligned(known):
+            count = len(next(iter(columns.values())))
+            for name, column in columns.items():
+                self._check_layout(name, column)
+                stamps = self._stamps(name, column)
+                self._check_ticks(name, column, stamps, np.arange(tick, tick + count))
+                values_of(column, self._bag.types[self._topics[name]])
+            tick += count
+        for topic in self._bag.types.keys() - known.keys():
+            self._bag.column(topic)
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({str(self.path)!r})'
@@ -280,7 +373,15 @@ class RecordedRun(Signals):
     @property
     def last_tick(self) -> int:
         """N, the last tick."""
-        return int(self.ticks[-1])
+        # What is read in pieces begins with tick 0, and each tick is checked as it is read.
+        return max(self.counts.values()) - 1 if self.is_long else int(self.ticks[-1])
+
+    @property
+    def duration(self) -> float:
+        """Time of the last tick [s]."""
+        if self.is_long:
+            return self.last_tick * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
+        return float(self.time[-1])
 
     @functools.cached_property
     def time(self) -> NDArray[np.float64]:
@@ -318,6 +419,8 @@ class RecordedRun(Signals):
     @functools.cached_property
     def estimate_names(self) -> tuple[str, ...]:
         """Names of the columns of ``run['estimates']``."""
+        if self.is_long and ESTIMATES.name in self:
+            return next(iter(self.pieces([ESTIMATES.name]))).estimate_names
         return array_names(self.column(ESTIMATES.name))
 
     # Messages of any topic, and parameters.
@@ -398,12 +501,16 @@ class RecordedRun(Signals):
             raise self._missing(topic)
         column = self._bag.column(full_name)
         if topic not in self._read_topics:
-            try:
-                check_layout(column, self._bag.types[full_name])
-            except BagError as error:
-                raise BagError(f'{self.path}: {full_name}: {error}') from None
+            self._check_layout(topic, column)
             self._read_topics.add(topic)
         return column
+
+    def _check_layout(self, topic: str, column: Column) -> None:
+        full_name = self._topics[topic]
+        try:
+            check_layout(column, self._bag.types[full_name])
+        except BagError as error:
+            raise BagError(f'{self.path}: {full_name}: {error}') from None
 
     def stamps(self, topic: str) -> NDArray[np.int64]:
         """
@@ -471,14 +578,7 @@ class RecordedRun(Signals):
         ticks = self.ticks
         rows: NDArray[np.int64] | None = None
         if self._is_strict:
-            full_name = self._topics[name]
-            period = sample_time_to_nanoseconds(self.sample_time)
-            if not np.array_equal(column.times, ticks * period):
-                raise BagError(f'{self.path}: the stamps of {full_name} are not those of the clock')
-            # The time in an array is a float64, so that it is compared as a tick.
-            wrong = np.flatnonzero(np.rint(stamps / period) != ticks)
-            if len(wrong):
-                raise BagError(f'{self.path}: {full_name}: message {wrong[0]} does not carry the stamp of its tick')
+            self._check_ticks(name, column, stamps, ticks)
         else:
             if not len(column):
                 raise BagError(f'{self.path}: no message on {self._topics[name]}')
@@ -487,6 +587,17 @@ class RecordedRun(Signals):
         values = values if rows is None else values[rows]
         values.flags.writeable = False
         return values
+
+    def _check_ticks(self, name: str, column: Column, stamps: NDArray[np.int64], ticks: NDArray[np.int64]) -> None:
+        """Check that messages are those of ticks, by their receive times and by the stamps that they carry."""
+        full_name = self._topics[name]
+        period = sample_time_to_nanoseconds(self.sample_time)
+        if not np.array_equal(column.times, ticks * period):
+            raise BagError(f'{self.path}: the stamps of {full_name} are not those of the clock')
+        # The time in an array is a float64, so that it is compared as a tick.
+        wrong = np.flatnonzero(np.rint(stamps / period) != ticks)
+        if len(wrong):
+            raise BagError(f'{self.path}: {full_name}: message {wrong[0]} does not carry the stamp of its tick')
 
 
 class ClaimError(BagError):

@@ -108,19 +108,17 @@ def _computed(run: RecordedRun, node: str) -> RunSensitivity:
     law = block_parameters(node, parameters_at_start(run)[node])
     if isinstance(law, PidParameters):
         ms = loop.margins.peak_sensitivity(pid_law(law, loop.delay))
-        return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
+        return RunSensitivity(ms, ms, _first_tick(run), MAX_SENSITIVITY + ROUNDING)
     frozen = loop.frozen_loop(AdaptiveNn(law, run.sample_time))
     if law.desired.enabled:
         # The estimates multiply signals of the reference: the loop is the same all along.
         ms = frozen.peak_sensitivity(FrozenEstimates(0.0, 0.0))
-        return RunSensitivity(ms, ms, int(run.ticks[0]), MAX_SENSITIVITY + ROUNDING)
-    sigma_hat, m_hat = run.estimates['sigma_hat'], run.estimates['m_hat']
-    rows = _rows_to_look_at(sigma_hat, m_hat, law.error_filter_lambda)
-    points = [FrozenEstimates(float(sigma_hat[row]), float(m_hat[row])) for row in rows]
+        return RunSensitivity(ms, ms, _first_tick(run), MAX_SENSITIVITY + ROUNDING)
+    found = _estimates_to_look_at(run, law.error_filter_lambda)
+    points = [FrozenEstimates(*estimates) for estimates in found.values()]
     at_end = frozen.peak_sensitivity(points[-1])
     largest, where = frozen.worst_of(points)
-    row = rows[points.index(where)]
-    tick, text = int(run.ticks[row]), named_estimates(where, loop.plant)
+    tick, text = list(found)[points.index(where)], named_estimates(where, loop.plant)
     return RunSensitivity(at_end, max(at_end, largest), tick, MAX_ADAPTED_SENSITIVITY, text)
 
 
@@ -177,11 +175,35 @@ def parameters_at_start(run: RecordedRun) -> dict[str, dict[str, Any]]:
     return recorded_parameters(run.description)
 
 
-def _rows_to_look_at(
-    sigma_hat: NDArray[np.float64], m_hat: NDArray[np.float64], error_filter_lambda: float
-) -> list[int]:
-    """Return some rows evenly over a run, and those in which an estimate, or the damping of both, is extreme."""
-    rows = set(np.linspace(0, len(m_hat) - 1, SAMPLES).round().astype(int).tolist())
-    for values in (sigma_hat, m_hat, error_filter_lambda * m_hat - sigma_hat):
-        rows |= {int(np.argmin(values)), int(np.argmax(values))}
-    return sorted(rows)
+def _first_tick(run: RecordedRun) -> int:
+    return 0 if run.is_long else int(run.ticks[0])
+
+
+def _estimates_to_look_at(run: RecordedRun, error_filter_lambda: float) -> dict[int, tuple[float, float]]:
+    """
+    Return sigma_hat and m_hat by the tick, ascending.
+
+    They are those of some ticks evenly over a run, and those where an estimate, or the damping of both, is extreme.
+    """
+    first, last = _first_tick(run), run.last_tick
+    even = np.unique(np.linspace(0, last - first if run.is_long else len(run.ticks) - 1, SAMPLES).round().astype(int))
+    found: dict[int, tuple[float, float]] = {}
+    extremes: dict[tuple[int, int], tuple[float, int, tuple[float, float]]] = {}
+    begun = 0
+    for piece in run.pieces([ESTIMATES.name]):
+        sigma_hat, m_hat = piece.estimates['sigma_hat'], piece.estimates['m_hat']
+
+        def at(row: int, sigma: NDArray[np.float64] = sigma_hat, m: NDArray[np.float64] = m_hat) -> tuple[float, float]:
+            return float(sigma[row]), float(m[row])
+
+        for row in (even[(even >= begun) & (even < begun + len(m_hat))] - begun).tolist():
+            found[int(piece.ticks[row])] = at(row)
+        for index, values in enumerate((sigma_hat, m_hat, error_filter_lambda * m_hat - sigma_hat)):
+            for sign in (-1, 1):
+                row = int(np.argmax(sign * values))
+                value = float(sign * values[row])
+                if (index, sign) not in extremes or value > extremes[index, sign][0]:
+                    extremes[index, sign] = value, int(piece.ticks[row]), at(row)
+        begun += len(m_hat)
+    found |= {tick: estimates for _, tick, estimates in extremes.values()}
+    return dict(sorted(found.items()))

@@ -135,5 +135,6 @@ def sums_of(run: RecordedRun, after: float | None = None) -> RunSums:
         # It failed at tick 0.
         return RunSums(run.description, 0.0)
     sums = RunSums(run.description, transient_end(run, after))
-    sums.add(run)
+    for piece in run.pieces():
+        sums.add(piece)
     return sums

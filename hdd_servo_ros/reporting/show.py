@@ -2,13 +2,30 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from hdd_servo_ros.bench.response import read_csv
+from hdd_servo_ros.messages.scope_blocks import make_block
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import follows_reference
+from hdd_servo_ros.reporting.panel import Panel
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.seek_report import seek_line
 from hdd_servo_ros.reporting.summary import summary
+
+VERY_LONG_RUN = 2**22
+"""Ticks from which a run is not read into arrays for its summary and its picture."""
+
+
+_BINS_DRAWN = 5000
+"""Bins of the picture of such a run."""
+
+
+def is_very_long(run: RecordedRun) -> bool:
+    """Return whether the arrays of a run would take gigabytes."""
+    return run.is_long and run.last_tick >= VERY_LONG_RUN
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
@@ -19,7 +36,7 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory))
-    seeks = seek_line(run)
+    seeks = '' if is_very_long(run) else seek_line(run)
     if seeks:
         print(f'{"seeks":>16}  {seeks}')
     low_margin = low_margin_of(run)
@@ -38,7 +55,21 @@ def draw_run(run: RecordedRun, path: Path) -> bool:
     from hdd_servo_ros.reporting.run_panels import panels_over_time
 
     title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
-    panels = panels_over_time(run)
+    panels = _panels_of_blocks(run) if is_very_long(run) else panels_over_time(run)
     if panels:
         write_picture(panels, title, path)
     return bool(panels)
+
+
+def _panels_of_blocks(run: RecordedRun) -> list[Panel]:
+    """Return the diagrams of a run over its time by the extremes of every some hundred ticks, read in pieces."""
+    from hdd_servo_ros.reporting.live_view import BlockSignals
+    from hdd_servo_ros.reporting.loop_panels import loop_panels
+
+    if not follows_reference(run):
+        return []
+    blocks = [
+        make_block(piece, max(1, round(_BINS_DRAWN * len(piece.ticks) / run.last_tick))) for piece in run.pieces()
+    ]
+    rows = np.concatenate([block.rows for block in blocks])
+    return loop_panels(BlockSignals(blocks[0].names, rows, run.units), follows=True)
