@@ -189,7 +189,7 @@ def test_each_kind_of_error_has_its_code(capsys, error, code, words):
 def test_what_a_recording_leads_to_is_an_error_of_the_recording(capsys):
     def work():
         with reading(Path('run')):
-            return len({}['topics'])
+            return len(dict[str, str]()['topics'])
 
     assert guard('command', work, UNREADABLE) == UNREADABLE
     assert 'run: cannot be read: KeyError: topics' in capsys.readouterr().err
@@ -223,7 +223,7 @@ def test_the_callers_matplotlib_does_not_reach_in(run, tmp_path):
     (tmp_path / 'usetex' / 'matplotlibrc').write_text('text.usetex: True\nlines.linewidth: 9\n')
     (tmp_path / 'none').mkdir()
     (tmp_path / 'none' / 'matplotlibrc').write_bytes(b'\xff\xfe: 1\n')
-    pictures = []
+    pictures: list[bytes] = []
     for folder, backend in (('.', None), ('usetex', 'module://matplotlib_inline.backend_inline'), ('none', 'bogus')):
         out = tmp_path / f'out-{len(pictures)}'
         ended = started('report', str(run), '--output', str(out), cwd=tmp_path / folder, MPLBACKEND=backend)
@@ -253,7 +253,7 @@ def test_no_environment_ends_in_a_traceback(tmp_path, environment):
 
 def test_a_folder_whose_name_is_not_utf_8(run, tmp_path):
     folder = os.fsencode(tmp_path) + b'/r\xe9n'
-    shutil.copytree(os.fsencode(run), folder)
+    shutil.copytree(run, os.fsdecode(folder))
     for name in ('report', 'compare_bags', 'recover'):
         arguments = (folder, folder) if name == 'compare_bags' else (folder,)
         ended = started(name, *arguments, cwd=tmp_path)

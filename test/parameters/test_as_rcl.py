@@ -209,7 +209,7 @@ def test_whatever_a_word_is_rcl_takes_it_for_the_same(text):
     expect_as_rcl(['--ros-args', '-p', f'plant:x:={text}'])
 
 
-FILES = {
+FILES: dict[str, str | bytes] = {
     'empty': '',
     'comment': '# nothing\n',
     'no parameters': 'plant:\n  ros__parameters: {}\n',
@@ -234,7 +234,7 @@ FILES = {
 @pytest.mark.parametrize('name', FILES)
 def test_a_file_is_what_rcl_takes_it_for(tmp_path, name):
     path = tmp_path / 'file.yaml'
-    path.write_bytes(FILES[name].encode() if isinstance(FILES[name], str) else FILES[name])
+    path.write_bytes(text if isinstance(text := FILES[name], bytes) else text.encode())
     assert expect_as_rcl(['--ros-args', '--params-file', str(path)])
 
 

@@ -51,7 +51,9 @@ def clock(monkeypatch):
 def shown(capsys):
     """Return the last line's real-time factor and what is left [s]."""
     line = capsys.readouterr().err.splitlines()[-1]
-    factor, left = re.search(r'real-time factor (\S+), (\S+) s left', line).groups()
+    found = re.search(r'real-time factor (\S+), (\S+) s left', line)
+    assert found is not None
+    factor, left = found.groups()
     return float(factor), float(left)
 
 

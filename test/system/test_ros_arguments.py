@@ -39,7 +39,7 @@ REFUSED = {
     'a name before it was changed': (['-r', 'ldv_sensor:__node:=foo', '-p', 'ldv_sensor:seed:=3'], "for '/ldv_sensor'"),
 }
 
-FILES = {
+FILES: dict[str, tuple[str | bytes, str]] = {
     'empty section': (f'reference_generator:\n{SECTION}', "line 2: 'ros__parameters' is empty"),
     'list': ('reference_generator:\n  ros__parameters: [1, 2]\n', 'line 2:'),
     'wildcard in a name': (f'/ref*:\n{SECTION}    frequency: 1.0\n', "'/ref*' is no node name"),
