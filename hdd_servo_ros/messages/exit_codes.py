@@ -87,9 +87,9 @@ def guard(name: str, work: Callable[[], int], wrong_input: int = WRONG_ARGUMENTS
         print(f'{name}: interrupted', file=sys.stderr)
         return 128 + signal.SIGINT
     except BrokenPipeError:
-        # The reader has seen enough.
+        # The reader has seen enough, which is no failure.
         _give_up_output()
-        return 128 + signal.SIGPIPE
+        return 0
     except Exception as error:
         if os.environ.get(TRACEBACK):
             traceback.print_exc()

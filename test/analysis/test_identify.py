@@ -38,7 +38,7 @@ def test_the_command(tmp_path, capsys):
     np.testing.assert_allclose([float(row[0]) for row in rows[1:]], frequencies, rtol=1e-5)
     assert main([str(path), '--poles', '10', '--zeros', '4', '--hold', '0']) == 0
     assert 'gain of the rigid body 4.0968e+07' not in capsys.readouterr().out
-    assert main([str(tmp_path / 'none.csv')]) == 2
+    assert main([str(tmp_path / 'none.csv')]) == 3
     capsys.readouterr()
 
 
@@ -58,7 +58,7 @@ def test_too_few_points_are_told(tmp_path, capsys, options, words):
     path = tmp_path / 'response.csv'
     frequency = np.geomspace(100.0, 20_000.0, 40)
     FrequencyResponse.of(frequency, drive(frequency)).write_csv(path)
-    assert main([str(path), *options]) == 2
+    assert main([str(path), *options]) == 3
     said = capsys.readouterr().err
     assert said.startswith(f'identify: {path}: ')
     assert words in said

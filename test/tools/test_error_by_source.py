@@ -100,7 +100,7 @@ def test_the_servo_sensor_and_the_accelerometers_have_noise_too():
 
 def refused(capsys, path, *text):
     capsys.readouterr()
-    assert main([str(path), '--by-source']) == 2
+    assert main([str(path), '--by-source']) == 3
     printed = capsys.readouterr().err
     assert printed.count('\n') == 1
     for part in text:
