@@ -212,7 +212,9 @@ class RecordedRun(Signals):
             If a part of it cannot be read, or is not what it should be.
         """
         known = {full_name: name for name, full_name in self._topics.items()}
-        if max(self._bag.counts.values(), default=0) >= LONG_RUN and len({*self.counts.values()}) == 1:
+        # Of a bag of this package's recorder, whose ticks begin with 0.
+        is_own = 'sample_time' in self._bag.custom_data and len({*self.counts.values()}) == 1
+        if is_own and max(self._bag.counts.values(), default=0) >= LONG_RUN:
             self._verify_in_pieces(known)
             return
         for topic in self._bag.types:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVEN
 from hdd_servo_ros.recording.bag_columns import WRONG_DIGEST, BagError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
+from hdd_servo_ros.recording.disk import FULL
 from hdd_servo_ros.recording.mcap_checks import WRONG_DATA
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
@@ -27,6 +29,9 @@ _COMPANIONS = ('-journal', '-wal', '-shm', '.tmp')
 """Endings of files that a database or a writer leaves beside those of a bag."""
 _BATCH = 4096
 """Messages that are written at once."""
+_LEAST_SPACE = 2**20
+"""Space for a mended bag beside its messages [bytes]."""
+_MEGA = 1e6
 _NO_TICK = 'no tick is left'
 
 
@@ -202,45 +207,95 @@ class Recovery:
             reason += f' (bag mended up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
         return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
 
-    def mend(self) -> tuple[Path, ...]:
+    @property
+    def space_needed(self) -> int:
+        """Space on the disk that mending takes at most, beside what is there [bytes]; 0 if no bag is to be written."""
+        is_written = self._files and self.finding.last_tick >= 0 and self._is_damaged
+        # Index and metadata of a bag of one tick are larger than the damaged file may be.
+        return _LEAST_SPACE + sum(file.stat().st_size for file in self._files) if is_written else 0
+
+    @property
+    def _is_damaged(self) -> bool:
+        return bool(self._bag_fault or self._salvage.fault)
+
+    def mend(self, output: Path | None = None) -> tuple[Path, ...]:
         """
         Mend what is wrong; the originals of what is mended are kept in a folder of their own.
 
         A damaged bag is moved there even if no tick of it is left, and then there is no bag in its place.
 
+        Parameters
+        ----------
+        output
+            New folder for the mended run, which may be on another disk; the run's folder then stays as it is. None to
+            mend the run in its folder.
+
         Returns
         -------
         tuple of Path
             The originals; none if nothing was to be mended.
+
+        Raises
+        ------
+        RecoveryError
+            If the disk has no room for the mended bag; the run's folder is as it was then.
+        FileExistsError
+            If ``output`` exists.
         """
         if not self.finding.faults:
             return ()
-        is_damaged = bool(self._bag_fault or self._salvage.fault)
-        new_bag = None
-        if self._files and self.finding.last_tick >= 0 and is_damaged:
-            new_bag = self._write_bag()
+        if output is not None:
+            return self._mend_into(output)
+        new_bag = self._write_bag(self.run / _WORKSHOP) if self.space_needed else None
         backup = _free_name(self.run / BACKUP)
         backup.mkdir()
         if (self.run / 'run.yaml').exists():
             shutil.copy2(self.run / 'run.yaml', backup / 'run.yaml')
-        if is_damaged and (self.run / 'bag').exists():
+        if self._is_damaged and (self.run / 'bag').exists():
             (self.run / 'bag').rename(backup / 'bag')
         if new_bag is not None:
             new_bag.rename(self.run / 'bag')
             new_bag.parent.rmdir()
-        content = {'topics': self._topics, **self._said}
-        content |= {
-            'status': self.finding.status,
-            'reason': self.finding.reason,
-            'last_tick': self.finding.last_tick,
-        }
-        rewrite_run_yaml(self.run, content)
+        rewrite_run_yaml(self.run, self._new_run_yaml())
         return tuple(sorted(backup.iterdir()))
 
-    def _write_bag(self) -> Path:
-        workshop = self.run / _WORKSHOP
+    def _mend_into(self, output: Path) -> tuple[Path, ...]:
+        output.mkdir(parents=True)
+        if self.space_needed:
+            new_bag = self._write_bag(output / _WORKSHOP)
+            new_bag.rename(output / 'bag')
+            new_bag.parent.rmdir()
+        elif not self._is_damaged and (self.run / 'bag').exists():
+            shutil.copytree(self.run / 'bag', output / 'bag')
+        rewrite_run_yaml(output, self._new_run_yaml())
+        return tuple(path for path in (self.run / 'bag', self.run / 'run.yaml') if path.exists())
+
+    def _new_run_yaml(self) -> dict[str, Any]:
+        found = {'status': self.finding.status, 'reason': self.finding.reason, 'last_tick': self.finding.last_tick}
+        return {'topics': self._topics, **self._said, **found}
+
+    def _write_bag(self, workshop: Path) -> Path:
         shutil.rmtree(workshop, ignore_errors=True)
+        free = shutil.disk_usage(workshop.parent).free
+        if free < self.space_needed:
+            raise self._no_space(free)
         workshop.mkdir()
+        try:
+            return self._write_bag_into(workshop)
+        except OSError as error:
+            shutil.rmtree(workshop, ignore_errors=True)
+            if error.errno not in FULL:
+                raise
+            raise self._no_space(shutil.disk_usage(workshop.parent).free) from None
+
+    def _no_space(self, free: int) -> RecoveryError:
+        needed = math.ceil(self.space_needed / _MEGA)
+        return RecoveryError(
+            f'{self.run}: the mended bag needs up to {needed} MB beside the damaged one, and {free / _MEGA:.1f} MB are '
+            'free: make room, or name a folder on another disk with --output'
+        )
+
+    def _write_bag_into(self, workshop: Path) -> Path:
         types = self._salvage.types
         places = {topic: place for place, topic in enumerate(types)}
         writer = BagWriter(

@@ -2,7 +2,10 @@
 
 import contextlib
 import dataclasses
+import functools
 import itertools
+import mmap
+import os
 import shutil
 import sqlite3
 import struct
@@ -12,6 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS, DECOMPRESS_BEGINNING
+from hdd_servo_ros.recording.salvaged_messages import Message, SalvagedMessages
 from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
 
 _MAGIC = b'\x89MCAP0\r\n'
@@ -46,7 +50,7 @@ class Salvage:
     """
 
     types: dict[str, str] = dataclasses.field(default_factory=dict)
-    messages: list[tuple[str, int, bytes]] = dataclasses.field(default_factory=list)
+    messages: SalvagedMessages = dataclasses.field(default_factory=SalvagedMessages)
     fault: str = ''
     unknown: str = ''
     is_checked: bool = True
@@ -123,8 +127,12 @@ class _McapSalvage:
         self.found = Salvage()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
-        data = memoryview(path.read_bytes())
-        self._size = len(data)
+        self._path = path
+        with path.open('rb') as file:
+            self._size = os.fstat(file.fileno()).st_size
+            self._content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if self._size else None
+        self._dropped = 0
+        data = memoryview(self._content or b'')
         try:
             if data[:8] != _MAGIC:
                 raise _Fault('the file does not begin as an MCAP file does')
@@ -134,6 +142,8 @@ class _McapSalvage:
                 raise _Fault('the index is cut off')
         except _Fault as fault:
             self.found.fault = str(fault)
+        # The messages that are read again open the file anew; as long as this lives, it is open.
+        self._content = None
 
     def _walk(self, data: memoryview, first: int, *, in_chunk: bool = False) -> bool:
         """
@@ -209,6 +219,7 @@ class _McapSalvage:
             records, first = self._decompressed(records, compression, start, is_whole=is_whole), start
         if is_whole and checksum and zlib.crc32(records) != checksum:
             raise _Fault(f'the chunk at byte {start} is damaged: its checksum is wrong')
+        self.found.messages.begin()
         if compression and not is_whole:
             # It ends where a block of the compression does, within a record.
             with contextlib.suppress(_Fault):
@@ -217,6 +228,32 @@ class _McapSalvage:
             self._walk(records, first, in_chunk=True)
         if not is_whole:
             raise _Fault(f'cut off at byte {self._size}, within the chunk that begins at byte {start}')
+        self.found.messages.store(functools.partial(self._read_again, start, _RECORD.size + size, compression))
+        self._drop(start)
+
+    def _drop(self, end: int) -> None:
+        """Let the system have the memory of what was read."""
+        page = end - end % mmap.PAGESIZE
+        if self._content is not None and page > self._dropped and hasattr(self._content, 'madvise'):
+            self._content.madvise(mmap.MADV_DONTNEED, self._dropped, page - self._dropped)
+            self._dropped = page
+
+    def _read_again(self, start: int, size: int, compression: str) -> list[Message]:
+        """Return the messages of the chunk at a byte of the file, which has been found whole."""
+        with self._path.open('rb') as file:
+            file.seek(start)
+            chunk = memoryview(file.read(size))[_RECORD.size :]
+        records = memoryview(DECOMPRESS[compression](chunk[_CHUNK_HEAD.size + 12 + len(compression) :]))
+        messages, place = [], 0
+        while place < len(records):
+            opcode, length = _RECORD.unpack_from(records, place)
+            place += _RECORD.size
+            if opcode == _MESSAGE:
+                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(records, place)
+                payload = bytes(records[place + _MESSAGE_HEAD.size : place + length])
+                messages.append((self._channels[channel], time, payload))
+            place += length
+        return messages
 
     @staticmethod
     def _decompressed(records: memoryview, compression: str, start: int, *, is_whole: bool) -> memoryview:
@@ -269,7 +306,9 @@ class _SqliteSalvage:
             names = dict(connection.execute('SELECT id, name FROM topics'))
             rows = message_rows(content)
             if len(rows) > len(self.found.messages):
-                self.found.messages = [(names[topic], time, data) for topic, time, data in rows if topic in names]
+                found = SalvagedMessages()
+                found += [(names[topic], time, data) for topic, time, data in rows if topic in names]
+                self.found.messages = found
 
     @staticmethod
     def _messages(connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:

@@ -1,6 +1,7 @@
 """`recover`: mend a run's bag and `run.yaml` after a crash."""
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,10 +16,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog='recover',
         description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
-        epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was. '
+        epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was; a mended bag '
+        'needs as much space as it at most, beside it or, with --output, on another disk. '
         'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 wrong arguments, 3 it cannot be mended.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='leave RUN as it is and write the mended run here')
     parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
     parsed = parser.parse_args(arguments)
     with reading(parsed.run):
@@ -35,8 +38,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f'recover: {finding.kept} messages, complete up to tick {finding.last_tick}')
     if finding.left:
         print(f'recover: {finding.left} messages behind that stay in the original alone')
-    if not parsed.dry_run:
-        originals = ' and '.join(str(path) for path in recovery.mend()) or 'there were none'
+    if parsed.dry_run:
+        if recovery.space_needed:
+            print(f'recover: needs up to {math.ceil(recovery.space_needed / 1e6)} MB on the disk')
+    else:
+        originals = ' and '.join(str(path) for path in recovery.mend(parsed.output)) or 'there were none'
         print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
     return 0 if finding.last_tick >= 0 else 1
 

@@ -1,0 +1,85 @@
+"""The messages that were salvaged from a file: in memory while they are few, read again from their chunks beyond."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+Message = tuple[str, int, bytes]
+"""Topic, receive time [ns] and payload."""
+MOST_HELD = 2**19
+"""Messages that are kept in memory, some hundred megabytes."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredMessages:
+    """
+    Messages that are read each time that they are wanted.
+
+    Attributes
+    ----------
+    count
+        How many.
+    read
+        Returns them.
+    """
+
+    count: int
+    read: Callable[[], list[Message]]
+
+
+class SalvagedMessages:
+    """Messages in the order of their file, of one file or several."""
+
+    def __init__(self) -> None:
+        self._parts: list[list[Message] | StoredMessages] = []
+        self._held = 0
+
+    def __len__(self) -> int:
+        return sum(part.count if isinstance(part, StoredMessages) else len(part) for part in self._parts)
+
+    def __iter__(self) -> Iterator[Message]:
+        for part in self._parts:
+            yield from part.read() if isinstance(part, StoredMessages) else part
+
+    def __getitem__(self, index: int) -> Message:
+        return list(self)[index]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SalvagedMessages | list) and list(self) == list(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __iadd__(self, other: 'SalvagedMessages | list[Message]') -> 'SalvagedMessages':
+        """Add the messages of another file."""
+        self._parts += other._parts if isinstance(other, SalvagedMessages) else [other]
+        return self
+
+    def append(self, message: Message) -> None:
+        """Add a message."""
+        if not self._parts or isinstance(self._parts[-1], StoredMessages):
+            self.begin()
+        part = self._parts[-1]
+        assert isinstance(part, list)
+        part.append(message)
+
+    def begin(self) -> None:
+        """Begin a part; see :meth:`store`."""
+        if not self._parts or isinstance(self._parts[-1], StoredMessages) or self._parts[-1]:
+            self._parts.append([])
+
+    def store(self, read: Callable[[], list[Message]]) -> None:
+        """Drop the messages added since :meth:`begin` if there are many before: ``read`` returns them again."""
+        part = self._parts[-1]
+        assert isinstance(part, list)
+        if self._held + len(part) > MOST_HELD:
+            self._parts[-1] = StoredMessages(len(part), read)
+        else:
+            self._held += len(part)
+
+    def pop(self) -> None:
+        """Drop the last message."""
+        part = self._parts[-1]
+        if isinstance(part, StoredMessages):
+            part = self._parts[-1] = part.read()
+        part.pop()
+        if not part:
+            self._parts.pop()
