@@ -43,6 +43,30 @@ class ClockCodec:
         return HEADER + stamp
 
 
+class ReportCodec:
+    """
+    ``std_msgs/Header`` with one ``frame_id``.
+
+    Parameters
+    ----------
+    frame_id
+        Text of ``frame_id``.
+    """
+
+    def __init__(self, frame_id: str) -> None:
+        self._text = _string(frame_id)
+
+    def pack(self, stamp: bytes) -> bytes:
+        """Return the message at ``stamp`` (eight bytes)."""
+        return HEADER + stamp + self._text
+
+    def stamp_of(self, message: bytes) -> bytes | None:
+        """Return the stamp of a message with this ``frame_id``, None for any other bytes."""
+        if message[:2] == HEADER[:2] and message[STAMP.stop :] == self._text:
+            return message[STAMP]
+        return None
+
+
 class _StampedCodec:
     """
     A header with one ``frame_id``, and numbers.

@@ -37,6 +37,6 @@ ACCELERATIONS = Codec(
     'geometry_msgs/msg/AccelStamped', ACCELERATION_COMPONENTS, len(ACCELERATION_COMPONENTS), is_stamped=True
 )
 ARRAYS = Codec('std_msgs/msg/Float64MultiArray', (), None, is_stamped=False)
-COUNTS = Codec('std_msgs/msg/UInt64', ('data',), 0, is_stamped=False)
-CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, COUNTS)}
+REPORTS = Codec('std_msgs/msg/Header', ('stamp', 'frame_id'), 0, is_stamped=True)
+CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, REPORTS)}
 """The codecs by the type of their messages."""

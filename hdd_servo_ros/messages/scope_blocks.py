@@ -2,12 +2,14 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.topics import ESTIMATES, SIGNAL_TOPICS, LoopTopic
+from hdd_servo_ros.messages.units import Units
 
 BINS = 200
 """Bins of one block; a block of fewer ticks than two per bin is not decimated."""
@@ -21,6 +23,60 @@ class Block:
 
     names: tuple[str, ...]
     rows: NDArray[np.float64]
+
+
+_MOST_COLUMNS = 500
+
+
+@dataclasses.dataclass(frozen=True)
+class ScopeMessage:
+    """
+    What a message on ``scope`` holds.
+
+    Attributes
+    ----------
+    run
+        Identifier of the run.
+    units
+        Units of the drive.
+    block
+        The block.
+    """
+
+    run: str
+    units: Units
+    block: Block
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Labels of the array's two dimensions: units and run, and the names of the columns."""
+        return f'{self.units.length},{self.units.control},{self.run}', ','.join(self.block.names)
+
+
+def read_scope_message(message: Any) -> ScopeMessage:
+    """
+    Return what a ``std_msgs/Float64MultiArray`` holds.
+
+    Raises
+    ------
+    ValueError
+        If it is not one that :class:`ScopeMessage` describes.
+    """
+    dimensions = message.layout.dim
+    if len(dimensions) != 2:
+        raise ValueError(f'{len(dimensions)} dimensions, a block has 2')
+    about, names = dimensions[0].label.split(',', 2), tuple(dimensions[1].label.split(','))
+    if len(about) != 3:
+        raise ValueError(f'the label of a block names two units and the run, not {dimensions[0].label[:60]!r}')
+    if names[:2] != (TIME, ERROR) or len(set(names)) < len(names) or len(names) > _MOST_COLUMNS:
+        raise ValueError(f'the columns of a block begin with {TIME}, {ERROR} and are unique, not {names[:5]!r:.80}')
+    values = np.asarray(message.data, dtype=np.float64)
+    if not 0 < len(values) <= 2 * BINS * len(names) or len(values) % len(names):
+        raise ValueError(f'{len(values)} numbers in {len(names)} columns')
+    rows = values.reshape(-1, len(names))
+    if not np.isfinite(rows[:, 0]).all() or (np.diff(rows[:, 0]) < 0.0).any():
+        raise ValueError('the time of a block does not grow')
+    return ScopeMessage(about[2], Units(*about[:2]), Block(names, rows))
 
 
 def column_name(topic: LoopTopic, field: str) -> str:

@@ -8,7 +8,7 @@ live view and ``docs/topics.md`` follow from these declarations. No ROS import.
 import dataclasses
 from collections.abc import Collection
 
-from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, COUNTS, VECTORS, Codec
+from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, REPORTS, VECTORS, Codec
 from hdd_servo_ros.messages.units import Units
 
 CONTROLLER = 'controller'
@@ -257,8 +257,11 @@ def topics_of_run(optional: Collection[LoopTopic]) -> tuple[LoopTopic, ...]:
 
 RECORDED = LoopTopic(
     'recorded',
-    COUNTS,
-    (Field('ticks', '', 'number of ticks that the recorder has received'),),
+    REPORTS,
+    (
+        Field('tick', 's', 'time of the last tick that the recorder has received', False),
+        Field('run', '', 'identifier of the run: of the process of its deterministic_timer', False),
+    ),
     RECORDER,
     (Reader('deterministic_timer'),),
     'how far the recorder is, which holds the timer back; not recorded',

@@ -15,22 +15,25 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from hdd_servo_ros.graph.catalogue import NODES
-from hdd_servo_ros.messages.cdr import numbers
+from hdd_servo_ros.messages.cdr import ReportCodec, numbers
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
-from hdd_servo_ros.messages.scope_blocks import Block, make_block
+from hdd_servo_ros.messages.scope_blocks import Block, ScopeMessage, make_block
 from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
+from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.parameters.events import NodeChange, change_of_event, pack_parameter_event
+from hdd_servo_ros.parameters.events import NodeChange, change_of_event, pack_parameter_event, why_not_recordable
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder
 from hdd_servo_ros.ros.diagnosis import OK, Diagnosis
+from hdd_servo_ros.ros.ignored_messages import IgnoredMessages
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.run_plan import RunPlan
+from hdd_servo_ros.ros.untrusted import MessageError, message_of
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PARAMETER_EVENTS_QOS = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -69,8 +72,9 @@ class BagRecorder(CatalogueNode):
         self._own_changes: list[NodeChange] = []
         self._own_nodes: frozenset[str] = frozenset()
         self._parameter_events = self.create_subscription(
-            ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, _PARAMETER_EVENTS_QOS
+            ParameterEvent, PARAMETER_EVENTS, self._take_parameter_event, _PARAMETER_EVENTS_QOS, raw=True
         )
+        self._ignored = IgnoredMessages(self)
 
     @property
     def directory(self) -> str:
@@ -79,6 +83,7 @@ class BagRecorder(CatalogueNode):
 
     def prepare(self, run: RunPlan) -> None:
         self._run = run
+        self._report_codec = ReportCodec(run.identifier)
         parameters = self.parameters[RecorderParameters]
         try:
             self._recorder = RunRecorder(
@@ -175,7 +180,7 @@ class BagRecorder(CatalogueNode):
 
     def _report(self, tick: int) -> None:
         if not tick % _REPORT_EVERY:
-            self.publish_bytes(0, b'\x00\x01\x00\x00' + (tick + 1).to_bytes(8, 'little'))
+            self.publish_bytes(0, self._report_codec.pack(self._ticks.stamp(tick)))
 
     def take_changes_from(self, nodes: Sequence[LoopNode]) -> None:
         # Anybody may publish a parameter event in the name of a node; what a node here hands over is its own.
@@ -183,9 +188,24 @@ class BagRecorder(CatalogueNode):
         for node in nodes:
             node.report_changes_to(self._own_changes.append)
 
-    def _take_parameter_event(self, event: ParameterEvent) -> None:
-        if event.node not in self._own_nodes:
-            self._take_change(change_of_event(event))
+    def _take_parameter_event(self, message: bytes) -> None:
+        """Take a change of a node in another process."""
+        if self._run is None:
+            return
+        try:
+            event = message_of(ParameterEvent, message)
+        except MessageError as error:
+            self._ignored.add(PARAMETER_EVENTS, str(error), self._run.nodes)
+            return
+        node = self._run.nodes.get(event.node)
+        if node is None or event.node in self._own_nodes:
+            return  # every node of the domain publishes here
+        change = change_of_event(event)
+        why_not = why_not_recordable(change, event, node['parameters'])
+        if why_not:
+            self._ignored.add(PARAMETER_EVENTS, f'{why_not} in the name of {event.node}', self._run.nodes)
+        else:
+            self._take_change(change)
 
     def _take_change(self, change: NodeChange) -> None:
         """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
@@ -207,7 +227,7 @@ class BagRecorder(CatalogueNode):
         for change in own:
             self._take_change(change)
         # Not left to the executor, which waits anew for each message.
-        while (taken := self._parameter_events.handle.take_message(ParameterEvent, False)) is not None:
+        while (taken := self._parameter_events.handle.take_message(ParameterEvent, True)) is not None:
             self._take_parameter_event(taken[0])
         if self._recorder is not None:
             # Ten times a second: a process that is killed loses no more, also in a slow run or a pause.
@@ -224,11 +244,12 @@ class BagRecorder(CatalogueNode):
         assert self._run is not None
         rows, columns = block.rows.shape
         offers = self._run.description()
-        units = ','.join(str(offers.get(key, '')) for key in ('length_unit', 'control_unit'))
+        units = Units(*(str(offers.get(key, '')) for key in ('length_unit', 'control_unit')))
+        about, names = ScopeMessage(self._run.identifier, units, block).labels
         message = Float64MultiArray(data=array('d', block.rows.tobytes()))
         message.layout.dim = [
-            MultiArrayDimension(label=units, size=rows, stride=rows * columns),
-            MultiArrayDimension(label=','.join(block.names), size=columns, stride=columns),
+            MultiArrayDimension(label=about, size=rows, stride=rows * columns),
+            MultiArrayDimension(label=names, size=columns, stride=columns),
         ]
         return message
 
@@ -237,7 +258,15 @@ class BagRecorder(CatalogueNode):
         yield Diagnosis('recording', OK, 'recording' if self._recorder is not None else 'waiting for the run', values)
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
-        return changes is not None and all(self._changes[node] == count for node, count in changes.items())
+        if changes is None:
+            return False
+        for node, count in self._changes.items():
+            if count > changes.get(node, 0):
+                raise RunError(
+                    f'{PARAMETER_EVENTS}: {count} changes of {node} are recorded, and it made {changes.get(node, 0)}: '
+                    'somebody else publishes in its name'
+                )
+        return all(self._changes[node] == count for node, count in changes.items())
 
     def changes_received(self) -> Mapping[str, int]:
         return dict(self._changes)
@@ -247,6 +276,7 @@ class BagRecorder(CatalogueNode):
         self._recorder.close_bag()
 
     def finish(self, outcome: Outcome) -> None:
+        self._ignored.report()
         if self._recorder is None and self._process is not None:
             self._process.communicate()  # closes its pipe, upon which it ends
         if self._recorder is not None:

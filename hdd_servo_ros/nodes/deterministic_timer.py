@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from std_srvs.srv import Trigger
 
-from hdd_servo_ros.messages.cdr import ClockCodec
+from hdd_servo_ros.messages.cdr import ClockCodec, ReportCodec
 from hdd_servo_ros.messages.errors import StopRequest
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import QUEUE_DEPTH
@@ -16,6 +16,7 @@ from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
+from hdd_servo_ros.ros.ignored_messages import IgnoredMessages
 from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.run_plan import RunPlan
 
@@ -42,6 +43,7 @@ class DeterministicTimer(CatalogueNode):
         control.delay += self.parameters[TimerParameters].lookahead
         (self._recorded_input,) = self.optional_inputs
         self._recorded = 0
+        self._ignored = IgnoredMessages(self)
         self._recorder_takes_part = False
         self._paced_from = (0.0, 0)
         self._rate = 0.0
@@ -152,6 +154,7 @@ class DeterministicTimer(CatalogueNode):
         super().begin(run)
         # The recorder's count is no tick's message: it is looked at when the recorder seems far behind.
         self._recorder_takes_part = self._recorded_input in self.inputs
+        self._report = ReportCodec(run.identifier)
         self.inputs = inputs
         self._set_halt()
 
@@ -197,8 +200,18 @@ class DeterministicTimer(CatalogueNode):
         """Look at what the recorder has reported, if that is needed; return whether it is too far behind."""
         if self._is_outside_window:
             while (message := self._recorded_input.take()) is not None:
-                self._recorded = int.from_bytes(message[4:12], 'little')
+                self._take_report(message)
         return self._is_outside_window
+
+    def _take_report(self, message: bytes) -> None:
+        stamp = self._report.stamp_of(message)
+        tick = -1.0 if stamp is None else self._ticks.tick_of(stamp)
+        # Not even a forged report lets the timer run ahead of the recorder by more than it is ahead already.
+        if not self._recorded <= tick < self.tick or int(tick) != tick:
+            publisher = None if self._run is None else self._run.publisher_of(self._recorded_input.name)
+            self._ignored.add(self._recorded_input.name, 'no report of this run', [publisher] if publisher else [])
+            return
+        self._recorded = int(tick) + 1
 
     def diagnose(self) -> Iterable[Diagnosis]:
         if self._ticks is None:
@@ -227,6 +240,7 @@ class DeterministicTimer(CatalogueNode):
             self._progress.show(self.last_tick)
 
     def finish(self, outcome: Outcome) -> None:
+        self._ignored.report()
         if self._progress is not None:
             self._progress.close()
 

@@ -1,5 +1,6 @@
 """What every node's ``main`` does: arguments, a context, the lockstep, an exit code."""
 
+import contextlib
 import dataclasses
 import os
 import signal
@@ -15,6 +16,7 @@ from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_parameters import refuse_unknown
 from hdd_servo_ros.graph.known_sections import doubtful_sections
 from hdd_servo_ros.messages.exit_codes import guard, one_line
+from hdd_servo_ros.messages.outcome import FAILED, Outcome, failed
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments, with_node
@@ -23,7 +25,10 @@ from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.loop_node import LoopNode
-from hdd_servo_ros.ros.transport import check_domain, use_udp_alone, who_can_reach
+from hdd_servo_ros.ros.member import CURE
+from hdd_servo_ros.ros.newcomer import Lookout, outputs_of
+from hdd_servo_ros.ros.topic_claims import ClaimError, TopicClaims
+from hdd_servo_ros.ros.transport import check_domain, keeps_to_this_machine, use_udp_alone, who_can_reach
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -87,6 +92,7 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
+        lookout = None if keeps_to_this_machine(os.environ) else Lookout()
         composition = make(given)
         nodes = composition.nodes
         own = {name for node in nodes for name in node.parameters.as_mapping()}
@@ -101,11 +107,40 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         _check_schedule(nodes)
         for doubt in doubtful_sections(given):
             print(f'{name}: warning: {doubt}', file=sys.stderr, flush=True)
-        return Lockstep(nodes, composition.others, intra_process=composition.intra_process).run().exit_code
+        return _run(composition, lookout)
     except KeyboardInterrupt:  # before the lockstep listens to signals
         return 128 + signal.SIGINT
     finally:
         rclpy.utilities.try_shutdown()
+
+
+def _run(composition: Composition, lookout: Lookout | None) -> int:
+    """Run the nodes, unless there is a graph already that they would disturb; return the exit code."""
+    nodes = composition.nodes
+    try:
+        claims = TopicClaims(outputs_of(nodes), nodes[0].context.get_domain_id())
+    except ClaimError as error:
+        return _leave(nodes, failed(f'{error}; {CURE}'))
+    with contextlib.closing(claims):
+        if lookout is not None:
+            why_not = lookout.why_not_to_join(nodes)
+            lookout.close()
+            if why_not:
+                return _leave(nodes, failed(why_not))
+        outcome = Lockstep(nodes, composition.others, intra_process=composition.intra_process).run()
+    if outcome.status == FAILED:
+        # Others may go on: they shall not have to wait until DDS finds out that this process is gone.
+        for node in nodes:
+            node.destroy_node()
+    return outcome.exit_code
+
+
+def _leave(nodes: Sequence[LoopNode], outcome: Outcome) -> int:
+    """End before anything of the loop was published, so that nobody else notices; return the exit code."""
+    nodes[0].get_logger().error(f'run {outcome.status}: {outcome.reason}')
+    for node in nodes:
+        node.finish(outcome)
+    return outcome.exit_code
 
 
 def _check_schedule(nodes: Sequence[LoopNode]) -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,39 @@ def change_of_event(event: Any) -> NodeChange:
     time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
     changed = (*event.new_parameters, *event.changed_parameters)
     return NodeChange(event.node, time, {each.name: unpack_value(each.value) for each in changed})
+
+
+def why_not_recordable(change: NodeChange, event: Any, parameters: Mapping[str, Any]) -> str:
+    """
+    Return why an event cannot be one of a node of the run; an empty text if it can.
+
+    Parameters
+    ----------
+    change
+        What the event says.
+    event
+        The event itself, as of :func:`change_of_event`.
+    parameters
+        The node's parameters at tick 0, by name.
+    """
+    if change.time_ns < 0 or event.stamp.nanosec >= NANOSECONDS:
+        return f'stamp {event.stamp.sec} s {event.stamp.nanosec} ns'
+    for parameter in (*event.new_parameters, *event.changed_parameters):
+        kind = parameter.value.type
+        if kind not in PARAMETER_VALUE_FIELDS or kind == _ARRAY:
+            return f'a parameter of type {kind}'
+        known = parameters.get(parameter.name)
+        if known is not None and kind not in _types_of(known):
+            return f'parameter {parameter.name[:60]!r} of type {kind}'
+    return ''
+
+
+def _types_of(value: Any) -> tuple[int, ...]:
+    """Return the types by which an event may give a new value in the place of a value."""
+    if not isinstance(value, tuple | list):
+        return (_SCALARS[type(value)],)
+    kinds = (type(value[0]),) if value else tuple(_SCALARS)
+    return tuple(_SCALARS[kind] + _ARRAY for kind in kinds)
 
 
 def unpack_value(value: Any) -> Value:

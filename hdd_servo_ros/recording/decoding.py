@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.cdr import HEADER, STAMP, array_names_and_offset, names_and_start
-from hdd_servo_ros.messages.codecs import CODECS, COUNTS, Codec
+from hdd_servo_ros.messages.codecs import CODECS, REPORTS, Codec
 from hdd_servo_ros.messages.ticks import NANOSECONDS
 from hdd_servo_ros.recording.bag_columns import BagError, Column
 
@@ -29,7 +29,7 @@ def check_layout(column: Column, type_name: str) -> None:
         If one is not: names its number.
     """
     codec = CODECS.get(type_name)
-    if codec is None or codec is COUNTS:
+    if codec is None or codec is REPORTS:
         return
     if isinstance(column.payloads, list):
         shapes: dict[tuple[int, bytes], int] = {}

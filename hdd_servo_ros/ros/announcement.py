@@ -12,10 +12,52 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
+from hdd_servo_ros.ros.typed_json import (
+    checked,
+    count,
+    fields_of,
+    finite,
+    instance,
+    mapping,
+    one_of,
+    parameter_value,
+    parse,
+    positive,
+    sequence,
+    string,
+)
+
 WAITING = 'waiting'
 READY = 'ready'
 RUNNING = 'running'
 DONE = 'done'
+_STATES = (WAITING, READY, RUNNING, DONE, FINISHED, FAILED, INTERRUPTED)
+
+_NODE = fields_of(
+    {
+        'inputs': sequence(string),
+        'outputs': sequence(string),
+        'offers': mapping(string),
+        'parameters': mapping(parameter_value),
+        'last_tick_needed': count,
+        'refuses': string,
+    },
+    required=('inputs', 'outputs', 'offers', 'parameters'),
+)
+_RUN = fields_of(
+    {
+        'sample_time': positive,
+        'last_tick': count,
+        'rate': finite,
+        'frame_id': string,
+        'timer': string,
+        'nodes': mapping(_NODE),
+        'processes': sequence(string),
+        'schedule': sequence(string),
+    },
+    required=('sample_time', 'last_tick', 'rate', 'frame_id', 'timer', 'nodes', 'processes', 'schedule'),
+)
 
 
 class AnnouncementError(ValueError):
@@ -39,10 +81,10 @@ class TimerAnnouncement:
         The timer's parameter of that name; None once the run has started.
     """
 
-    sample_time: float
-    last_tick: int
-    rate: float
-    schedule: Sequence[str] | None = None
+    sample_time: float = checked(positive)
+    last_tick: int = checked(count)
+    rate: float = checked(finite)
+    schedule: Sequence[str] | None = checked(sequence(string), default=None)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +105,7 @@ class Announcement:
     changes
         How often parameters of each of its nodes were changed after tick 0, by full name.
     nodes
-        Metadata of its nodes, by full name; until the run has started.
+        Metadata of its nodes, by full name; until the run has started. By them a process shows that it may take part.
     hears
         Identifiers of the processes whose announcements it has received; until the run has started.
     directory
@@ -74,16 +116,16 @@ class Announcement:
         The fields of the :class:`RunPlan`; from the timer's process, while it is running.
     """
 
-    process: str
-    state: str
-    reason: str = ''
-    ticks: dict[str, int] = dataclasses.field(default_factory=dict)
-    changes: dict[str, int] = dataclasses.field(default_factory=dict)
-    nodes: dict[str, dict[str, Any]] | None = None
-    hears: list[str] | None = None
-    directory: str | None = None
-    timer: TimerAnnouncement | None = None
-    run: dict[str, Any] | None = None
+    process: str = checked(string)
+    state: str = checked(one_of(*_STATES))
+    reason: str = checked(string, default='')
+    ticks: dict[str, int] = checked(mapping(count), default_factory=dict)
+    changes: dict[str, int] = checked(mapping(count), default_factory=dict)
+    nodes: dict[str, dict[str, Any]] | None = checked(mapping(_NODE), default=None)
+    hears: list[str] | None = checked(sequence(string), default=None)
+    directory: str | None = checked(string, default=None)
+    timer: TimerAnnouncement | None = checked(instance(TimerAnnouncement), default=None)
+    run: dict[str, Any] | None = checked(_RUN, default=None)
 
     def encode(self) -> str:
         """Return it as JSON."""
@@ -103,18 +145,10 @@ def decode(text: str) -> Announcement:
         If the text is not an announcement.
     """
     try:
-        content = _known_fields(Announcement, json.loads(text))
-        if 'timer' in content:
-            content['timer'] = TimerAnnouncement(**_known_fields(TimerAnnouncement, content['timer']))
-        return Announcement(**content)
-    except (ValueError, TypeError, AttributeError) as error:
+        return parse(Announcement, text)
+    except ValueError as error:
         raise AnnouncementError(str(error)) from None
 
 
 def _without_none(content: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in content.items() if value is not None}
-
-
-def _known_fields(kind: type[Any], content: dict[str, Any]) -> dict[str, Any]:
-    names = {field.name for field in dataclasses.fields(kind)}
-    return {key: value for key, value in content.items() if key in names}

@@ -18,6 +18,7 @@ from types import FrameType
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from hdd_servo_ros.messages.errors import RunError, StopRequest
@@ -30,6 +31,8 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import Member
 from hdd_servo_ros.ros.message_wait import MessageWait
 from hdd_servo_ros.ros.watching import PeerEnded, Watching
+
+RCLError: type[Exception] = _rclpy.RCLError
 
 HOUSEKEEPING_PERIOD = 0.1
 """Wall time between two rounds of housekeeping while the loop runs [s]."""
@@ -113,6 +116,7 @@ class Lockstep:
             self._serve()
         # The others first: they stop waiting while this process closes its bag.
         self._ending.announce_outcome(outcome)
+        self._member.ignored.report()
         for node in self._nodes:
             try:
                 node.finish(outcome)
@@ -167,6 +171,10 @@ class Lockstep:
             handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
         except (rclpy.executors.TimeoutException, rclpy.executors.ConditionReachedException):
             return False
+        except RCLError as error:
+            # Bytes that are not even a request of their service's type; of which service, nothing tells.
+            self._member.ignored.add_request(str(error))
+            return True
         handler()
         if handler.exception() is not None:
             raise handler.exception()

@@ -9,7 +9,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from hdd_servo_ros.messages.cdr import STAMP, array_names_and_offset
-from hdd_servo_ros.messages.errors import StampError
+from hdd_servo_ros.messages.checked import LITTLE_ENDIAN, check_message
+from hdd_servo_ros.messages.errors import RunError, StampError
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import LoopTopic
 from hdd_servo_ros.ros.loop_topics import LOOP_QOS, message_class
@@ -60,12 +61,16 @@ class Input:
         """
         Return the message that the reader's tick needs, None if it has not arrived yet, empty if there is none to be.
 
-        It is given the reader's tick and its eight stamp bytes, and raises :class:`StampError` if the next message is
-        not that of the tick.
+        It is given the reader's tick and its eight stamp bytes, and raises :class:`RunError` if the next message is
+        not that of the tick, or no message of the topic at all.
         """
         self._is_array = not topic.codec.is_stamped
         self._array_stamp: slice | None = None
         """Where an array message, which has no header, holds its element t; known from its first message on."""
+        self._size = 0
+        """Bytes of a message that was found to be one of the topic."""
+        self._begin = LITTLE_ENDIAN
+        """How a message of that size must begin so as not to be examined again."""
 
     def connect(self, node: Node, group: CallbackGroup) -> None:
         """Subscribe."""
@@ -109,16 +114,29 @@ class Input:
         if taken is None:
             return None
         message: bytes = taken[0]
+        if len(message) != self._size or not message.startswith(self._begin):
+            self._examine(message, tick - self.delay)
         if self._is_array:
             self._check_array(message, tick - self.delay)
         elif message[STAMP] != stamp:
             self._reject(tick - self.delay, self._ticks.tick_of(message[STAMP]))
         return message
 
-    def _check_array(self, message: bytes, expected: int) -> None:
-        if self._array_stamp is None:
+    def _examine(self, message: bytes, expected: int) -> None:
+        """Refuse what is no message of the topic; the next message of this size and kind needs no examination."""
+        try:
+            check_message(self.topic.codec, message)
+        except ValueError as error:
+            publishers = publishers_of(self._node, self.name)
+            raise RunError(f'{self.name}: at tick {expected}: {error}; published by {publishers}') from None
+        if self._is_array:
             _, offset = array_names_and_offset(message)
             self._array_stamp = slice(offset, offset + 8)
+            self._begin = message[:offset]
+        self._size = len(message)
+
+    def _check_array(self, message: bytes, expected: int) -> None:
+        assert self._array_stamp is not None
         stamp = message[self._array_stamp]
         if stamp != self._ticks.seconds_bytes(expected):
             self._reject(expected, self._ticks.tick_of_seconds(stamp))

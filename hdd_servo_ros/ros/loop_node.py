@@ -374,6 +374,11 @@ class LoopNode(ParameterNode):
         self._set_halt()
         return not self.done
 
+    @property
+    def is_held(self) -> bool:
+        """Whether this node is to wait: somebody, or the wall time, holds up its next tick."""
+        return not self.done and self.seconds_until_due() > 0.0
+
     def missing(self) -> Input | None:
         """Return the input that the next tick waits for, None if it waits for none."""
         return self.inputs[self._arrived] if not self.done and self._arrived < len(self.inputs) else None

@@ -27,14 +27,21 @@ from hdd_servo_ros.ros.announcement import (
     TimerAnnouncement,
     decode,
 )
+from hdd_servo_ros.ros.ignored_messages import IgnoredMessages
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import metadata_of
 from hdd_servo_ros.ros.peer_table import PeerTable
 from hdd_servo_ros.ros.run_plan import RunPlan
+from hdd_servo_ros.ros.typed_json import shown
+from hdd_servo_ros.ros.untrusted import MessageError, message_of
 
 PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 """Wall time between two announcements in each state [s]."""
-_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+CURE = 'wait for its end, or choose another namespace (--ros-args -r __ns:=/bench2) or another ROS_DOMAIN_ID'
+"""What to do about a graph that is there already."""
+LOCKSTEP = 'lockstep'
+"""Topic of the announcements."""
+LOCKSTEP_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class Member:
@@ -60,9 +67,13 @@ class Member:
         """Parameter ``peer_timeout`` [s]."""
         self.outcome_of_peer: Outcome | None = None
         """How the run has ended for the first peer that has announced an end other than a finished run."""
+        self.ignored = IgnoredMessages(nodes[0])
+        self.latecomers: dict[str, float] = {}
+        """Inputs that a process publishes too which has come after the start, and when it was heard of last [s]."""
         self._announced_at = 0.0
-        self._publisher = nodes[0].create_publisher(String, 'lockstep', _QOS)
-        self._subscription = nodes[0].create_subscription(String, 'lockstep', self._receive, _QOS)
+        self._publisher = nodes[0].create_publisher(String, LOCKSTEP, LOCKSTEP_QOS)
+        # Raw: what is not even a string must not reach the deserializer of an executor, which would raise.
+        self._subscription = nodes[0].create_subscription(String, LOCKSTEP, self._receive, LOCKSTEP_QOS, raw=True)
 
     # Sending.
 
@@ -78,7 +89,7 @@ class Member:
             reason,
             ticks={node.get_fully_qualified_name(): node.tick for node in self.nodes},
             changes={node.get_fully_qualified_name(): node.changes for node in self.nodes},
-            nodes=self._own_nodes() if gathering else None,
+            nodes=self._own_nodes() if self.run is None else None,
             hears=list(self.peers.announcements) if gathering else None,
             directory=directory or None,
             timer=self._own_timer(),
@@ -119,22 +130,51 @@ class Member:
 
     # Receiving.
 
-    def _receive(self, message: String) -> None:
+    def _receive(self, message: bytes) -> None:
         try:
-            announcement = decode(message.data)
-        except AnnouncementError:
-            self.nodes[0].get_logger().warning(
-                f'ignored a message on lockstep that is not an announcement: {message.data[:60]!r}'
-            )
+            announcement = decode(message_of(String, message).data)
+        except (MessageError, AnnouncementError) as error:
+            self._ignore(str(error))
             return
-        if announcement.process == self.identifier or not self.peers.receive(announcement, time.monotonic()):
+        if announcement.process == self.identifier:
+            return
+        if not self._may_take_part(announcement) or not self.peers.receive(announcement, time.monotonic()):
             return
         if announcement.directory:
             self._set_directory(announcement.directory)
         if announcement.state in (FAILED, INTERRUPTED):
             self._receive_end(announcement)
         if announcement.run and self.run is None:
-            self._receive_start(announcement.run)
+            self._receive_start(announcement)
+
+    def _may_take_part(self, announcement: Announcement) -> bool:
+        """Return whether the sender has a part in the run, or before it may have one; report a stranger."""
+        process = announcement.process
+        if self.run is not None:
+            if process in self.run.processes:
+                return True
+            if announcement.nodes is None:
+                self._ignore(f'process {shown(process)} has no part in this run')
+            else:  # it has come too late, and will leave by itself
+                outputs = {topic for node in announcement.nodes.values() for topic in node['outputs']}
+                read = {port.name for node in self.nodes for port in node.inputs}
+                self.latecomers.update(dict.fromkeys(outputs & read, time.monotonic()))
+            return False
+        if announcement.nodes is not None or process in self.peers.announcements:
+            return True
+        # Without nodes: of a run that is in progress, or that this process has not heard of yet.
+        if not announcement.ticks or announcement.state in (WAITING, READY):
+            self._ignore(f'process {shown(process)} announces no nodes')
+            return False
+        return True
+
+    def _ignore(self, why: str) -> None:
+        names = {node.get_fully_qualified_name() for node in self.nodes}
+        if self.run is not None:
+            names |= set(self.run.nodes)
+        else:
+            names |= {name for each in self.peers.announcements.values() for name in each.ticks}
+        self.ignored.add(self._subscription.topic_name, why, names)
 
     def _receive_end(self, announcement: Announcement) -> None:
         process = announcement.process
@@ -144,13 +184,15 @@ class Member:
         elif self.outcome_of_peer is None and (self.run is None or process in self.run.processes):
             self.outcome_of_peer = Outcome(announcement.state, announcement.reason)
 
-    def _receive_start(self, run: dict[str, Any]) -> None:
+    def _receive_start(self, announcement: Announcement) -> None:
+        run = announcement.run
+        assert run is not None
+        if announcement.process not in run['processes'] or run['timer'] not in announcement.ticks:
+            self._ignore(f'process {shown(announcement.process)} starts a run that is not its own')
+            return
         if self.identifier not in run['processes']:
             names = ', '.join(node.get_fully_qualified_name() for node in self.nodes)
-            raise RunError(
-                f'{names} joined after the start: a run is in progress in this namespace; wait for its end, or give '
-                'this node another namespace (--ros-args -r __ns:=/bench2)'
-            )
+            raise RunError(f'{names} joined after the start: a run is in progress here; {CURE}')
         self.start(RunPlan(**run))
 
     # What this process and the others know together.

@@ -26,6 +26,7 @@ from hdd_servo_ros.parameters import (
 )
 from hdd_servo_ros.parameters.files import ArgumentError, with_node
 from hdd_servo_ros.parameters.ros_yaml import read_value
+from hdd_servo_ros.ros.parameter_requests import ParameterRequests
 
 _TYPES = {
     bool: Parameter.Type.BOOL,
@@ -101,6 +102,11 @@ class ParameterNode(Node):
     """
     A node that rejects unknown parameters by name; rclpy's own services would return an empty list.
 
+    Parameters
+    ----------
+    name
+        Node name.
+
     Raises
     ------
     ParameterError, ArgumentError
@@ -111,7 +117,7 @@ class ParameterNode(Node):
         self.declared: dict[str, Declaration] = {}
         """What is declared of each parameter, by its ROS name."""
         try:
-            super().__init__(name)
+            super().__init__(name, start_parameter_services=False)
         except InvalidParameterTypeException as error:
             # Its text is all that it keeps.
             found = re.search(r"parameter '(\w+)' to '(.*)' of type", str(error))
@@ -119,6 +125,7 @@ class ParameterNode(Node):
             raise ParameterError(given, read_value(value), 'true or false') from None
         except Exception as error:
             raise ArgumentError(f'{name}: {one_line(error)}') from None
+        self._parameter_service = ParameterRequests(self)
 
     def describe_parameter(self, name: str) -> ParameterDescriptor:
         """Return the descriptor of a parameter, as other processes see it."""
@@ -146,6 +153,8 @@ class ParameterNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Change parameters together, or none if one is refused."""
+        if not parameter_list:
+            return SetParametersResult(successful=True)  # no change, of which no event would tell either
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 similar = difflib.get_close_matches(parameter.name, self._parameters, n=1)

@@ -31,7 +31,7 @@ class RunPlan:
     nodes
         The metadata of each participating node by its full name: inputs, outputs, parameters and more.
     processes
-        Identifiers of the participating processes.
+        Identifiers of the participating processes, that of the timer first.
     schedule
         The timer's parameter of that name.
     """
@@ -49,6 +49,11 @@ class RunPlan:
     def ticks(self) -> Ticks:
         """The time line, one for all nodes of a process."""
         return Ticks(self.sample_time)
+
+    @property
+    def identifier(self) -> str:
+        """Identifier of the run: that of the process of its timer, the first of the processes; empty without one."""
+        return self.processes[0] if self.processes else ''
 
     @functools.cached_property
     def changes(self) -> tuple[Change, ...]:

@@ -96,3 +96,9 @@ def use_udp_alone(environment: MutableMapping[str, str]) -> None:
         profile = LOCALHOST_PROFILE
         environment[_RANGE] = 'SYSTEM_DEFAULT'
     environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
+
+
+def keeps_to_this_machine(environment: Mapping[str, str]) -> bool:
+    """Return whether DDS finds processes of this machine alone; before or after :func:`use_udp_alone`."""
+    is_local = environment.get(_RANGE, '').upper() in ('LOCALHOST', 'OFF')
+    return is_local or environment.get('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE)

@@ -20,6 +20,14 @@ _REPEATED_WITHIN = 1.0
 """Time beyond ``peer_timeout`` that a lost message is given; DDS repeats it within 3 s [s]."""
 _GRAPH_CHECK_PERIOD = 0.5
 """Wall time between two counts of each topic's publishers [s]."""
+_SECOND_PUBLISHER = 1.5
+"""How long a second publisher of a topic may be there: one that came too late by mistake introduces itself [s]."""
+_LATECOMER = 25.0
+"""
+The same for the topics of a process that has introduced itself as one that has come too late, and ends [s].
+
+Longer than DDS remembers it, should it be killed.
+"""
 
 
 class PeerEnded(Exception):
@@ -43,6 +51,9 @@ class Watching:
     def __init__(self, member: Member) -> None:
         self._member = member
         self._overdue_since: dict[tuple[str, int], float] = {}
+        self._doubled_since: dict[str, float] = {}
+        self._ticks: dict[str, int] = {}
+        self._still_since = math.inf
         self._graph_checked_at = 0.0
 
     def watch(self, stalled: float = math.inf) -> None:
@@ -79,7 +90,7 @@ class Watching:
             # Nothing else would notice a second publisher of a topic that stays inside a process.
             readers = {port.name: node for node in member.nodes for port in node.inputs}
             for topic, reader in readers.items():
-                _check_publishers(reader, topic)
+                self._check_publishers(reader, topic, now)
 
     def _reject_silent(self, process: str, silence: float) -> None:
         announcement = self._member.peers.announcements.get(process)
@@ -103,11 +114,13 @@ class Watching:
         Raises
         ------
         RunError
-            If a message was published and did not arrive, or if its publisher is external and does not respond.
+            If a message was published and did not arrive, if its publisher is external and does not respond, or if
+            no node of the run has fired for ``peer_timeout`` although nothing holds it up.
         """
         member = self._member
         run = member.run
         assert run is not None
+        self._check_standstill(stalled)
         if stalled < member.timeout + _REPEATED_WITHIN:
             self._overdue_since.clear()
             return
@@ -128,6 +141,46 @@ class Watching:
             elif ticks[publisher] > expected and self._is_overdue(port.name, expected):
                 raise RunError(f'{port.name}: tick {expected} was published by {publisher} and did not arrive')
 
+    def _check_standstill(self, stalled: float) -> None:
+        """
+        End a run none of whose nodes fires any more, whatever the cause.
+
+        The process of the timer alone judges: no other knows whether the run is paused, or when the next tick is due.
+        """
+        member = self._member
+        timer = member.timer_node
+        if timer is None:
+            return
+        now = time.monotonic()
+        ticks = {**member.peers.ticks(), **{node.get_fully_qualified_name(): node.tick for node in member.nodes}}
+        if stalled < _STALLED or timer.is_held or ticks != self._ticks:
+            self._ticks = ticks
+            self._still_since = math.inf
+            return
+        self._still_since = min(self._still_since, now)
+        if now - self._still_since > member.timeout + _REPEATED_WITHIN:
+            raise RunError(
+                f'no node has fired for {stalled:.1f} s (parameter peer_timeout); '
+                f'{", ".join(_progress(node) for node in member.nodes)}; '
+                f'next ticks: {", ".join(f"{name} {tick}" for name, tick in ticks.items())}'
+            )
+
+    def _check_publishers(self, node: LoopNode, topic: str, now: float) -> None:
+        """
+        End the run if a topic has a second publisher that stays.
+
+        One that has come too late by mistake is given the time to end: until its run begins it publishes nothing.
+        """
+        count = node.count_publishers(topic)
+        if count <= 1:
+            self._doubled_since.pop(topic, None)
+            return
+        seconds = now - self._doubled_since.setdefault(topic, now)
+        is_latecomer = now - self._member.latecomers.get(topic, -math.inf) < _LATECOMER
+        if seconds > (_LATECOMER if is_latecomer else _SECOND_PUBLISHER):
+            publishers = publishers_of(node, topic)
+            raise RunError(f'{topic}: {count} publishers at tick {node.tick}, one is allowed: {publishers}')
+
     def _is_overdue(self, topic: str, tick: int) -> bool:
         """Return whether a message has been overdue for a while: right after a pause, the first one is under way."""
         now = time.monotonic()
@@ -139,9 +192,3 @@ def _progress(node: LoopNode) -> str:
     if port is None:
         return f'{node.get_name()} is at tick {node.tick}'
     return f'{port.name} is missing for tick {node.tick - port.delay}'
-
-
-def _check_publishers(node: LoopNode, topic: str) -> None:
-    count = node.count_publishers(topic)
-    if count > 1:
-        raise RunError(f'{topic}: {count} publishers at tick {node.tick}, one is allowed: {publishers_of(node, topic)}')

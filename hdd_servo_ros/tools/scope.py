@@ -3,14 +3,11 @@
 import argparse
 import contextlib
 import importlib.util
-import json
 import math
 import os
-import queue
 import signal
 import socket
 import sys
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,87 +15,29 @@ from types import FrameType
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 import rclpy
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
-from std_msgs.msg import Float64MultiArray, String
 
 from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS, command
-from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED
-from hdd_servo_ros.messages.scope_blocks import Block
-from hdd_servo_ros.messages.topics import SCOPE
-from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.reporting.live_view import LiveView, lighten
 from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.transport import check_domain, use_udp_alone, who_can_reach
+from hdd_servo_ros.tools.scope_feed import Feed, FeedError
+from hdd_servo_ros.tools.scope_web import serve_any_page
 
 FRAME_PERIOD = 0.25
 """Wall time between two pictures [s]."""
 _NICENESS = 10
 """The loop comes first on a machine with few cores."""
-_GONE_AFTER = 2.0
 _ADDRESS = '127.0.0.1'
-_BEST_EFFORT = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 _NO_VIEW = (
     'there is no display, and tornado, which the view in the browser needs, is not installed (python3-tornado, or pip '
     'install tornado); --save FILE.png makes a picture without either'
 )
-
-
-class Feed:
-    """
-    What the recorder of a run sends, received in a thread of its own.
-
-    Parameters
-    ----------
-    view
-        Where it goes, when :meth:`pour` is called.
-    """
-
-    def __init__(self, view: LiveView) -> None:
-        self._view = view
-        self._received: queue.SimpleQueue[Float64MultiArray] = queue.SimpleQueue()
-        self._has_reported_end = False
-        self._node = rclpy.create_node('scope')
-        self._node.create_subscription(Float64MultiArray, SCOPE, self._received.put, _BEST_EFFORT)
-        self._node.create_subscription(String, 'lockstep', self._receive_state, _BEST_EFFORT)
-        self._present_at = time.monotonic()
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._executor.spin)
-        self._thread.start()
-
-    def close(self) -> None:
-        """End the thread."""
-        self._executor.shutdown()
-        self._thread.join()
-
-    def _receive_state(self, message: String) -> None:
-        self._has_reported_end = json.loads(message.data).get('state') in (FINISHED, FAILED, INTERRUPTED)
-
-    def pour(self) -> bool:
-        """Put what was received into the view; return whether there was anything."""
-        count = self._received.qsize()
-        for _ in range(count):
-            message = self._received.get()
-            units, names = (dimension.label.split(',') for dimension in message.layout.dim)
-            rows = np.asarray(message.data, dtype=np.float64).reshape(-1, len(names))
-            self._view.add(Block(tuple(names), rows), Units(*units))
-        if self._node.count_publishers(SCOPE):
-            self._present_at = time.monotonic()
-        return count > 0
-
-    @property
-    def has_ended(self) -> bool:
-        """Whether the run that was seen is over: it reported so, or its recorder is gone."""
-        gone = time.monotonic() - self._present_at > _GONE_AFTER
-        return not self._view.is_empty and (self._has_reported_end or gone)
 
 
 def _heed_interrupts_until_the_end(feed: Feed) -> None:
@@ -150,12 +89,18 @@ def show(window: float, port: int | None) -> None:
     else:
         print(f'scope: see http://{_ADDRESS}:{port}; waiting for a run with a bag_recorder', flush=True)
 
+    faults: list[FeedError] = []
+
     def draw() -> None:
-        if feed.pour():
-            view.draw()
-            figure.canvas.draw_idle()
-        if feed.has_ended:
-            print('scope: the run has ended')
+        try:
+            if feed.pour():
+                view.draw()
+                figure.canvas.draw_idle()
+        except FeedError as error:  # raised here, it would end in the event loop
+            faults.append(error)
+        if feed.has_ended or faults:
+            if not faults:
+                print('scope: the run has ended')
             timer.stop()
             _stop_showing(port is not None)
 
@@ -164,6 +109,8 @@ def show(window: float, port: int | None) -> None:
     timer.start()
     with contextlib.closing(feed):
         plt.show(block=True)
+    if faults:
+        raise faults[0]
 
 
 def _stop_showing(in_browser: bool) -> None:
@@ -212,6 +159,7 @@ def choose_view(*, web: bool, port: int) -> int | None:
     mpl.rcParams['webagg.open_in_browser'] = False
     plt.switch_backend('WebAgg')
     refuse_other_hosts(port)
+    serve_any_page()
     return port
 
 
@@ -286,7 +234,7 @@ def _picture(text: str) -> Path:
 
 @command('scope')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Show a run; exit code 0 when it has ended, 2 if there is nothing to show it on, 130 on Ctrl-C."""
+    """Show a run; exit code 0 when it has ended, 1 if nothing more comes, 2 if there is no view, 130 on Ctrl-C."""
     command_line = list(sys.argv if arguments is None else ['scope', *arguments])
     parsed = _parse(parse_ros_arguments(command_line[1:]).others)
     check_domain(os.environ)

@@ -46,7 +46,7 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         ),
         (
             'recorded',
-            '| [/recorded](#recorded), optional | `std_msgs/UInt64` | `bag_recorder` | `deterministic_timer` |',
+            '| [/recorded](#recorded), optional | `std_msgs/Header` | `bag_recorder` | `deterministic_timer` |',
         ),
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.messages.cdr import STAMP, names_and_start, numbers, row_layout, stamp_rows
-from hdd_servo_ros.messages.codecs import CODECS, COUNTS
+from hdd_servo_ros.messages.codecs import CODECS, REPORTS
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, ESTIMATES, RECORDED
 
 NAMES = ('t', 'r', 'm_hat', 'e')
@@ -36,6 +36,6 @@ def test_a_topic_declares_no_more_than_its_messages_carry(topic):
     assert len(topic.fields) <= len(topic.codec.components)
 
 
-def test_counts_are_made_one_by_one():
+def test_reports_are_made_one_by_one():
     with pytest.raises(KeyError):
-        row_layout(COUNTS, 'drive', NAMES)
+        row_layout(REPORTS, 'drive', NAMES)

@@ -1,14 +1,17 @@
 """The decimation for live viewers keeps every peak, and the blocks hold every field of the contract."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hdd_servo_ros.messages.cdr import ArrayCodec, ClockCodec, VectorCodec
-from hdd_servo_ros.messages.scope_blocks import decimated, make_block
+from hdd_servo_ros.messages.scope_blocks import Block, ScopeMessage, decimated, make_block, read_scope_message
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import LOOP_TOPICS, SIGNAL_TOPICS
+from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.simulation.experiment import Experiment
 
@@ -54,3 +57,36 @@ def test_a_block_holds_the_signals_of_its_ticks(controller):
         assert np.array_equal(column[name], getattr(getattr(rows, topic), field)[20:]), name
     for name in rows.estimate_names[1:]:
         assert np.array_equal(column[f'estimates.{name}'], rows.estimates[name][20:])
+
+
+def block_message(label='um,V,host:1:a', names='t,error', data=(0.0, 1.0, 2.0, 3.0)):
+    dimensions = [SimpleNamespace(label=label), SimpleNamespace(label=names)]
+    return SimpleNamespace(layout=SimpleNamespace(dim=dimensions), data=data)
+
+
+def test_what_is_written_is_read_again():
+    rows = np.arange(6.0).reshape(2, 3)
+    written = ScopeMessage('host:1:a', Units('mm', 'A'), Block(('t', 'error', 'head.position'), rows))
+    read = read_scope_message(block_message(*written.labels, rows.ravel()))
+    assert (read.run, read.units, read.block.names) == (written.run, written.units, written.block.names)
+    assert np.array_equal(read.block.rows, rows)
+
+
+@pytest.mark.parametrize(
+    ('message', 'said'),
+    [
+        (block_message('um,V'), 'two units and the run'),
+        (block_message(names='error,t'), 'begin with t, error'),
+        (block_message(names='t,error,error'), 'unique'),
+        (block_message(names='t,error' + ',x' * 600), 'unique'),
+        (block_message(data=()), '0 numbers'),
+        (block_message(data=(0.0, 1.0, 2.0)), '3 numbers in 2 columns'),
+        (block_message(data=np.zeros(100_000)), '100000 numbers'),
+        (block_message(data=(1.0, 0.0, 0.5, 0.0)), 'does not grow'),
+        (block_message(data=(np.nan, 0.0)), 'does not grow'),
+        (SimpleNamespace(layout=SimpleNamespace(dim=[]), data=()), '0 dimensions'),
+    ],
+)
+def test_what_is_no_block_is_refused(message, said):
+    with pytest.raises(ValueError, match=said):
+        read_scope_message(message)

@@ -1,8 +1,11 @@
 """One process among others whose announcements are made up here: before, during and after a run."""
 
 import dataclasses
+import time
 
 import pytest
+import rclpy
+from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from hdd_servo_ros.messages.errors import RunError
@@ -33,7 +36,11 @@ def member(node):
 
 
 def receive(member, announcement, **changes):
-    member._receive(String(data=dataclasses.replace(announcement, **changes).encode()))
+    send(member, dataclasses.replace(announcement, **changes).encode())
+
+
+def send(member, text):
+    member._receive(serialize_message(String(data=text)))
 
 
 def start(member, *others):
@@ -48,9 +55,93 @@ def clock_of(monkeypatch, member, seconds):
     monkeypatch.setattr('time.monotonic', lambda: now)
 
 
-def test_what_is_not_an_announcement_changes_nothing(member):
-    member._receive(String(data='hello'))
-    assert not member.peers.announcements
+STRAY = [
+    b'',
+    b'hello',
+    bytes(5),
+    b'\x00\x01\x00\x00\xff\xff\xff\xff{}',
+    *(
+        serialize_message(String(data=text))
+        for text in (
+            'hello',
+            '[' * 5000,
+            '{"process":' * 100_000,
+            '{"process": "x"}',
+            '{"process": "x", "state": "waiting"}',
+            '{"process": "x", "state": "failed", "reason": "because"}',
+            '{"process": "x", "state": ["failed"]}',
+            '{"process": 7, "state": "ready"}',
+            '{"process": "x", "state": "ready", "ticks": {"/x": "one"}}',
+            '{"process": "x", "state": "ready", "ticks": [1, 2]}',
+            '{"process": "x", "state": "ready", "ticks": {"/x": -1}}',
+            '{"process": "x", "state": "ready", "ticks": {"/x": 1e400}}',
+            '{"process": "x", "state": "ready", "ticks": {"/x": 1' + 400 * '0' + '}}',
+            '{"process": "x", "state": "ready", "nodes": {"/x": {}}}',
+            '{"process": "x", "state": "ready", "nodes": {"/x": {"inputs": 3}}}',
+            '{"process": "x", "state": "ready", "nodes": {}, "hears": 5}',
+            '{"process": "x", "state": "ready", "nodes": {}, "timer": {"sample_time": 0, "last_tick": 1, "rate": 0}}',
+            '{"process": "x", "state": "ready", "nodes": {}, "timer": {"sample_time": NaN, "last_tick": 1, "rate": 0}}',
+            '{"process": "x", "state": "running", "ticks": {"/x": 0}, "run": {"processes": []}}',
+            '{"process": "x", "state": "running", "nodes": {}, "run": {"sample_time": 1e-4, "last_tick": 1, "rate": 0,'
+            ' "frame_id": "", "timer": "/t", "nodes": {}, "processes": [], "schedule": []}, "ticks": {"/x": 0}}',
+        )
+    ),
+]
+"""What one may find on `/lockstep` that no process of this package sends."""
+
+
+@pytest.mark.parametrize('stray', STRAY)
+@pytest.mark.parametrize('is_running', [False, True])
+def test_what_no_process_of_a_run_sends_is_ignored(member, stray, is_running):
+    if is_running:
+        start(member)
+    before = (dict(member.peers.announcements), member.state, member.outcome_of_peer)
+    member._receive(stray)
+    member._receive(stray)
+    known = {key: value for key, value in member.peers.announcements.items() if key != 'x'}
+    assert (known, member.state, member.outcome_of_peer) == before
+    if is_running:
+        assert 'x' not in member.peers.announcements
+    if is_running and b'"nodes": {}, "run"' in stray:
+        return  # as one that has come too late
+    assert member.ignored.counts == {'/lockstep': 2}
+
+
+def test_ignored_messages_are_counted_and_reported_once_with_who_may_have_sent_them(member, monkeypatch):
+    said = []
+    monkeypatch.setattr(type(member.ignored._node.get_logger()), 'warning', lambda _, text: said.append(text))
+    stranger = rclpy.create_node('stranger')
+    stranger.create_publisher(String, '/lockstep', 10)
+    deadline = time.monotonic() + 100.0
+    while stranger.count_publishers('/lockstep') < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    for _ in range(300):
+        send(member, '{"process": "x"}')
+    stranger.destroy_node()
+    assert said == [
+        '/lockstep: ignored a message (state is missing), and will ignore further ones silently; published by /stranger'
+    ]
+    member.ignored.report()
+    assert said[1:] == ['/lockstep: ignored 300 messages in all']
+
+
+def test_a_process_without_a_part_in_the_run_cannot_end_it(member):
+    start(member)
+    receive(member, Announcement('x', FAILED, 'for fun', ticks={'/x': 3}))
+    receive(member, Announcement('x', RUNNING, ticks={'/deterministic_timer': 2**40}))
+    assert member.outcome_of_peer is None
+    assert 'x' not in member.peers.announcements
+    assert member.peers.ticks() == {'/deterministic_timer': 0}
+    assert member.ignored.counts == {'/lockstep': 2}
+
+
+def test_one_that_came_too_late_is_known_by_its_outputs(member):
+    start(member)
+    receive(member, OF_TIMER, process='late')
+    assert 'late' not in member.peers.announcements
+    assert list(member.latecomers) == ['/clock']
+    assert not member.ignored.counts
 
 
 def test_its_own_announcements_are_passed_over(member):

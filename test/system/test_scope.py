@@ -1,8 +1,11 @@
 """The built-in scope: a picture without a display, the view in the browser, and its end with the run."""
 
+import contextlib
 import http.client
+import math
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -11,6 +14,7 @@ import urllib.request
 
 import matplotlib.image
 import pytest
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 
 from hdd_servo_ros.recording.compare_bags import first_difference
 
@@ -22,11 +26,11 @@ def scope(bench):
     """Start `scope`; ended with the bench's other processes."""
     started: list[subprocess.Popen[str]] = []
 
-    def start(*arguments):
+    def start(*arguments, code=ENTRY_POINT):
         environment = {name: value for name, value in bench.environment.items() if 'DISPLAY' not in name}
         started.append(
             subprocess.Popen(
-                [sys.executable, '-c', ENTRY_POINT, *arguments],
+                [sys.executable, '-c', code, *arguments],
                 cwd=bench.directory,
                 env=environment,
                 stdout=subprocess.PIPE,
@@ -106,6 +110,120 @@ def status(port, host, origin=None, path='/'):
     code = connection.getresponse().status
     connection.close()
     return code
+
+
+SLOW_DRAWING = """
+import sys, time
+from hdd_servo_ros.reporting.live_view import LiveView
+draw = LiveView.draw
+def slowly(self):
+    time.sleep(2.5)
+    print('drawn', flush=True)
+    draw(self)
+LiveView.draw = slowly
+from hdd_servo_ros.executables import scope
+sys.exit(scope())
+"""
+
+
+def free_port():
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        return free.getsockname()[1]
+
+
+def test_a_slow_drawing_does_not_end_it_before_the_run(bench, scope):
+    watching = scope('--port', str(free_port()), code=SLOW_DRAWING)
+    process = bench.start('rig', '-p', 'duration:=0.6', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    assert process.wait() == 0, process.output
+    assert watching.wait(200.0) == 0
+    said = watching.stdout.read()
+    assert said.count('drawn') >= 3  # 12 s of a run, 2.5 s a picture
+    assert 'the run has ended' in said
+
+
+def stray_messages():
+    texts = ('hello', '[' * 5000, '{"process": "x"}', '[1]', '7', '{"process": "x", "state": "finished"}')
+    blocks = (
+        Float64MultiArray(),
+        Float64MultiArray(data=[1.0, 2.0]),
+        block_of('um,V', 't,error', [0.0, 1.0]),
+        block_of('um,V,host:1:a', 't,error', [0.0, 1.0, 2.0]),
+        block_of('um,V,host:1:a', 'error,t', [0.0, 1.0]),
+        block_of('um,V,host:1:a', 't,error', [2.0, 1.0, 1.0, 1.0]),
+        block_of('um,V,host:1:a', 't,error', [math.nan, 1.0]),
+    )
+    return [String(data=text) for text in texts], [*blocks, b'\x00', bytes(12)]
+
+
+def block_of(label, names, values):
+    made = Float64MultiArray(data=values)
+    made.layout.dim = [MultiArrayDimension(label=label), MultiArrayDimension(label=names)]
+    return made
+
+
+def test_stray_messages_neither_end_it_nor_hold_it_up(bench, scope, outside):
+    texts, blocks = stray_messages()
+    on_lockstep, on_scope = (
+        outside.create_publisher(String, '/lockstep', 10),
+        outside.create_publisher(Float64MultiArray, '/scope', 10),
+    )
+    watching = scope('--save', 'live.png', '--seconds', '60')
+
+    def disturb():
+        for publisher, messages in ((on_lockstep, texts), (on_scope, blocks)):
+            for message in messages:
+                publisher.publish(message)
+        outside.spin_for(0.05)
+
+    for _ in range(40):
+        disturb()
+    assert watching.poll() is None
+    process = bench.start('rig', '-p', 'duration:=0.3', '-p', 'rate:=0.1', '-p', 'run_dir:=run')
+    while process.popen.poll() is None:
+        disturb()
+    assert process.wait() == 0, process.output
+    assert watching.wait(200.0) == 0
+    said = watching.stdout.read()
+    assert 'Traceback' not in said
+    for topic in ('/scope', '/lockstep'):
+        assert said.count(f'{topic}: ignored a message') == 1
+    assert '/outside' in said
+    assert (bench.directory / 'live.png').exists()
+
+
+def open_tab(port):
+    """Be a tab that is gone after a moment; return whether it was served."""
+    with socket.create_connection(('127.0.0.1', port)) as tab:
+        tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack('ii', 1, 0))  # closes by a reset
+        tab.sendall(
+            b'GET /1/ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+            b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n'
+        )
+        for text in (b'{"type": "supports_binary", "value": true}', b'{"type": "refresh"}', b'[', b'7', b'{}'):
+            tab.sendall(bytes((0x81, 0x80 | len(text), 0, 0, 0, 0)) + text)
+        answer = tab.recv(1000)
+        time.sleep(0.3)
+    return b'101' in answer
+
+
+def test_tabs_that_come_and_go(bench, scope):
+    """Tabs that are closed without a word, in the middle of a picture, or send what no tab sends."""
+    port = free_port()
+    watching = scope('--port', str(port))
+    process = bench.start('rig', '-p', 'duration:=0.6', '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    process.wait_for('real-time factor')
+    served = 0
+    while process.popen.poll() is None:
+        with contextlib.suppress(OSError):  # it may be about to end
+            served += open_tab(port)
+    assert served > 3
+    assert process.wait() == 0, process.output
+    assert watching.wait(200.0) == 0
+    said = watching.stdout.read()
+    assert 'the run has ended' in said
+    assert 'Traceback' not in said
+    assert 'Error' not in said
 
 
 def test_an_interrupt_before_the_run_has_ended(scope):
