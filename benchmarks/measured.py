@@ -1,0 +1,51 @@
+"""A command with its exit code, what it wrote, its time and its largest memory."""
+
+import dataclasses
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+from benchmarks.graph_runs import ROOT
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """What a command did: exit code, standard output and error, time [s] and largest resident memory [MB]."""
+
+    exit_code: int
+    output: str
+    errors: str
+    seconds: float
+    memory: float
+
+
+def run_measured(module, *arguments, environment=None, most_seconds=3600.0):
+    """Run a module of this package and measure it; what it writes goes to files, so that nothing waits for a pipe."""
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
+    with tempfile.TemporaryFile('w+') as output, tempfile.TemporaryFile('w+') as errors:
+        started = time.monotonic()
+        process = subprocess.Popen(
+            [sys.executable, '-m', module, *map(str, arguments)],
+            env={**os.environ, 'PYTHONPATH': path, **(environment or {})},
+            stdout=output,
+            stderr=errors,
+        )
+        used: resource.struct_rusage | None = None
+        while used is None:
+            done, status, found = os.wait4(process.pid, os.WNOHANG)
+            if done:
+                process.returncode, used = os.waitstatus_to_exitcode(status), found
+            elif time.monotonic() - started > most_seconds:
+                process.kill()
+                process.wait()
+                raise TimeoutError(f'{module} did not end within {most_seconds:g} s')
+            else:
+                time.sleep(0.02)
+        seconds = time.monotonic() - started
+        output.seek(0)
+        errors.seek(0)
+        # Linux gives the memory in units of 1024 bytes.
+        return Measured(process.returncode, output.read(), errors.read(), seconds, used.ru_maxrss * 1024e-6)

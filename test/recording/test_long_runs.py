@@ -1,0 +1,110 @@
+"""Runs that are read in pieces: the same answers as from whole arrays."""
+
+import pytest
+
+from hdd_servo_ros import Run
+from hdd_servo_ros.parameters.files import parse_ros_arguments
+from hdd_servo_ros.recording.bag_columns import BagError
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.reporting import show
+from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity
+from hdd_servo_ros.reporting.run_sums import sums_of
+from hdd_servo_ros.reporting.summary import summary
+from hdd_servo_ros.reporting.verdict import verdict_of
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.simulation.simulate import simulate
+
+TICKS = 6000
+
+
+@pytest.fixture(scope='module', params=['none', 'zstd', 'split', 'sqlite3'])
+def run(tmp_path_factory, request):
+    directory = tmp_path_factory.mktemp('long') / 'run'
+    more = {
+        'none': [],
+        'zstd': ['-p', 'compression:=zstd'],
+        'split': ['-p', 'max_bag_duration:=0.1'],
+        'sqlite3': ['-p', 'storage:=sqlite3'],
+    }[request.param]
+    return simulated(directory, *more)
+
+
+def simulated(directory, *more):
+    given = ['-p', f'run_dir:={directory}', '-p', f'duration:={TICKS * 1e-4}', *more]
+    parsed = parse_ros_arguments(['--ros-args', '--params-file', 'params/seagate_7200_10.yaml', *given])
+    assert simulate(Simulation(parsed), progress=False)[0] == 0
+    return directory
+
+
+@pytest.fixture
+def long(monkeypatch):
+    """Let every run be a long one."""
+    monkeypatch.setattr('hdd_servo_ros.recording.recorded_run.LONG_RUN', 1)
+
+
+def test_pieces_are_the_rows_of_the_run(run, monkeypatch):
+    whole = Run.open(run)
+    assert list(whole.pieces()) == [whole]
+    monkeypatch.setattr('hdd_servo_ros.recording.recorded_run.LONG_RUN', 1)
+    pieces = list(Run.open(run).pieces())
+    tick = 0
+    for piece in pieces:
+        rows = slice(tick, tick + len(piece.ticks))
+        assert piece.ticks.tolist() == whole.ticks[rows].tolist()
+        assert piece.estimate_names == whole.estimate_names
+        for name in ('reference', 'head', 'ldv', 'control', 'estimates'):
+            assert piece[name].tobytes() == whole[name][rows].tobytes()
+        tick = rows.stop
+    assert tick == TICKS + 1
+    if 'sqlite3' not in read_run_yaml(run)['storage']:
+        assert len(pieces) > 2
+
+
+def test_a_long_run_gives_the_same_summary(run, monkeypatch):
+    whole = Run.open(run)
+    expected = summary(sums_of(whole), whole.description), run_sensitivity(whole), verdict_of(whole)
+    monkeypatch.setattr('hdd_servo_ros.recording.recorded_run.LONG_RUN', 1)
+    opened = Run.open(run)
+    found = summary(sums_of(opened), opened.description), run_sensitivity(opened), verdict_of(opened)
+    assert found == expected
+    assert opened.duration == whole.duration
+    assert opened.last_tick == whole.last_tick
+    # None of it has made an array of the whole run.
+    assert not opened._arrays
+    assert 'ticks' not in vars(opened)
+
+
+def test_the_whole_of_a_long_run_is_checked(run, long):
+    Run.open(run).verify()
+
+
+def test_a_very_long_run_is_drawn_by_its_extremes(run, long, monkeypatch, tmp_path):
+    monkeypatch.setattr(show, 'VERY_LONG_RUN', 1)
+    opened = RecordedRun.open(run)
+    assert show.draw_run(opened, tmp_path / 'run.png')
+    assert (tmp_path / 'run.png').stat().st_size > 10_000
+    assert not opened._arrays
+
+
+def test_long_runs_are_compared(run, long, tmp_path):
+    other = simulated(tmp_path / 'other')
+    assert first_difference(run, other) is None
+    assert first_difference(run, other, 4000) is None
+    shorter = simulated(tmp_path / 'shorter', '-p', 'duration:=0.5')
+    assert 'messages' in first_difference(run, shorter)
+    assert first_difference(run, shorter, 5000) is None
+    changed = simulated(tmp_path / 'changed', '-p', 'schedule:=[0.45 reference_generator amplitude 1.5]')
+    assert 'at tick 4500' in first_difference(run, changed)
+    assert first_difference(run, changed, 4499) is None
+
+
+def test_a_long_run_whose_ticks_are_not_those_of_its_period_is_refused(run, long):
+    said = read_run_yaml(run)
+    try:
+        rewrite_run_yaml(run, {**said, 'sample_time': 2e-4})
+        with pytest.raises(BagError, match='not those of the clock'):
+            sums_of(Run.open(run))
+    finally:
+        rewrite_run_yaml(run, said)
