@@ -327,7 +327,8 @@ class ControllerTrial:
             refuse_other_units('seek.method', parameters, self.drive)
         if not parameters.is_used:
             return None
-        dsp = sets[ControllerOutputParameters].dsp
+        limit = math.inf if self.drive is None else self.drive.control_limit
+        dsp = Dsp(sets[ControllerOutputParameters].dsp, self.sample_time, limit)
         surroundings = seek_surroundings(parameters, lambda: self._law(sets), self.sample_time, dsp, self.scales, None)
         return Seek(parameters, self.sample_time, surroundings, self.scales)
 

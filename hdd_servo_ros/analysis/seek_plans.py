@@ -21,11 +21,14 @@ from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
 from hdd_servo_ros.numerics.transition import held_input_transition
+from hdd_servo_ros.parameters import ParameterError
 
 Array = NDArray[np.float64]
 
 SHORTEST = 3
 """Samples of the shortest plan: a move, a stop, and one to leave less vibration."""
+MOST_SAMPLES = 1000
+"""Samples of the longest plan that is made; plans take time that grows with their cube, here some seconds."""
 VIBRATION_TIME = 1.2e-3
 """Time after a plan for which the vibration counts [s]: by then the modes of the default drive have decayed by 70 %."""
 _ALL_UP_TO = 24
@@ -51,7 +54,15 @@ def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
         The seek part's; of these the model and the duration of the longest plan count.
     sample_time
         T [s].
+
+    Raises
+    ------
+    ParameterError
+        If the longest plan has more than :data:`MOST_SAMPLES` samples.
     """
+    if parameters.longest_plan > (MOST_SAMPLES + 0.5) * sample_time:
+        allowed = f'at most {MOST_SAMPLES * sample_time:g} s at T = {sample_time:g} s, {MOST_SAMPLES} samples'
+        raise ParameterError('seek.longest_plan', parameters.longest_plan, allowed)
     return _plans(parameters.model, parameters.longest_plan, sample_time)
 
 
@@ -120,7 +131,8 @@ def _plan(
     basis, triangle = np.linalg.qr(ends.T, mode='complete')
     plan = basis[:, :2] @ np.linalg.solve(triangle[:2].T, goal)
     free = basis[:, 2:]
-    plan = plan + free @ np.linalg.lstsq(weighted @ free, wanted - weighted @ plan, rcond=None)[0]
+    columns, upper = np.linalg.qr(weighted @ free)
+    plan = plan + free @ np.linalg.solve(upper, columns.T @ (wanted - weighted @ plan))
     plan = _rounded(plan, _DIGITS)
     return plan, float(np.round(np.abs(after[0] @ plan - 1.0).max(), _DIGITS))
 

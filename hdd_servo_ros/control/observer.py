@@ -157,6 +157,21 @@ class Observer:
         return observer_step(*self.arrays, position, control)
 
 
+def standing_bias(c: np.record) -> float:
+    """
+    Return the velocity that an observer shows of a head at rest, over its position [1/s]; 0 without a spring.
+
+    Parameters
+    ----------
+    c
+        Record of :data:`OBSERVER`.
+    """
+    # Fixed point of p = p^- + l1 (1 - p^-), w = w^- + l2 (1 - p^-) with (p^-, w^-) = A (p, w), for a position of 1.
+    m11, m12 = 1.0 - (1.0 - c.gain_1) * c.a11, -(1.0 - c.gain_1) * c.a12
+    m21, m22 = c.gain_2 * c.a11 - c.a21, 1.0 + c.gain_2 * c.a12 - c.a22
+    return float((m11 * c.gain_2 - m21 * c.gain_1) / (m11 * m22 - m12 * m21) * c.per_second)
+
+
 @dataclasses.dataclass(frozen=True)
 class FilterMatrices:
     """

@@ -52,7 +52,7 @@ class RunoutParameters(ParameterSet):
     enabled: bool = parameter(True, 'whether it acts on the drive and learns; what it has learned is kept')
     learning: bool = parameter(True, 'whether it goes on learning while it acts')
     revolutions_per_minute: float = parameter(
-        7200.0, 'speed of the spindle', unit='1/min', above=0.0, maximum=1e6, read_only=True
+        7200.0, 'speed of the spindle', unit='1/min', minimum=100.0, maximum=1e6, read_only=True
     )
     sectors: int = parameter(
         0,

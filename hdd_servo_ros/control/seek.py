@@ -1,5 +1,6 @@
 """Seek and settle around a controller that follows: trajectories to new targets, and what they want fed forward."""
 
+import dataclasses
 import math
 from typing import NamedTuple, cast
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.control.cnf import CNF_STATE, cnf_constants
-from hdd_servo_ros.control.observer import OBSERVER
+from hdd_servo_ros.control.observer import OBSERVER, standing_bias
 from hdd_servo_ros.control.ptos import ptos_constants
 from hdd_servo_ros.control.seek_kernel import (
     CNF_LAW,
@@ -32,6 +33,11 @@ PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array, Array, Arra
 
 ESTIMATE_NAMES: tuple[str, ...] = ESTIMATES.names or ()
 _METHODS = {'final_state': FINAL_STATE, 'ptos': PTOS_LAW, 'cnf': CNF_LAW}
+MODES = ('follow', 'seek', 'settle')
+"""The modes by their numbers in `/estimates`."""
+_SHARE_OF_OUTPUT = 0.93
+"""Share of the largest voltage behind the law that a seek uses at most."""
+_ROUNDING = 1e-9
 _CALM = 3.0
 """The model swings on for so many times the samples in which its vibration counts: then a nanometer is left."""
 
@@ -62,6 +68,8 @@ class SeekSurroundings(NamedTuple):
     """Computation delay behind the law [samples], 0 or 1."""
     velocity_limit: float = math.inf
     """Largest velocity that the sensor shows [um/s]."""
+    output_limit: float = math.inf
+    """Largest voltage that comes out behind the law [V]."""
     bias_gains: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Gains of the constant voltage after a switch, on error [V/um], velocity [V s/um] and gap."""
     observer: Array | None = None
@@ -150,8 +158,8 @@ class Seek:
             outputs=plans.outputs.copy(),
             motion=np.zeros((3, len(plans.response))),
             ring=np.zeros(longest),
-            ptos=self._ptos(parameters),
-            cnf=self._cnf(parameters),
+            ptos=self._ptos(parameters, surroundings),
+            cnf=self._cnf(parameters, surroundings),
             cnf_state=zeros(CNF_STATE),
             estimates=self.estimates,
         )
@@ -169,15 +177,16 @@ class Seek:
         plans = surroundings.plans
         for name in ('plans', 'durations', 'transition', 'response', 'outputs'):
             getattr(self._named, name)[:] = getattr(plans, name)
-        self._named.ptos[:] = self._ptos(parameters)
-        self._named.cnf[:] = self._cnf(parameters)
+        self._named.ptos[:] = self._ptos(parameters, surroundings)
+        self._named.cnf[:] = self._cnf(parameters, surroundings)
         friction, learning, switch = parameters.friction, parameters.learning, parameters.switch
         c = record(self._named.constants, CONSTANTS)
         c.method = _METHODS[parameters.method]
         c.time_step = self.sample_time
         c.delay = float(surroundings.delay)
         c.threshold = parameters.threshold
-        c.control_limit = parameters.control_limit
+        c.control_limit = self._control_limit(parameters, surroundings)
+        c.gain = parameters.model.gain
         c.vibration_limit = parameters.vibration_limit
         c.vibration_samples = _CALM * plans.vibration_samples
         c.arrival_tolerance = parameters.arrival_tolerance
@@ -201,6 +210,7 @@ class Seek:
             found = record(surroundings.observer, OBSERVER)
             for name in OBSERVER.names or ():
                 setattr(c.observer, name, getattr(found, name))
+            c.observer_bias = standing_bias(found)
         c.bristle.stiffness = friction.stiffness
         c.bristle.bristle_damping = friction.bristle_damping
         c.bristle.coulomb_level = friction.coulomb_level
@@ -214,15 +224,44 @@ class Seek:
         if not learning.friction:
             s.friction_level = 1.0
 
-    def _ptos(self, parameters: SeekParameters) -> Array:
-        return ptos_constants(parameters.ptos, parameters.model.gain, parameters.control_limit, self.sample_time)
+    @staticmethod
+    def _control_limit(parameters: SeekParameters, surroundings: SeekSurroundings) -> float:
+        """Return the largest voltage of a seek [V]; some of what the drive takes is left to feedback and friction."""
+        return min(parameters.control_limit, _SHARE_OF_OUTPUT * surroundings.output_limit)
 
-    def _cnf(self, parameters: SeekParameters) -> Array:
+    def _ptos(self, parameters: SeekParameters, surroundings: SeekSurroundings) -> Array:
+        # A late command is a lag.
+        lag = parameters.ptos.lag + surroundings.delay * self.sample_time
+        law = dataclasses.replace(parameters.ptos, lag=lag)
+        limit = self._control_limit(parameters, surroundings)
+        return ptos_constants(law, parameters.model.gain, limit, self.sample_time)
+
+    def _cnf(self, parameters: SeekParameters, surroundings: SeekSurroundings) -> Array:
         # What the friction's feedforward does not cancel, the linear part has to know.
-        model = parameters.model
-        return cnf_constants(
-            parameters.cnf, model.gain, parameters.control_limit, self.sample_time, model.viscous_coefficient
-        )
+        model, limit = parameters.model, self._control_limit(parameters, surroundings)
+        return cnf_constants(parameters.cnf, model.gain, limit, self.sample_time, model.viscous_coefficient)
+
+    @property
+    def mode(self) -> str:
+        """``follow``, ``seek`` or ``settle``."""
+        return MODES[int(record(self._named.state, STATE).mode)]
+
+    @property
+    def gain(self) -> float:
+        """Estimated gain over that of the model."""
+        return float(record(self._named.state, STATE).gain)
+
+    @property
+    def friction_level(self) -> float:
+        """Learned level of the friction over that of the model."""
+        return float(record(self._named.state, STATE).friction_level)
+
+    @property
+    def at_limits(self) -> tuple[str, ...]:
+        """Which of ``gain`` and ``friction`` are at the limit of what is learned."""
+        learning = self.parameters.learning
+        found = {'gain': (self.gain, learning.gain_range), 'friction': (self.friction_level, learning.friction_range)}
+        return tuple(name for name, (value, reach) in found.items() if 0.0 < reach <= abs(value - 1.0) + _ROUNDING)
 
     def before_law(self, inputs: ControllerInputs, control: float) -> ControllerInputs:
         """

@@ -22,6 +22,7 @@ FINAL_STATE, PTOS_LAW, CNF_LAW = 1.0, 2.0, 3.0
 
 CONSTANTS = layout(
     'method',
+    'gain',
     'time_step',
     'delay',
     'threshold',
@@ -47,6 +48,7 @@ CONSTANTS = layout(
     'friction_window',
     'friction_range',
     'has_observer',
+    'observer_bias',
     ('bristle', BRISTLE),
     ('observer', OBSERVER),
 )
@@ -94,6 +96,8 @@ STATE = layout(
     'last_added',
     'observed_position',
     'observed_travel',
+    'origin',
+    'is_stacked',
 )
 """
 ``first`` is where the ring of planned voltages begins, ``planned`` how many are left, ``idle`` the samples since the
@@ -102,7 +106,8 @@ model's position and velocity at this tick and the last one. From ``length`` on:
 distance to the target and the velocity at this tick, the voltage of its law, what the controller gives on the target,
 and the two voltages after the switch. From ``measured`` on: of a sensor without a velocity output, the measured
 position and the model's under the voltage that was held [um], what the seek part added of which the model's motion or
-the friction comes [V], now and at the last tick, and what the observer makes of that motion [um].
+the friction comes [V], now and at the last tick, what the observer makes of that motion [um], and where the motion of
+the model began [um]. ``is_stacked`` says that a plan was added on top of another that is under way.
 """
 
 ESTIMATES = layout(
@@ -186,13 +191,16 @@ def seek_before_law(
     if not abs(position) + abs(velocity) + abs(x_d) + abs(dx_d) + abs(ddx_d) + abs(control) < math.inf:
         return 0.0, 0.0
     s.samples_in_mode += 1.0
+    if s.has_started == 0.0:
+        s.origin = s.observed_position = position
+    was_seeking = s.mode == SEEK
     jump = _jump(c, s, position, x_d, dx_d, ddx_d)
     if c.method == FINAL_STATE:
         if abs(jump) > c.threshold:
             _begin(c, s, motion, jump)
         if s.pending != 0.0:
             _plan(c, s, plans, durations, ring)
-        if c.learns_gain != 0.0 and s.mode == SEEK and s.samples_in_mode > 0.0:
+        if c.learns_gain != 0.0 and was_seeking:
             speed = velocity - dx_d
             if c.has_observer != 0.0:
                 speed = (position - s.measured) / c.time_step - dx_d
@@ -203,12 +211,12 @@ def seek_before_law(
             along, rate = s.last_position, s.last_velocity
         offset = along - s.goal
         if c.has_observer != 0.0:
-            rate = _observed_velocity(c, s, along)
+            rate = _observed_velocity(c, s, s.origin + along)
         is_over = s.planned == 0.0 and s.pending == 0.0 and s.idle >= c.delay
     else:
         unseen = 0.0
         if c.has_observer != 0.0:
-            unseen = _observed_velocity(c, s, 0.0)
+            unseen = _observed_velocity(c, s, 0.0) + c.observer_bias * position
         s.error, s.head_velocity = x_d - position, velocity - unseen - dx_d
         if abs(jump) > c.threshold:
             s.mode, s.samples_in_mode = SEEK, 0.0
@@ -295,9 +303,9 @@ def _along_plan(
     elif s.pending == 0.0 and s.goal != 0.0:
         # All is at rest on the target: what rounding has left of the motion goes.
         _rest(motion, PLANNED)
+        s.origin += s.goal
         s.position, s.velocity, s.goal = 0.0, 0.0, 0.0
         s.last_position, s.last_velocity = 0.0, 0.0
-        s.observed_position, s.observed_travel = 0.0, 0.0
     if c.has_friction != 0.0 and (s.mode != FOLLOW or c.follows_friction != 0.0):
         time_step = c.time_step
         drift = time_step * (s.reference_velocity + 0.5 * time_step * s.reference_acceleration)
@@ -354,7 +362,11 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
         if c.method == PTOS_LAW:
             law = ptos_step(ptos, s.error, velocity, s.law)
         else:
-            law = cnf_step(cnf, cnf_state, s.error, velocity, s.length)
+            # As PTOS allows for a lag: a late command acts after the head has moved on.
+            late = c.delay * c.time_step
+            rise = c.gain * s.law * late
+            error = s.error - late * (velocity + 0.5 * rise)
+            law = cnf_step(cnf, cnf_state, error, velocity + rise, s.length)
         s.law = law
         if s.is_switching == 0.0:
             # On the target the controller gives what it holds against friction, which is fed forward now.
@@ -379,14 +391,18 @@ def _jump(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, 
     rise = x_d - s.reference
     jump = x_d - position
     if s.has_started != 0.0:
+        change = ddx_d - s.reference_acceleration
         # As far as a polynomial with the derivatives of both ticks goes, or with the velocity of one of them: where the
         # reference sets off or stops, its velocity jumps and its position does not.
         mean = 0.5 * (s.reference_velocity + dx_d)
-        jump = rise - time_step * (mean - time_step * (ddx_d - s.reference_acceleration) / 12.0)
+        jump = rise - time_step * (mean - time_step * change / 12.0)
         for slope in (s.reference_velocity, dx_d):
             other = rise - time_step * slope
             if abs(other) < abs(jump):
                 jump = other
+        # A step of the acceleration anywhere within the sample moves the reference by less than this.
+        if abs(jump) <= 0.25 * time_step * time_step * abs(change):
+            jump = 0.0
     s.has_started = 1.0
     s.reference, s.reference_velocity, s.reference_acceleration = x_d, dx_d, ddx_d
     return jump
@@ -410,6 +426,11 @@ def _plan(c: np.record, s: np.record, plans: Array, durations: Array, ring: Arra
     """Add the shortest plan that leaves little vibration and keeps to the voltage, on top of what is planned."""
     first = int(s.first)
     length = s.pending
+    if s.planned == 0.0:
+        s.is_stacked = 0.0
+    elif s.is_stacked != 0.0:
+        # With two plans under way the head stays between the targets; with any number it might go anywhere.
+        return
     for plan in range(len(plans)):
         if abs(length) * durations[plan, VIBRATION] > c.vibration_limit:
             continue
@@ -417,6 +438,7 @@ def _plan(c: np.record, s: np.record, plans: Array, durations: Array, ring: Arra
         for i in range(int(durations[plan, DURATION])):
             peak = max(peak, abs(ring[(first + i) % len(ring)] + length * plans[plan, i]))
         if peak <= c.control_limit:
+            s.is_stacked = 1.0 if s.planned > 0.0 else 0.0
             _add_plan(s, plans, durations, ring, plan, length)
             return
     if s.planned > 0.0:

@@ -40,6 +40,22 @@ class SeekModelParameters(ParameterSet):
         maximum=0.2,
     )
 
+    def check_together(self) -> None:
+        """Refuse resonances with a number missing, unstable or overdamped ones, and those that pass nothing at rest."""
+        numerators, denominators = self.numerators, self.denominators
+        if len(denominators) % 3:
+            raise ParameterError('denominators', denominators, 'three numbers for each resonance')
+        if len(numerators) != len(denominators):
+            allowed = f'as many numbers as denominators, which has {len(denominators)}'
+            raise ParameterError('numerators', numerators, allowed)
+        if not all(b0 > 0.0 for b0 in numerators[2::3]):
+            raise ParameterError('numerators', numerators, 'b0 of each resonance above 0')
+        for first in range(0, len(denominators), 3):
+            a2, a1, a0 = denominators[first : first + 3]
+            if not (a2 > 0.0 and a1 > 0.0 and a0 > 0.0 and a1 * a1 < 4.0 * a2 * a0):
+                allowed = f'a2, a1, a0 of resonance {first // 3 + 1} above 0 and a1^2 < 4 a2 a0'
+                raise ParameterError('denominators', denominators, allowed)
+
 
 @dataclasses.dataclass(frozen=True)
 class SeekFrictionParameters(ParameterSet):
@@ -147,18 +163,12 @@ class SeekParameters(ParameterSet):
         return self.method != 'none'
 
     def check_together(self) -> None:
-        """Refuse a static level below the Coulomb level, and resonances with a number missing."""
+        """Refuse a static level below the Coulomb level."""
         friction = self.friction
         if friction.static_level < friction.coulomb_level:
             raise ParameterError(
                 'friction.static_level', friction.static_level, f'at least coulomb_level = {friction.coulomb_level:g} V'
             )
-        count = len(self.model.denominators)
-        if count % 3:
-            raise ParameterError('model.denominators', self.model.denominators, 'three numbers for each resonance')
-        if len(self.model.numerators) != count:
-            allowed = f'as many numbers as denominators, which has {count}'
-            raise ParameterError('model.numerators', self.model.numerators, allowed)
 
 
 @dataclasses.dataclass(frozen=True)

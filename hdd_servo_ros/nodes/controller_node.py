@@ -153,7 +153,11 @@ class ControllerNode(CatalogueNode):
             return ()
         self._refuse_other_units('seek.method', parameters)
         self._held = 0.0
-        self._seek = Seek(parameters, sample_time, self._surroundings_of_seek(parameters, sample_time), self._scales)
+        try:
+            surroundings = self._surroundings_of_seek(parameters, sample_time)
+        except ParameterError as error:
+            raise RunError(f'{self.get_name()}: {error}') from None
+        self._seek = Seek(parameters, sample_time, surroundings, self._scales)
         return self._seek.estimate_names
 
     def _surroundings_of_seek(self, seek: SeekParameters, sample_time: float) -> SeekSurroundings:
@@ -161,7 +165,7 @@ class ControllerNode(CatalogueNode):
             seek,
             lambda: self._make(self.parameters[self._kind], sample_time),
             sample_time,
-            self._dsp.parameters,
+            self._dsp,
             self._scales,
             self._sensor,
             None if self._observer is None else self._observer.parameters,
@@ -321,10 +325,21 @@ class ControllerNode(CatalogueNode):
         else:
             level = ERROR if count > _OFTEN * ticks else WARN
             yield Diagnosis('control', level, f'at its limit in {count} of {ticks} ticks', values)
+        if self._seek is not None:
+            yield _diagnosis_of_seek(self._seek)
         if self._feedforward is not None:
             yield _diagnosis_of(self._feedforward)
         if self._runout is not None:
             yield _diagnosis_of_runout(self._runout)
+
+
+def _diagnosis_of_seek(seek: Seek) -> Diagnosis:
+    values = {'gain over that of the model': seek.gain, 'friction over that of the model': seek.friction_level}
+    at_limits = seek.at_limits
+    if at_limits:
+        message = f'{" and ".join(at_limits)} at the limit of what is learned: the model differs, or the head was held'
+        return Diagnosis('seek', WARN, message, values)
+    return Diagnosis('seek', OK, seek.mode, values)
 
 
 def _diagnosis_of(feedforward: Feedforward) -> Diagnosis:

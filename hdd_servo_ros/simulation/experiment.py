@@ -199,7 +199,10 @@ class Experiment:
         self.seek: Seek | None = None
         if seek.is_used:
             refuse_other_units(f'{node}.seek.method', seek, self.plant.parameters)
-            surroundings = self._surroundings_of_seek(seek, parameters_of_law)
+            try:
+                surroundings = self._surroundings_of_seek(seek, parameters_of_law)
+            except ParameterError as error:
+                raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
             self.seek = Seek(seek, sample_time, surroundings, self.scales)
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
@@ -257,7 +260,7 @@ class Experiment:
             seek,
             lambda: self._make_law(law, self.sample_time),
             self.sample_time,
-            self.dsp.parameters,
+            self.dsp,
             self.scales,
             sensor,
             None if self.observer is None else self.observer.parameters,
@@ -296,7 +299,7 @@ class Experiment:
             runout = sets[ControllerRunoutParameters].runout
             self.runout.update(runout, self._runout_path(runout, sets[NODES[node].block_parameters]))
 
-        if self.seek is not None and seek_kind(node) in sets:
+        if self.seek is not None and ControllerOutputParameters in sets:
             seek = sets[seek_kind(node)].seek
             law = sets[NODES[node].block_parameters]
             self.seek.update(seek, self._surroundings_of_seek(seek, law))

@@ -9,7 +9,7 @@ import pytest
 
 from hdd_servo_ros.analysis.seek_plans import seek_plans
 from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
-from hdd_servo_ros.bench.dsp import DspParameters
+from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
@@ -191,10 +191,11 @@ def test_the_sensors_velocity_limit_is_known():
         return Pid(PidParameters(), T)
 
     scales = SensorScales(8.0, 5000.0)
-    found = seek_surroundings(PLAIN, make, T, DspParameters(computation_delay=1), scales, sensor)
+    found = seek_surroundings(PLAIN, make, T, Dsp(DspParameters(computation_delay=1), T, 10.0), scales, sensor)
     assert found.velocity_limit == pytest.approx(50000.0, rel=1e-3)
     assert found.delay == 1
-    assert seek_surroundings(PLAIN, make, T, DspParameters(), scales, None).velocity_limit == math.inf
+    assert found.output_limit == 10.0
+    assert seek_surroundings(PLAIN, make, T, Dsp(DspParameters(), T), scales, None).velocity_limit == math.inf
 
 
 @pytest.mark.parametrize('delay', [0, 1])
@@ -225,7 +226,13 @@ def test_an_observer_takes_no_held_friction_for_velocity_after_a_seek_by_feedbac
     parameters = dataclasses.replace(PARAMETERS, method='ptos')
     observer = Observer(ObserverParameters(stiffness=0.0), T)
     surroundings = seek_surroundings(
-        parameters, lambda: Pid(PidParameters(), T), T, DspParameters(), SensorScales.none(), None, observer.parameters
+        parameters,
+        lambda: Pid(PidParameters(), T),
+        T,
+        Dsp(DspParameters(), T),
+        SensorScales.none(),
+        None,
+        observer.parameters,
     )
     assert surroundings.observer is not None
     seek, held, shown = Seek(parameters, T, surroundings), 0.0, []
