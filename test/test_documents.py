@@ -60,7 +60,7 @@ def record_disturbed(bench, *names):
         if not (bench.directory / name).exists():
             # A copy starts so fast that it may come before its readers, or after the run has begun.
             copies, bench.interpreters = bench.interpreters, None
-            node = bench.start('disturbance', script=ROOT / 'test' / 'system' / 'disturbance.py')
+            node = bench.start('disturbance', script=ROOT / 'examples' / 'disturbance_node.py')
             for process in [node, *bench.start_nodes(name, '-p', 'duration:=0.02').values()]:
                 assert process.wait() == 0, process.output
             bench.interpreters = copies

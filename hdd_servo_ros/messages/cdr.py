@@ -62,9 +62,10 @@ class ReportCodec:
 
     def stamp_of(self, message: bytes) -> bytes | None:
         """Return the stamp of a message with this ``frame_id``, None for any other bytes."""
-        if message[:2] == HEADER[:2] and message[STAMP.stop :] == self._text:
-            return message[STAMP]
-        return None
+        end = STAMP.stop + len(self._text)
+        # DDS may hand it over with up to three bytes of padding.
+        is_own = message[:2] == HEADER[:2] and message[STAMP.stop : end] == self._text
+        return message[STAMP] if is_own and len(message) < end + 4 else None
 
 
 class _StampedCodec:

@@ -66,6 +66,12 @@ class Discovery:
                 announced = _announced_publishers(port.name, known)
                 if announced and port.subscription.get_publisher_count() == 0:
                     yield f'{announced[0]} (not yet discovered on {port.name})'
+                elif not announced and node.count_publishers(port.name):
+                    # One that does not introduce itself in time is no loop node, and only those are read here.
+                    if self._is_external(port.name, now):
+                        member.report_ignored_publisher(node, port.name)
+                    else:
+                        yield f'the publisher of {port.name} to announce itself'
             for publisher in node.loop_publishers:
                 readers = sum(publisher.topic_name in metadata['inputs'] for _, metadata in known)
                 if publisher.get_subscription_count() < readers:

@@ -31,6 +31,7 @@ from hdd_servo_ros.ros.ignored_messages import IgnoredMessages
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import metadata_of
 from hdd_servo_ros.ros.peer_table import PeerTable
+from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.ros.typed_json import shown
 from hdd_servo_ros.ros.untrusted import MessageError, message_of
@@ -70,10 +71,20 @@ class Member:
         self.ignored = IgnoredMessages(nodes[0])
         self.latecomers: dict[str, float] = {}
         """Inputs that a process publishes too which has come after the start, and when it was heard of last [s]."""
+        self._reported: set[str] = set()
         self._announced_at = 0.0
         self._publisher = nodes[0].create_publisher(String, LOCKSTEP, LOCKSTEP_QOS)
         # Raw: what is not even a string must not reach the deserializer of an executor, which would raise.
         self._subscription = nodes[0].create_subscription(String, LOCKSTEP, self._receive, LOCKSTEP_QOS, raw=True)
+
+    def report_ignored_publisher(self, node: LoopNode, topic: str) -> None:
+        """Say, once, that an optional topic of the loop is published by who is no loop node of this run."""
+        if topic not in self._reported:
+            self._reported.add(topic)
+            node.get_logger().warning(
+                f'{topic} is ignored: {publishers_of(node, topic)} publishes it and is no loop node of this run; such '
+                'a node is a LoopNode that starts together with the others, as examples/disturbance_node.py is'
+            )
 
     # Sending.
 

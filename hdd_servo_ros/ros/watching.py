@@ -91,6 +91,10 @@ class Watching:
             readers = {port.name: node for node in member.nodes for port in node.inputs}
             for topic, reader in readers.items():
                 self._check_publishers(reader, topic, now)
+            optional = {port.name: node for node in member.nodes for port in node.optional_inputs}
+            for topic, reader in optional.items():
+                if member.run.publisher_of(topic) is None and reader.count_publishers(topic):
+                    member.report_ignored_publisher(reader, topic)
 
     def _reject_silent(self, process: str, silence: float) -> None:
         announcement = self._member.peers.announcements.get(process)

@@ -34,6 +34,17 @@ def test_cut_off_or_longer_or_big_endian_is_none(codec):
             check_message(codec, other)
 
 
+def test_a_report_is_known_by_its_run_and_may_be_padded():
+    stamp = bytes(range(8))
+    for run in ('host:1:a', 'host:12:ab', 'host:123:abc'):
+        codec = ReportCodec(run)
+        whole = codec.pack(stamp)
+        for padding in range(4):
+            assert codec.stamp_of(whole + bytes(padding)) == stamp
+        others = (b'', whole[:-1], whole + bytes(4), b'\x00\x00' + whole[2:], ReportCodec(run + 'b').pack(stamp))
+        assert [codec.stamp_of(other) for other in others] == [None] * 5
+
+
 @pytest.mark.parametrize('codec', [CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, REPORTS], ids=lambda codec: codec.type_name)
 @given(st.binary(max_size=200))
 def test_any_bytes_are_a_message_or_refused(codec, data):

@@ -1,14 +1,17 @@
 """A run with a disturbance node is the same bits in separate processes, in `rig`, in `simulate` and replayed."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Vector3Stamped
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 HERE = Path(__file__).parent
+EXAMPLE = HERE.parent.parent / 'examples' / 'disturbance_node.py'
 TICKS = 500
 DURATION = ('-p', f'deterministic_timer:duration:={TICKS / 10_000}')
 
@@ -16,10 +19,39 @@ DURATION = ('-p', f'deterministic_timer:duration:={TICKS / 10_000}')
 def disturbed(bench):
     """Record a run of separate processes, one of them a disturbance node from outside the package."""
     processes = bench.start_nodes('disturbed', *DURATION)
-    disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
+    disturbance = bench.start('disturbance', script=EXAMPLE)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output
     return bench.directory / 'disturbed'
+
+
+def test_the_code_of_the_document_is_the_example():
+    document = (HERE.parent.parent / 'docs' / 'live.md').read_text('utf8')
+    assert EXAMPLE.read_text('utf8') in re.findall(r'```python\n(.*?)```', document, re.DOTALL)
+
+
+@pytest.mark.parametrize('joins', ['before', 'during'])
+def test_an_ordinary_publisher_is_ignored_with_a_warning(bench, outside, joins):
+    """It is no loop node: the run has no disturbance, and says so."""
+    duration = ('-p', 'duration:=0.4')
+    bench.run('simulate', *duration, '-p', 'run_dir:=simulated')
+    publishers = []
+    if joins == 'before':
+        publishers.append(outside.create_publisher(Vector3Stamped, '/disturbance', 10))
+    process = bench.start('rig', *duration, '-p', 'rate:=0.05', '-p', 'run_dir:=run')
+    if joins == 'during':
+        process.wait_for('real-time factor')
+        publishers.append(outside.create_publisher(Vector3Stamped, '/disturbance', 10))
+    while process.popen.poll() is None:
+        for publisher in publishers:
+            publisher.publish(Vector3Stamped())
+        outside.spin_for(0.05)
+    assert process.wait() == 0, process.output
+    lines = [line for line in process.output.splitlines() if 'WARN' in line]
+    assert len(lines) == 1, process.output
+    assert '/disturbance is ignored: /outside publishes it and is no loop node of this run' in lines[0]
+    assert 'examples/disturbance_node.py' in lines[0]
+    assert first_difference(bench.directory / 'run', bench.directory / 'simulated') is None
 
 
 # Copies start so fast that a disturbance may come before its readers, or after the run has begun.

@@ -15,6 +15,7 @@ from hdd_servo_ros.messages.topics import LOOP_TOPICS
 from hdd_servo_ros.recording.compare_bags import first_difference
 
 HERE = Path(__file__).parent
+EXAMPLE = HERE.parent.parent / 'examples' / 'disturbance_node.py'
 
 
 def double(name, value):
@@ -173,7 +174,7 @@ def test_an_ordinary_ros_node_as_sensor(bench, scales):
 @pytest.mark.new_interpreters  # as in test_disturbance.py
 def test_disturbance_joins_when_its_node_runs(bench):
     arguments = ('-p', 'deterministic_timer:duration:=0.05')
-    disturbance = bench.start('disturbance', script=HERE / 'disturbance.py')
+    disturbance = bench.start('disturbance', script=EXAMPLE)
     processes = bench.start_nodes('run', *arguments)
     for process in [*processes.values(), disturbance]:
         assert process.wait() == 0, process.output

@@ -13,6 +13,7 @@ from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.ros.loop_topics import LOOP_QOS
 
 HERE = Path(__file__).parent
+EXAMPLE = HERE.parent.parent / 'examples' / 'disturbance_node.py'
 OFF = ('-p', 'rig:intra_process:=false')
 
 
@@ -108,7 +109,7 @@ def graph(node, names):
 def test_nodes_of_the_run_in_other_processes(bench):
     """The controller, the recorder and a disturbance run elsewhere: what is read there comes from tick 0 on."""
     duration = ('-p', 'duration:=0.05', '-p', 'plot:=false')
-    processes = [bench.start('disturbance', *duration, script=HERE / 'disturbance.py')]
+    processes = [bench.start('disturbance', *duration, script=EXAMPLE)]
     processes[0].wait_for('waiting for')
     processes += [
         bench.start('part_of_a_rig', *duration, script=HERE / 'part_of_a_rig.py'),

@@ -125,7 +125,7 @@ def test_recorder_dies(bench):
 def test_two_publishers_from_the_start(bench):
     """Of the two sensors one ends alone, before it publishes anything; the others do not notice."""
     processes = bench.start_nodes('run', '-p', 'deterministic_timer:duration:=0.01')
-    second = bench.start('ldv_sensor', '-r', '__node:=second_sensor', '-p', 'start_timeout:=6.0')
+    second = bench.start('ldv_sensor', '-p', 'start_timeout:=6.0')
     first = processes.pop('ldv_sensor')
     for process in processes.values():
         assert process.wait() == 0, process.output
