@@ -25,7 +25,7 @@ ARGS ?=
 JOBS ?= 2
 PARAMS ?= params/seagate_7200_10.yaml
 
-.PHONY: help run simulate figures test lint bench docs ws clean
+.PHONY: help run simulate figures test lint bench faults docs ws clean
 
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
@@ -34,6 +34,7 @@ help:
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
+	@echo 'make faults    campaigns of kills, stray messages, odd parameters and damaged files, into docs/reliability.md; ARGS="kills --trials 20"'
 	@echo 'make docs      docs/parameters.md, docs/topics.md and the picture of the graph, from the declarations'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
 	@echo 'make clean     remove the environment and everything built'
@@ -56,11 +57,14 @@ lint: $(VENV)/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy hdd_servo_ros
-	$(BIN)/mypy --namespace-packages --explicit-package-bases test benchmarks
+	$(BIN)/mypy --namespace-packages --explicit-package-bases test benchmarks faults
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)
+
+faults: $(VENV)/.develop
+	$(BIN)/python -m faults $(ARGS)
 
 docs: $(VENV)/.run
 	$(BIN)/python -m hdd_servo_ros.graph.manual docs

@@ -24,7 +24,7 @@ TEXTS = [*DOCUMENTS, *sorted((ROOT / 'params').glob('*.yaml')), *sorted((ROOT / 
 MODULES = {name: executable_module(name) for name in EXECUTABLES}
 SOURCES = {
     path.name
-    for folder in ('hdd_servo_ros', 'test', 'examples', 'benchmarks', 'launch')
+    for folder in ('hdd_servo_ros', 'test', 'examples', 'benchmarks', 'faults', 'launch')
     for path in (ROOT / folder).rglob('*.py')
 } | {path.name for path in ROOT.glob('*.py')}
 FOLDERS_OF_RUNS = ('runs/', 'RUN/', 'bag/')

@@ -1,0 +1,118 @@
+"""What is a fault: in what a process has said, in how it ended, and in the run that it leaves."""
+
+import contextlib
+import io
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import yaml
+
+from faults.campaign import HANG, NOT_FINITE, TRACEBACK, WRONG, Fault
+from hdd_servo_ros import Run
+
+LONGEST_CALL = 20.0
+"""Time for what is called in this process and takes some hundredths of that [s]."""
+
+
+class _TooLong(BaseException):
+    """A call that does not return; no `except Exception` may take it."""
+
+
+def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[Fault]]:
+    """
+    Call the main function of a command.
+
+    Returns
+    -------
+    tuple
+        Its exit code, None if it raised; what it has printed; its faults.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise _TooLong
+
+    printed = io.StringIO()
+    previous = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_CALL)
+    code, faults = None, []
+    try:
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+            code = function(*arguments)
+    except SystemExit as ended:
+        code = ended.code
+    except _TooLong:
+        faults.append(Fault(HANG, f'{function.__module__} did not return in {LONGEST_CALL:g} s'))
+    except BaseException as error:
+        faults.append(Fault(TRACEBACK, f'{function.__module__}: {type(error).__name__}: {str(error)[:200]}'))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
+    faults += tracebacks(printed.getvalue(), function.__module__)
+    return code, printed.getvalue(), faults
+
+
+def tracebacks(output: str, name: str) -> list[Fault]:
+    """Return the traceback in what was printed, if there is one."""
+    if 'Traceback (most recent call last)' not in output:
+        return []
+    return [Fault(TRACEBACK, f'{name}: {output.strip().splitlines()[-1][:200]}')]
+
+
+def status_of(folder: Path) -> str:
+    """Return what `run.yaml` says, ``none`` without one."""
+    path = folder / 'run.yaml'
+    return str(yaml.safe_load(path.read_text())['status']) if path.exists() else 'none'
+
+
+def false_claims(folder: Path, code: int | None, reference: Run | None) -> Iterator[Fault]:
+    """
+    Iterate over what a run claims and does not hold.
+
+    Parameters
+    ----------
+    folder
+        The run.
+    code
+        Exit code of the process that ran it; None if that was killed.
+    reference
+        An undisturbed run of the same parameters, of which it must be a part; None where it may differ.
+    """
+    content = yaml.safe_load((folder / 'run.yaml').read_text())
+    status = content['status']
+    if (status == 'finished') != (code == 0) and code is not None:
+        yield Fault(WRONG, f'status {status} with exit code {code}')
+    if status in ('failed', 'interrupted') and not content['reason']:
+        yield Fault(WRONG, f'status {status} without a reason')
+    if status == 'running':
+        return
+    run = Run.open(folder)
+    if len(run.time) != content['last_tick'] + 1:
+        yield Fault(WRONG, f'last tick {content["last_tick"]} with {len(run.time)} ticks')
+    if status == 'finished' and len(run.time) != content['last_tick_planned'] + 1:
+        yield Fault(WRONG, f'finished with {len(run.time)} ticks')
+    for topic in ('reference', 'head', 'ldv', 'control', 'estimates'):
+        values = np.asarray(run[topic])
+        if status == 'finished' and not np.isfinite(values).all():
+            yield Fault(NOT_FINITE, f'/{topic}')
+        if reference is not None and values.tobytes() != np.asarray(reference[topic])[: len(values)].tobytes():
+            yield Fault(WRONG, f'/{topic} differs from the undisturbed run')
+
+
+def wait_until(condition: Callable[[], object], seconds: float) -> bool:
+    """Wait for a condition; return whether it came true in time."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def first_line(texts: Sequence[str], word: str) -> str:
+    """Return the first line with a word."""
+    return next((line for text in texts for line in text.splitlines() if word in line), '')

@@ -1,0 +1,110 @@
+"""Processes of a trial, in a ROS domain of their own; every one is ended by its pid."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from faults.campaign import HANG, ORPHAN, Fault
+from faults.judging import tracebacks, wait_until
+from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.testing.domain import take_domain
+
+ROOT = Path(__file__).parent.parent
+PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
+NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
+LONGEST_END = 40.0
+"""Time in which the processes of a run end when something is wrong; `peer_timeout` is 3 s of it [s]."""
+
+
+class Processes:
+    """
+    The processes of a trial.
+
+    Parameters
+    ----------
+    folder
+        Where they run, and what they print is kept.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.domain, self._lock = take_domain()
+        self.environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.domain),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
+            _MARK: str(folder),
+        }
+        self.started: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start a node's executable with the default parameters."""
+        command = [sys.executable, '-m', f'hdd_servo_ros.nodes.{name}', '--ros-args', '--params-file', str(PARAMS)]
+        with (self.folder / f'{name}.log').open('wb') as log:
+            process = subprocess.Popen(
+                [*command, *arguments], cwd=self.folder, env=self.environment, stdout=log, stderr=log
+            )
+        self.started[name] = process
+        return process
+
+    def output(self, name: str) -> str:
+        """Return what a process has printed."""
+        return (self.folder / f'{name}.log').read_text(errors='replace')
+
+    def outputs(self) -> Sequence[str]:
+        """Return what all have printed."""
+        return [self.output(name) for name in self.started]
+
+    def family(self) -> list[int]:
+        """Return the processes that belong to this trial, those that others have started among them."""
+        return [int(path.name) for path in Path('/proc').iterdir() if path.name.isdigit() and self._is_own(path)]
+
+    def _is_own(self, process: Path) -> bool:
+        with contextlib.suppress(OSError):
+            mark = f'{_MARK}={self.folder}'.encode()
+            is_dead = (process / 'stat').read_text().rpartition(')')[2].split()[0] == 'Z'
+            return not is_dead and mark in (process / 'environ').read_bytes().split(b'\0')
+        return False
+
+    def ended(self, seconds: float = LONGEST_END) -> list[Fault]:
+        """Wait until all have ended; return the hangs, the orphans and the tracebacks."""
+        faults = []
+        for name, process in self.started.items():
+            if not _ends(process, seconds):
+                faults.append(Fault(HANG, f'{name} did not end within {seconds:g} s'))
+        if not faults and not wait_until(lambda: not self.family(), seconds):
+            faults.append(Fault(ORPHAN, f'processes {self.family()} are left'))
+        for name in self.started:
+            faults += tracebacks(self.output(name), name)
+        return faults
+
+    def close(self) -> None:
+        """End what is left."""
+        for pid in self.family():
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGKILL)
+        for process in self.started.values():
+            process.wait()
+        self._lock.close()
+
+
+def _ends(process: 'subprocess.Popen[bytes]', seconds: float) -> bool:
+    return wait_until(lambda: process.poll() is not None, seconds)
+
+
+_MARK = 'HDD_SERVO_ROS_TRIAL'
+
+
+@contextlib.contextmanager
+def processes(folder: Path) -> Iterator[Processes]:
+    """Give a trial its processes, and end what it leaves."""
+    made = Processes(folder)
+    try:
+        yield made
+    finally:
+        made.close()

@@ -1,0 +1,29 @@
+"""The undisturbed run of which every other one of the same parameters is a part."""
+
+import functools
+import tempfile
+from pathlib import Path
+
+from faults.judging import call
+from faults.processes import PARAMS
+from hdd_servo_ros import Run
+from hdd_servo_ros.simulation.simulate import main
+
+LENGTH = '3.0'
+"""Longer than any run of a trial comes [s]."""
+
+
+@functools.cache
+def reference_run() -> Run:
+    """Return it, made once."""
+    folder = Path(tempfile.mkdtemp(prefix='hdd_servo_ros-faults-')) / 'reference'
+    return Run.open(simulated(folder, '-p', f'duration:={LENGTH}'))
+
+
+def simulated(folder: Path, *arguments: str) -> Path:
+    """Record a run of the default parameters without middleware."""
+    given = ['--ros-args', '--params-file', str(PARAMS), '-p', f'run_dir:={folder}', '-p', 'plot:=false', *arguments]
+    code, printed, faults = call(main, given)
+    if code != 0 or faults:
+        raise RuntimeError(f'the undisturbed run has failed: {printed} {faults}')
+    return folder

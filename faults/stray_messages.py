@@ -1,0 +1,109 @@
+"""Messages that no process of a run sends, on every topic of it, while it goes on."""
+
+import json
+import random
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import Vector3Stamped
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.context import Context
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray, Header, String
+
+from faults.campaign import WRONG, Campaign, Fault, Trial
+from faults.judging import false_claims, wait_until
+from faults.processes import processes
+from faults.reference import reference_run
+
+SERVICE = {'lockstep': String, 'recorded': Header, 'scope': Float64MultiArray, 'parameter_events': ParameterEvent}
+LOOP = {'clock': Clock, 'reference': Vector3Stamped, 'ldv': Vector3Stamped, 'control': Vector3Stamped}
+_STATES = ('waiting', 'ready', 'running', 'done', 'finished', 'failed', 'interrupted', 'asleep', None, 3)
+_NODES = ('/vcm_plant', '/ldv_sensor', '/nobody', '', 7)
+
+
+def trial(folder: Path, choice: random.Random) -> Trial:
+    """Publish one stray message again and again while a rig runs."""
+    is_service = choice.random() < 0.8
+    topic, kind = choice.choice(list((SERVICE if is_service else LOOP).items()))
+    message = payload(kind, choice)
+    with processes(folder) as run:
+        over_dds = choice.random() < 0.5 or not is_service
+        rig = run.start(
+            'rig', *('-p', 'duration:=0.4', '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false'),
+            *('-p', f'rig:intra_process:={str(not over_dds).lower()}'),
+        )  # fmt: skip
+        if not wait_until((folder / 'run' / 'bag').exists, 120.0):
+            return Trial('did not start', [Fault(WRONG, run.output('rig')[-300:])])
+        _publish(run.domain, f'/{topic}', kind, message, lambda: rig.poll() is None)
+        faults = run.ended()
+        code = rig.returncode
+        if faults:
+            return Trial(f'/{topic}', faults)
+        faults += false_claims(folder / 'run', code, reference_run())
+        if is_service and code != 0:
+            faults.append(Fault(WRONG, f'/{topic} ended the run: {run.output("rig")[-300:]}; {message[:80]!r}'))
+        if not is_service and code != 0 and f'/{topic}: ' not in run.output('rig'):
+            faults.append(Fault(WRONG, f'/{topic} is not named: {run.output("rig")[-300:]}'))
+        return Trial(f'/{topic}: {"goes on" if code == 0 else "ends with topic and publisher"}', faults)
+
+
+def _publish(domain: int, topic: str, kind: Any, message: bytes, goes_on: Any) -> None:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    try:
+        node = rclpy.create_node('stranger', context=context)
+        publisher = node.create_publisher(kind, topic, 10)
+        while goes_on():
+            publisher.publish(message)
+            time.sleep(0.02)
+        node.destroy_node()  # type: ignore[no-untyped-call]
+    finally:
+        rclpy.shutdown(context=context)
+
+
+def payload(kind: Any, choice: random.Random) -> bytes:
+    """Return bytes that are, or are not, a message of a type."""
+    whole: bytes = serialize_message(_message(kind, choice))
+    if choice.random() < 0.5:
+        return whole
+    damaged = bytearray(whole)
+    for _ in range(choice.randint(1, 8)):
+        damaged[choice.randrange(len(damaged))] = choice.randrange(256)
+    return bytes(damaged[: choice.randint(0, len(damaged))] if choice.random() < 0.5 else damaged)
+
+
+def _message(kind: Any, choice: random.Random) -> Any:
+    made = kind()
+    if kind is String:
+        made.data = _text(choice)
+    elif kind is Float64MultiArray:
+        made.data = [choice.uniform(-1.0, 1.0) for _ in range(choice.randint(0, 20))]
+    elif kind is ParameterEvent:
+        made.node = '/nobody'
+        made.stamp.sec = choice.randint(-(2**31), 2**31 - 1)
+    else:
+        stamp = made.clock if kind is Clock else made.stamp if kind is Header else made.header.stamp
+        stamp.sec, stamp.nanosec = choice.randint(-3, 3), choice.randrange(2**32)
+    return made
+
+
+def _text(choice: random.Random) -> str:
+    number: Any = choice.choice([-1, 0, 2**63, 1e400, True, 'one', None, [], struct.calcsize('d')])
+    content = {
+        'process': choice.choice(['x', 7, None, 'host:1:a']),
+        'state': choice.choice(_STATES),
+        'ticks': choice.choice([{str(choice.choice(_NODES)): number}, number, [number]]),
+        'nodes': choice.choice([None, {}, {'/x': {}}, number, {'/x': {'inputs': number}}]),
+        'run': choice.choice([None, {}, {'processes': number}, number]),
+        'timer': choice.choice([None, {'sample_time': number}, number]),
+    }
+    kept = {key: value for key, value in content.items() if value is not None and choice.random() < 0.7}
+    return choice.choice([json.dumps(kept), '[' * choice.randint(0, 9000), json.dumps(number), 'hello'])
+
+
+CAMPAIGN = Campaign('messages', 'Stray messages on every topic', 200, 3, 2400.0, trial)
