@@ -28,7 +28,13 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import CURE
 from hdd_servo_ros.ros.newcomer import Lookout, outputs_of
 from hdd_servo_ros.ros.topic_claims import ClaimError, TopicClaims
-from hdd_servo_ros.ros.transport import check_domain, keeps_to_this_machine, use_udp_alone, who_can_reach
+from hdd_servo_ros.ros.transport import (
+    check_domain,
+    keeps_to_this_machine,
+    keeps_to_this_process,
+    use_udp_alone,
+    who_can_reach,
+)
 
 
 def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] | None = None) -> int:
@@ -118,7 +124,9 @@ def _run(composition: Composition, lookout: Lookout | None) -> int:
     """Run the nodes, unless there is a graph already that they would disturb; return the exit code."""
     nodes = composition.nodes
     try:
-        claims = TopicClaims(outputs_of(nodes), nodes[0].context.get_domain_id())
+        # A replay meets no other process, and may go on beside a run.
+        topics = [] if keeps_to_this_process(os.environ) else outputs_of(nodes)
+        claims = TopicClaims(topics, nodes[0].context.get_domain_id())
     except ClaimError as error:
         return _leave(nodes, failed(f'{error}; {CURE}'))
     with contextlib.closing(claims):

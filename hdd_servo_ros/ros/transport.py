@@ -102,3 +102,8 @@ def keeps_to_this_machine(environment: Mapping[str, str]) -> bool:
     """Return whether DDS finds processes of this machine alone; before or after :func:`use_udp_alone`."""
     is_local = environment.get(_RANGE, '').upper() in ('LOCALHOST', 'OFF')
     return is_local or environment.get('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE)
+
+
+def keeps_to_this_process(environment: Mapping[str, str]) -> bool:
+    """Return whether DDS finds no other process at all, as during a replay."""
+    return environment.get(_RANGE, '').upper() == 'OFF'
