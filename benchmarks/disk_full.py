@@ -4,6 +4,7 @@ Campaign: runs on a disk that becomes full at a random place, each of which must
 ``python -m benchmarks.disk_full [TRIALS]``; it mounts small disks in memory, which only root may.
 """
 
+import argparse
 import contextlib
 import dataclasses
 import random
@@ -114,7 +115,9 @@ def _trial(run, reference, is_rig, more, result):
 
 
 def main():
-    result = run_campaign(int(sys.argv[1]) if len(sys.argv) > 1 else 30)
+    parser = argparse.ArgumentParser(prog='disk_full', description='Run on disks that become full.')
+    parser.add_argument('trials', type=int, nargs='?', default=30)
+    result = run_campaign(parser.parse_args().trials)
     print(result, *result.wrong, sep='\n')
     return bool(result.wrong)
 

@@ -1,9 +1,10 @@
 """
 Campaign: an hour's recording, with the memory that it and its tools take, and the same bits as by `rig`.
 
-``python -m benchmarks.long_run [TICKS [TICKS_OF_RIG [FOLDER]]]``; an hour takes 10 GB on the disk, compressed.
+``python -m benchmarks.long_run``; an hour takes 10 GB on the disk, compressed, and its replay as much again.
 """
 
+import argparse
 import dataclasses
 import sys
 import tempfile
@@ -68,8 +69,12 @@ def _measure(result, name, module, *arguments):
 
 
 def main():
-    numbers, folder = [int(text) for text in sys.argv[1:3]], sys.argv[3:4]
-    result = run_campaign(*numbers, **({'folder': folder[0]} if folder else {}))
+    parser = argparse.ArgumentParser(prog='long_run', description='Record an hour and read it; exit code 1 if wrong.')
+    parser.add_argument('ticks', type=int, nargs='?', default=HOUR, help='of simulate')
+    parser.add_argument('rig_ticks', type=int, nargs='?', default=RIG, help='of rig, 0 for none')
+    parser.add_argument('--folder', help='where to make a temporary folder; an hour takes 10 GB, its replay as much')
+    parsed = parser.parse_args()
+    result = run_campaign(parsed.ticks, parsed.rig_ticks, parsed.folder)
     print(result, *result.wrong, sep='\n')
     return bool(result.wrong)
 
