@@ -21,6 +21,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
 from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_files, complete_ticks, salvage
+from hdd_servo_ros.recording.salvaged_messages import Message
 
 BACKUP = 'damaged'
 """Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
@@ -180,14 +181,16 @@ class Recovery:
 
     def _kept(self, ticks: int) -> Iterator[tuple[str, int, bytes]]:
         """Iterate over the messages of the first ``ticks`` ticks, and the parameter events up to them."""
-        for topic, time, payload in self._salvage.messages:
-            if time < ticks * self._step or (topic == PARAMETER_EVENTS and time == ticks * self._step):
-                yield topic, time, payload
+        return (message for message in self._salvage.messages if self._is_kept(message, ticks))
+
+    def _is_kept(self, message: Message, ticks: int) -> bool:
+        topic, time, _ = message
+        return time < ticks * self._step or (topic == PARAMETER_EVENTS and time == ticks * self._step)
 
     def _judge(self) -> Finding:
         ticks = self._complete_ticks()
         if self._whole_run is None:
-            kept = sum(1 for _ in self._kept(ticks))
+            kept = self._salvage.messages.count(lambda message: self._is_kept(message, ticks), ticks * self._step)
             left = len(self._salvage.messages) - kept
         else:
             kept, left = self._whole_run.message_count, 0

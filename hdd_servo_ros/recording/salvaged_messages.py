@@ -18,11 +18,14 @@ class StoredMessages:
     ----------
     count
         How many.
+    last_time
+        The latest receive time [ns].
     read
         Returns them.
     """
 
     count: int
+    last_time: int
     read: Callable[[], list[Message]]
 
 
@@ -53,6 +56,16 @@ class SalvagedMessages:
         self._parts += other._parts if isinstance(other, SalvagedMessages) else [other]
         return self
 
+    def count(self, is_counted: Callable[[Message], bool], always_before: int) -> int:
+        """Return how many messages a condition holds for; it does for all received before ``always_before`` [ns]."""
+        counted = 0
+        for part in self._parts:
+            if isinstance(part, StoredMessages) and part.last_time < always_before:
+                counted += part.count
+            else:
+                counted += sum(map(is_counted, part.read() if isinstance(part, StoredMessages) else part))
+        return counted
+
     def append(self, message: Message) -> None:
         """Add a message."""
         if not self._parts or isinstance(self._parts[-1], StoredMessages):
@@ -71,7 +84,8 @@ class SalvagedMessages:
         part = self._parts[-1]
         assert isinstance(part, list)
         if self._held + len(part) > MOST_HELD:
-            self._parts[-1] = StoredMessages(len(part), read)
+            last_time = max((time for _, time, _ in part), default=0)
+            self._parts[-1] = StoredMessages(len(part), last_time, read)
         else:
             self._held += len(part)
 

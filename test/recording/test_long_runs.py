@@ -93,10 +93,10 @@ def test_long_runs_are_compared(run, long, tmp_path):
     assert first_difference(run, other) is None
     assert first_difference(run, other, 4000) is None
     shorter = simulated(tmp_path / 'shorter', '-p', 'duration:=0.5')
-    assert 'messages' in first_difference(run, shorter)
+    assert 'messages' in str(first_difference(run, shorter))
     assert first_difference(run, shorter, 5000) is None
     changed = simulated(tmp_path / 'changed', '-p', 'schedule:=[0.45 reference_generator amplitude 1.5]')
-    assert 'at tick 4500' in first_difference(run, changed)
+    assert 'at tick 4500' in str(first_difference(run, changed))
     assert first_difference(run, changed, 4499) is None
 
 
