@@ -22,7 +22,7 @@ from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
 _WALL_CLOCK = 10**17
 """Stamps from here on are of a wall clock, not of a run: three years after its start, 1973 in Unix time [ns]."""
 
-LONG_RUN = 2**18
+LONG_RUN = 2**17
 """Ticks from which a run is long: its signals as arrays take some hundred megabytes."""
 OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 

@@ -20,8 +20,8 @@ def test_disks_that_become_full(tmp_path):
 
 
 def test_a_run_that_is_read_in_pieces_takes_little_memory(tmp_path):
-    """Of 2^18 ticks or more; whole arrays of this one would take 600 MB."""
-    result = long_run.run_campaign(300_000, 0, tmp_path)
+    """Of 2^17 ticks or more; whole arrays of this one would take 300 MB."""
+    result = long_run.run_campaign(140_000, 0, tmp_path)
     assert result.wrong == []
     assert set(result.measured) == {'simulate with its summary', 'recover', 'replay'}
     assert result.measured['recover'][0] < 250.0
