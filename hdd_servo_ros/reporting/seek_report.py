@@ -55,6 +55,11 @@ def seek_line(run: RecordedRun) -> str:
     return f'{arrived} of {len(responses)} arrive {within}, median {median:.4g} ms, {slowest}'
 
 
+def has_seeks(run: RecordedRun) -> bool:
+    """Return whether a run has seeks that can be judged."""
+    return bool(_responses(run))
+
+
 def lost_seeks(run: RecordedRun) -> str:
     """Return a line on the seeks that do not arrive, empty if all do."""
     responses = _responses(run)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
-from hdd_servo_ros.analysis.seek_metrics import SAMPLES, Seek, SeekResponse, find_seeks, seek_responses
+from hdd_servo_ros.analysis.seek_metrics import SAMPLES, SEEK, Seek, SeekResponse, find_seeks, seek_responses
 from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -138,8 +138,8 @@ def responses_of(
     Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
 
     The position error is that of the head's true position, as :attr:`RecordedRun.position_error`, from the target, or
-    that of its measured position. A last seek of several is left out where the run ends before half the time between
-    seeks is over.
+    that of its measured position. Left out are seeks whose target changes before the end of their trajectory, where the
+    controller gives its mode, and a last one of several where the run ends before half the time between seeks is over.
     """
     found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples, measured)
     if key not in found.responses:
@@ -160,6 +160,12 @@ def responses_of(
         # A run of a whole number of dwell times ends with the start of a seek.
         if len(seeks) > 1 and len(position) - seeks[-1].row < 0.5 * (seeks[-1].row - seeks[-2].row):
             responses.pop()
+        modes = modes_of(run)
+        if modes is not None:
+            # A target that changes while the head is on its way is no seek that failed.
+            starts = [seek.row for seek in seeks[1:]]
+            replaced = {seek.row for seek, start in zip(seeks, starts, strict=False) if modes[start - 1] == SEEK}
+            responses = [response for response in responses if response.seek.row not in replaced]
         found.responses[key] = responses
     return found.responses[key]
 

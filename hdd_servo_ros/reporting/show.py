@@ -8,24 +8,17 @@ from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.messages.scope_blocks import make_block
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference
+from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.panel import Panel
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.seek_report import seek_line
 from hdd_servo_ros.reporting.summary import summary
-
-VERY_LONG_RUN = 2**22
-"""Ticks from which a run is not read into arrays for its summary and its picture."""
-
+from hdd_servo_ros.reporting.verdict import verdict_of
 
 _BINS_DRAWN = 5000
 """Bins of the picture of such a run."""
-
-
-def is_very_long(run: RecordedRun) -> bool:
-    """Return whether the arrays of a run would take gigabytes."""
-    return run.is_long and run.last_tick >= VERY_LONG_RUN
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
@@ -35,7 +28,7 @@ def show_run(directory: Path, *, plot: bool) -> None:
         print(f'{response_line(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
         return
     run = RecordedRun.open(directory)
-    print(summary(sums_of(run), run.description, directory))
+    print(summary(sums_of(run), run.description, directory, verdict_of(run)))
     seeks = '' if is_very_long(run) else seek_line(run)
     if seeks:
         print(f'{"seeks":>16}  {seeks}')

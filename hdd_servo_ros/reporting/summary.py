@@ -9,10 +9,15 @@ from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.reporting.evaluation import transient_of
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.saturation import saturation_line
-from hdd_servo_ros.reporting.verdict import verdict
+from hdd_servo_ros.reporting.verdict import Verdict, verdict
 
 
-def summary(source: Signals | RunSums, description: Mapping[str, Any], directory: Path | None = None) -> str:
+def summary(
+    source: Signals | RunSums,
+    description: Mapping[str, Any],
+    directory: Path | None = None,
+    judged: Verdict | None = None,
+) -> str:
     """
     Return the summary of a run.
 
@@ -25,6 +30,8 @@ def summary(source: Signals | RunSums, description: Mapping[str, Any], directory
         ``controller``, ``frame_id``, ``sample_time`` and ``nodes``. Lines of what it does not hold are left out.
     directory
         Where the run is, if it was recorded.
+    judged
+        The verdict, if another one is wanted than that of the signals' sums.
 
     Raises
     ------
@@ -40,7 +47,7 @@ def summary(source: Signals | RunSums, description: Mapping[str, Any], directory
         raise ValueError('a run without a sample has no summary')
     units, topics = sums.units, len(description.get('topics', ()))
     lines = [
-        ('run', _how_it_went(sums, description)),
+        ('run', _how_it_went(judged or verdict(sums, description.get('reason', '')), description)),
         ('controller', f'{description.get("controller", "unknown")}, drive {description.get("frame_id", "unknown")}'),
     ]
     if sums.has_error:
@@ -67,10 +74,9 @@ def summary(source: Signals | RunSums, description: Mapping[str, Any], directory
     return '\n'.join(f'{name:>{width}}  {text}' for name, text in lines)
 
 
-def _how_it_went(sums: RunSums, description: Mapping[str, Any]) -> str:
+def _how_it_went(judged: Verdict | None, description: Mapping[str, Any]) -> str:
     """Return how the run ended, why, and its verdict."""
     status, reason = description.get('status', 'unknown'), description.get('reason', '')
-    judged = verdict(sums, reason)
     text = f'{status}: {reason}' if reason else str(status)
     if judged is None:
         return text

@@ -6,8 +6,10 @@ import math
 from hdd_servo_ros.messages.errors import NOT_FINITE
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
+DOES_NOT_TRACK = 'does not track'
 TRACKING_SHARE = 0.5
 """A run tracks if its rms error is below this share of that of a head that rests at the reference's mean."""
 DIVERGED_SPANS = 3.0
@@ -24,9 +26,9 @@ class Verdict:
     Attributes
     ----------
     text
-        ``tracks``, ``does not track``, ``diverged`` or ``saturated n %``.
+        ``tracks``, ``does not track``, ``arrives``, ``does not arrive``, ``diverged`` or ``saturated n %``.
     tracks
-        Whether the run tracks, without reservations.
+        Whether the run tracks, or all its seeks arrive, without reservations.
     detail
         By what criterion it does not; empty for a run that tracks.
     """
@@ -97,12 +99,25 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
         return Verdict('tracks', tracks=True)
     kind = 'rms about its mean' if moved else "distance from the head's first position"
     return Verdict(
-        'does not track',
+        DOES_NOT_TRACK,
         detail=f'rms error {factor * sums.rms_error:.4g} {unit}, not below {TRACKING_SHARE:g} times the '
         f"reference's {kind} of {factor * scale:.4g} {unit}",
     )
 
 
 def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
-    """Judge a recorded run; ``after`` is the time before which errors do not count [s], None for the usual one."""
-    return verdict(sums_of(run, after), run.reason)
+    """
+    Judge a recorded run; ``after`` is the time before which errors do not count [s], None for the usual one.
+
+    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``.
+    """
+    found = verdict(sums_of(run, after), run.reason)
+    if found is None or not (found.tracks or found.text == DOES_NOT_TRACK) or is_very_long(run):
+        return found
+    # Late: it needs more than a verdict does otherwise.
+    from hdd_servo_ros.reporting.seek_report import has_seeks, lost_seeks
+
+    if not has_seeks(run):
+        return found
+    lost = lost_seeks(run)
+    return Verdict('does not arrive', detail=lost) if lost else Verdict('arrives', tracks=True)

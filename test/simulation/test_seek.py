@@ -7,7 +7,10 @@ import pytest
 
 from hdd_servo_ros.control.seek_kernel import SEEK, SETTLE
 from hdd_servo_ros.drive.plant import PlantParameters
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.simulation.run_setup import Simulation
 
 T = 1e-4
 DWELL = 300
@@ -170,3 +173,115 @@ def test_a_servo_sensor_is_enough(method):
         assert estimates['seek_gain'][:, -1] == pytest.approx(np.ones(8), abs=0.02)
         _, _, estimates = seeks([50.0, 0.0], servo='servo', seek_controller=node, vcm_plant=drive(gain=1.1))
         assert estimates['seek_gain'][:, -1] == pytest.approx(1.1 * np.ones(2), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ('targets', 'after', 'bar'), [((100.0, 0.0), 3, 2.0), ((60.0, 60.5), 2, 1.5), ((50.0, -50.0), 2, 3.0)]
+)
+def test_a_target_that_changes_on_the_way_teaches_nothing_wrong(targets, after, bar):
+    experiment = Experiment(
+        T,
+        'seek',
+        {
+            'reference_generator': {
+                'waveform': 'seek',
+                'seek.targets': targets,
+                'seek.dwell_times': (after * T, DWELL * T),
+                'seek.trajectory': 'step',
+                'seek.repeat': False,
+            },
+            'ldv_sensor': SENSOR,
+        },
+    )
+    rows = experiment.run(0, DWELL)
+    estimates = dict(zip(experiment.estimate_names, rows['estimates'].T, strict=True))
+    outside = np.flatnonzero(abs(rows.head[:, 0] - targets[-1]) > TOLERANCE)
+    assert 1e3 * T * (outside[-1] + 1 - after) <= bar
+    assert estimates['seek_gain'] == pytest.approx(1.0, abs=0.01)
+    assert estimates['seek_friction'] == pytest.approx(1.0, abs=0.05)
+
+
+def test_targets_that_change_all_the_time_keep_the_head_between_them():
+    targets = np.random.default_rng(5).uniform(-50.0, 50.0, 200)
+    experiment = Experiment(
+        T,
+        'seek',
+        {
+            'reference_generator': {
+                'waveform': 'seek',
+                'seek.targets': tuple(targets.tolist()),
+                'seek.dwell_times': (2.0 * T,),
+                'seek.trajectory': 'step',
+                'seek.repeat': False,
+            },
+            'ldv_sensor': {'displacement_scale': 60.0, 'velocity_scale': 6e4},
+        },
+    )
+    head = experiment.run(0, 600).head[:, 0]
+    assert abs(head).max() < 60.0
+    assert head[-1] == pytest.approx(targets[-1], abs=0.1)
+
+
+@pytest.mark.parametrize('bounds', [{'seek.jerk': 0.0}, {'seek.jerk': 1e13, 'seek.acceleration': 3e8}])
+def test_a_trajectory_with_steps_of_acceleration_is_no_new_target(bounds):
+    reference = {'waveform': 'seek', 'seek.targets': (40.0, 0.0), 'seek.trajectory': 'time_optimal', **bounds}
+    experiment = Experiment(T, 'seek', {'reference_generator': reference, 'ldv_sensor': SENSOR})
+    rows = experiment.run(0, 800)
+    mode = rows['estimates'][:, experiment.estimate_names.index('seek_mode')]
+    assert not mode.any()
+
+
+@pytest.mark.parametrize('method', ['final_state', 'ptos', 'cnf'])
+def test_an_observer_with_a_spring_is_no_obstacle(method):
+    targets = [100.0, -40.0, 106.0, 0.0]
+    experiment = Experiment(
+        T,
+        'seek',
+        {
+            'reference_generator': {
+                'waveform': 'seek',
+                'seek.targets': tuple(targets),
+                'seek.dwell_times': (DWELL * T,),
+                'seek.trajectory': 'step',
+            },
+            'seek_controller': {'seek.method': method},
+        },
+        sensor='servo',
+    )
+    head = experiment.run(0, DWELL * len(targets)).head[:, 0].reshape(-1, DWELL)
+    assert arrivals(head, targets, TOLERANCE).max() <= 3.0
+
+
+def test_a_weak_drive_gets_plans_that_it_can_follow():
+    targets = to_and_fro(100.0, 4)
+    head, u, _ = seeks(targets, vcm_plant={'control_limit': 2.0})
+    assert abs(u).max() <= 2.0
+    assert arrivals(head, targets, TOLERANCE).max() <= 4.0
+
+
+@pytest.mark.parametrize('method', ['ptos', 'cnf'])
+def test_a_late_command_is_allowed_for(method):
+    targets = to_and_fro(50.0, 6)
+    delayed = {
+        'seek.method': method,
+        'dsp.computation_delay': 1,
+        'proportional_gain': 0.146,
+        'integral_gain': 8.68,
+        'derivative_gain': 8.67e-5,
+        'derivative_bandwidth': 0.0,
+    }
+    head, _, _ = seeks(targets, seek_controller=delayed)
+    assert arrivals(head, targets, TOLERANCE).max() <= 4.0
+
+
+def test_plans_of_too_many_samples_are_refused():
+    with pytest.raises(ParameterError, match=r'seek_controller.seek.longest_plan = 0.0064 is refused: at most 0.001 s'):
+        Experiment(1e-6, 'seek', {})
+
+
+def test_other_nodes_may_change_during_a_seek():
+    arguments = ['--ros-args', '-p', 'controller:=seek', '-p', 'duration:=0.02', '-p', 'record:=false']
+    arguments += ['-p', "schedule:=['0.001 vcm_plant gain 4.0e7', '0.002 reference_generator waveform constant']"]
+    simulation = Simulation(parse_ros_arguments(arguments))
+    for tick in (10, 20):
+        assert list(simulation.apply_schedule(tick))
