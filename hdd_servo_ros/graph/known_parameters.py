@@ -1,7 +1,9 @@
 """The declarations of all parameters of the catalogue, and the refusal of names that are not among them."""
 
 import difflib
+import functools
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets
 from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
@@ -38,7 +40,8 @@ def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
     """
     if not given:
         return
-    known = {found.name for name in names_with_parameters() for found in node_declarations(name)}.union(own)
+    kinds = dict.fromkeys(kind for name in names_with_parameters() for kind in parameter_sets(name))
+    known = _names_in(tuple(kinds)).union(own)
     for name, value in given.items():
         if name.startswith(_QOS):
             raise ParameterError(name, value, _QOS_IS_FIXED)
@@ -46,6 +49,12 @@ def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
             similar = difflib.get_close_matches(name, known, n=1)
             hint = f'; did you mean {similar[0]}?' if similar else ''
             raise ParameterError(name, value, f'no such parameter{hint}')
+
+
+@functools.lru_cache(maxsize=4)
+def _names_in(kinds: tuple[type[Any], ...]) -> frozenset[str]:
+    """Return the names of all parameters of these sets."""
+    return frozenset(found.name for kind in kinds for found in declarations(kind))
 
 
 def node_declarations(name: str) -> Iterator[Declaration]:

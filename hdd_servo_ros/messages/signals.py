@@ -321,11 +321,15 @@ class SignalRows(Signals):
         """Return these rows, the same memory, as those of the ticks from ``tick`` on."""
         return SignalRows(tick, self._sample_time, self._arrays, self._estimate_names, self._units)
 
+    def part(self, first_tick: int, count: int) -> 'SignalRows':
+        """Return the rows of ``count`` ticks from ``first_tick`` on, the same memory."""
+        start = first_tick - self.first_tick
+        arrays = {name: rows[start : start + count] for name, rows in self._arrays.items()}
+        return SignalRows(first_tick, self._sample_time, arrays, self._estimate_names, self._units)
+
     def before(self, tick: int) -> 'SignalRows':
         """Return the rows before ``tick``, the same memory."""
-        count = tick - self.first_tick
-        arrays = {name: rows[:count] for name, rows in self._arrays.items()}
-        return SignalRows(self.first_tick, self._sample_time, arrays, self._estimate_names, self._units)
+        return self.part(self.first_tick, tick - self.first_tick)
 
     @property
     def kernel_arrays(self) -> tuple[Array, ...]:

@@ -7,6 +7,7 @@ the checks at construction, the ROS 2 descriptors and the help texts. Nested dat
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar, cast
@@ -145,11 +146,8 @@ class ParameterSet:
     """
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):  # type: ignore[arg-type]
-            declaration = field.metadata.get('declaration')
-            if declaration is not None:
-                named = dataclasses.replace(declaration, name=field.name)
-                object.__setattr__(self, field.name, named.check(getattr(self, field.name)))
+        for declaration in _own_declarations(type(self)):
+            object.__setattr__(self, declaration.name, declaration.check(getattr(self, declaration.name)))
         self.check_together()
 
     def check_together(self) -> None:
@@ -158,12 +156,30 @@ class ParameterSet:
 
 def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaration]:
     """Iterate over the declarations of a parameter dataclass, nested ones under their dotted names."""
+    return iter(_all_declarations(parameters, prefix))
+
+
+# A process that makes many runs asks for the same declarations hundreds of times in each.
+@functools.cache
+def _own_declarations(parameters: Any) -> tuple[Declaration, ...]:
+    """Return the declarations of a dataclass's own fields, with their names."""
+    return tuple(
+        dataclasses.replace(field.metadata['declaration'], name=field.name)
+        for field in dataclasses.fields(parameters)
+        if 'declaration' in field.metadata
+    )
+
+
+@functools.cache
+def _all_declarations(parameters: Any, prefix: str) -> tuple[Declaration, ...]:
+    found: list[Declaration] = []
     for field in dataclasses.fields(parameters):
         declaration = field.metadata.get('declaration')
         if declaration is not None:
-            yield dataclasses.replace(declaration, name=prefix + field.name)
+            found.append(dataclasses.replace(declaration, name=prefix + field.name))
         else:
-            yield from declarations(_group_type(field), f'{prefix}{field.name}.')
+            found += _all_declarations(_group_type(field), f'{prefix}{field.name}.')
+    return tuple(found)
 
 
 def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: str = '') -> Block:

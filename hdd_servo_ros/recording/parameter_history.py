@@ -2,7 +2,7 @@
 
 import dataclasses
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -53,27 +53,51 @@ class ParameterHistory:
 
     Parameters
     ----------
-    bag
-        The run's bag, with its parameter events.
+    path
+        The run, for messages.
     nodes
         ``nodes`` of ``run.yaml``: by full name, with the ``parameters`` at tick 0.
-    sample_time_ns
-        T [ns].
-    origin_ns
-        Time of tick 0 [ns].
+    changes
+        What was changed during the run.
     """
 
-    def __init__(self, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int, origin_ns: int = 0) -> None:
-        self._path = bag.path
+    def __init__(self, path: Path, nodes: Mapping[str, Any], changes: Iterable[ParameterChange]) -> None:
+        self._path = path
         self._nodes = nodes
+        self.changes: Sequence[ParameterChange] = sorted(changes, key=lambda change: change.tick)
+        """All changes, in the order of their ticks."""
+
+    @classmethod
+    def recorded(
+        cls, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int, origin_ns: int = 0
+    ) -> 'ParameterHistory':
+        """
+        Return the history in the parameter events of a bag.
+
+        Parameters
+        ----------
+        bag
+            The run's bag.
+        nodes
+            As above.
+        sample_time_ns
+            T [ns].
+        origin_ns
+            Time of tick 0 [ns].
+
+        Raises
+        ------
+        BagError
+            If an event cannot be read.
+        """
         changes = []
         for message in _events(bag):
             event = _event(bag, message)
             tick = -(-(event.stamp.sec * NANOSECONDS + event.stamp.nanosec - origin_ns) // sample_time_ns)
             for parameter in event.changed_parameters:
-                changes.append(ParameterChange(tick, event.node, parameter.name, _plain(unpack_value(parameter.value))))
-        self.changes: Sequence[ParameterChange] = sorted(changes, key=lambda change: change.tick)
-        """All changes, in the order of their ticks."""
+                value = plain_value(unpack_value(parameter.value))
+                changes.append(ParameterChange(tick, event.node, parameter.name, value))
+        return cls(bag.path, nodes, changes)
 
     def value(self, node: str, name: str, tick: int | None = None) -> Any:
         """
@@ -101,6 +125,6 @@ class ParameterHistory:
         return value
 
 
-def _plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """Return a value as ``run.yaml`` holds it."""
     return list(value) if isinstance(value, tuple) else value

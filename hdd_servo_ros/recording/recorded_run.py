@@ -458,7 +458,7 @@ class RecordedRun(Signals):
     @functools.cached_property
     def _parameter_history(self) -> ParameterHistory:
         nodes = self.description.get('nodes', {})
-        return ParameterHistory(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time), self._origin)
+        return ParameterHistory.recorded(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time), self._origin)
 
     @property
     def parameter_changes(self) -> Sequence[ParameterChange]:

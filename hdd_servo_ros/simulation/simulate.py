@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
-from hdd_servo_ros.control.controller import ReportsFault
-from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_sections import doubtful_sections
 from hdd_servo_ros.messages.errors import RunError
@@ -31,8 +29,9 @@ from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import response_line, write_response
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.summary import summary
+from hdd_servo_ros.simulation.in_memory import run_piece
 from hdd_servo_ros.simulation.interrupts import Interrupts, interrupts
-from hdd_servo_ros.simulation.packing import Packer, first_not_finite
+from hdd_servo_ros.simulation.packing import Packer
 from hdd_servo_ros.simulation.run_setup import Simulation
 
 
@@ -94,23 +93,12 @@ class SimulatedRun:
 
     def _piece(self, first_tick: int, count: int, rows: SignalRows) -> tuple[Outcome, SignalRows]:
         """Run a piece; return whether the run can go on, and the rows up to where it cannot."""
-        outcome = FINISHED_OUTCOME
-        rows = rows.starting_at(first_tick)
-        try:
-            for change in self._simulation.apply_schedule(first_tick):
-                if self.recorder is not None:
-                    self.recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
-            self._experiment.run(first_tick, count, rows)
-        except ControllerError as error:
-            # A change that fails does so after the tick before.
-            outcome, rows = failed(str(error)), rows.before(max(error.tick, first_tick))
+        outcome, valid, changes = run_piece(self._simulation, first_tick, count, rows)
+        if self.recorder is not None:
+            for change in changes:
+                self.recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
         self._warn_of_saturation()
-        invalid = first_not_finite(rows)
-        if invalid is not None:
-            law = self._experiment.controller
-            fault = law.fault() if isinstance(law, ReportsFault) else ''
-            outcome, rows = failed(fault or self._simulation.not_finite(*invalid)), rows.before(invalid[1])
-        return outcome, rows
+        return outcome, valid
 
     def _warn_of_saturation(self) -> None:
         """Warn of instrument outputs that have saturated since, as the nodes do."""
