@@ -52,6 +52,8 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp>=8.4.3',
             'ros-jazzy-common-interfaces>=5.3.6',
         ],
+        # Parquet tables, pandas, and campaigns on a Dask cluster.
+        'campaign': ['pyarrow>=14.0', 'pandas>=2.1', 'distributed>=2024.1'],
         'test': [
             'pytest>=7.4',
             'pytest-timeout>=2.2',

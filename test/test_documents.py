@@ -66,6 +66,18 @@ def record_disturbed(bench, *names):
             bench.interpreters = copies
 
 
+def run_short_campaign(bench, arguments):
+    """Run a campaign with a few short runs in place of many long ones."""
+    spec = yaml.safe_load((ROOT / arguments[0]).read_text('utf8'))
+    spec['set']['deterministic_timer:duration'] = 0.02
+    for block in spec['vary']:
+        block['runs'] = 2
+    (bench.directory / 'short.yaml').write_text(yaml.safe_dump(spec))
+    answer = bench.python('-m', 'hdd_servo_ros.campaign.main', 'short.yaml', *arguments[1:])
+    assert answer.returncode == 0, answer.stderr
+    assert 'table: ' in answer.stdout
+
+
 def launch_arguments(file):
     """Return the names of the arguments that a launch file declares."""
     texts = [(ROOT / 'launch' / file).read_text(), (ROOT / 'hdd_servo_ros' / 'graph' / 'launching.py').read_text()]
@@ -90,6 +102,9 @@ def test_commands(bench, block):
                     bench.run('simulate', '-p', f'run_dir:={word}', '-p', 'duration:=0.02', '-p', 'plot:=false')
                 answer = bench.python('-m', 'hdd_servo_ros.tools.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
+                continue
+            if name == 'campaign':
+                run_short_campaign(bench, arguments)
                 continue
             if '--ros-args' not in arguments:
                 assert_options_exist(bench, name, arguments)

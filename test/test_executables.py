@@ -36,6 +36,7 @@ def test_every_entry_point_leads_to_a_main():
 
 
 COMMANDS = (
+    'campaign',
     'compare_bags',
     'drive_response',
     'friction_curves',

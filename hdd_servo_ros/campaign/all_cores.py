@@ -1,13 +1,118 @@
-"""Work on all cores, in processes that leave signals to their parent."""
+"""Work on all cores, in processes that leave signals to their parent; a process that is killed loses no work."""
 
+import collections
 import concurrent.futures
+import contextlib
+import functools
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from typing import Generic, TypeVar
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
+
+_TOGETHER = 2
+"""Attempts of an item among others; after so many killed processes it is tried alone, so that it is known which."""
+ATTEMPTS = 4
+"""Attempts of an item whose process is killed each time."""
+_AHEAD = 3
+"""Items per worker that are handed over at a time, so that none waits and memory does not grow with their number."""
+
+
+class WorkerKilled(RuntimeError):
+    """An item whose process was killed each time."""
+
+    def __init__(self) -> None:
+        super().__init__(f'its process was killed {ATTEMPTS} times, as it is when memory runs out')
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def processes(workers: int) -> concurrent.futures.Executor:
+    """Return an executor with so many processes, which leave signals to this one."""
+    return concurrent.futures.ProcessPoolExecutor(workers, initializer=_leave_signals_to_the_parent)
+
+
+class _Attempt(Generic[Item]):
+    def __init__(self, index: int, item: Item) -> None:
+        self.index = index
+        self.item = item
+        self.killed = 0
+
+
+def completed(
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    workers: int,
+    make_executor: Callable[[int], concurrent.futures.Executor] = processes,
+) -> Generator[tuple[int, Item, Result | Exception], None, None]:
+    """
+    Yield the index, the item, and what a function returns or raises for it, as they are completed.
+
+    When a process is killed, the items that it and the others had are done again by new processes. One whose process
+    is killed :data:`ATTEMPTS` times, the last of them alone, gives a :class:`WorkerKilled`.
+
+    Parameters
+    ----------
+    work
+        A function of a module, which the processes import by its name.
+    items
+        Its arguments; they are taken as they are needed.
+    workers
+        How many work at a time.
+    make_executor
+        Returns what they are submitted to.
+    """
+    waiting = ((_Attempt(index, item)) for index, item in enumerate(items))
+    again: collections.deque[_Attempt[Item]] = collections.deque()
+    while True:
+        in_flight: dict[concurrent.futures.Future[Result], _Attempt[Item]] = {}
+        executor = make_executor(workers)
+        try:
+            while True:
+                while len(in_flight) < _AHEAD * workers:
+                    attempt = again.popleft() if again else next(waiting, None)
+                    if attempt is None:
+                        break
+                    alone = attempt.killed >= _TOGETHER
+                    if alone and in_flight:
+                        again.appendleft(attempt)
+                        break
+                    try:
+                        in_flight[executor.submit(work, attempt.item)] = attempt
+                    except BaseException:
+                        again.appendleft(attempt)
+                        raise
+                    if alone:
+                        break
+                if not in_flight:
+                    return
+                done, _ = concurrent.futures.wait(in_flight, return_when=concurrent.futures.FIRST_COMPLETED)
+                for future in done:
+                    error = future.exception()
+                    if isinstance(error, concurrent.futures.BrokenExecutor):
+                        raise error
+                    attempt = in_flight.pop(future)
+                    if error is not None and not isinstance(error, Exception):
+                        raise error
+                    yield attempt.index, attempt.item, future.result() if error is None else error
+        except concurrent.futures.BrokenExecutor:
+            for future, attempt in in_flight.items():
+                # What was done before the process was killed counts.
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    yield attempt.index, attempt.item, future.result()
+                    continue
+                attempt.killed += 1
+                if attempt.killed >= ATTEMPTS:
+                    yield attempt.index, attempt.item, WorkerKilled()
+                else:
+                    again.append(attempt)
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)
 
 
 def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksize: int = 1) -> Iterator[Result]:
@@ -23,13 +128,21 @@ def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksiz
     chunksize
         Items that are sent to a process at a time.
     """
-    cores = len(os.sched_getaffinity(0))
-    with concurrent.futures.ProcessPoolExecutor(cores, initializer=_leave_signals_to_the_parent) as pool:
-        try:
-            yield from pool.map(work, items, chunksize=chunksize)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    chunks = [items[first : first + chunksize] for first in range(0, len(items), chunksize)]
+    early: dict[int, list[Result]] = {}
+    due = 0
+    with contextlib.closing(completed(functools.partial(_each, work), chunks, cores())) as found:
+        for index, _, results in found:
+            if isinstance(results, Exception):
+                raise results
+            early[index] = results
+            while due in early:
+                yield from early.pop(due)
+                due += 1
+
+
+def _each(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    return [work(item) for item in items]
 
 
 def _leave_signals_to_the_parent() -> None:

@@ -1,37 +1,29 @@
 """Runs the cases of a study, through the graph or without middleware, and keeps what is there already."""
 
-import contextlib
-import fcntl
 import os
 import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from tqdm import tqdm
 
 from hdd_servo_ros.campaign.case import Case, PlannedRun
+from hdd_servo_ros.campaign.folder import StudyError as StudyError
+from hdd_servo_ros.campaign.folder import alone_in, make_folder
 from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
 from hdd_servo_ros.campaign.start import run_environment, start_run
 from hdd_servo_ros.graph.help import COMPILING
-from hdd_servo_ros.messages import exit_codes
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
-from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 
 _POLL = 0.02
 _LAST_LINES = 6
 _PROGRESS = re.compile(r'(\d+\.\d+) of (\d+\.\d+) s')
-
-
-class StudyError(RuntimeError):
-    """A study that cannot go on; says which case and why."""
-
-    exit_code = exit_codes.FAILED
 
 
 def run_cases(
@@ -76,32 +68,13 @@ def run_cases(
         if by_name.setdefault(case.name, case) != case:
             raise StudyError(f'two different cases have the name {case.name!r}')
     planned = [PlannedRun(case, defaults or {}, directory) for case in by_name.values()]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise ArgumentError(f'{directory} cannot be a folder: a file stands there; --output says another') from None
-    except OSError as error:
-        raise ArgumentError(f'{directory} cannot be made: {error.strerror}; --output says another folder') from None
-    with _alone_in(directory):
+    make_folder(directory)
+    with alone_in(directory):
         due = [run for run in planned if not _is_there(run, say)]
         if len(due) < len(planned):
             say(f'{len(planned) - len(due)} of {len(planned)} runs are in {directory} already, with these parameters')
         if due:
             _Runner(due, without_ros, keep_failed, say).run()
-
-
-@contextlib.contextmanager
-def _alone_in(directory: Path) -> Iterator[None]:
-    """Keep a second study out of the folder, for it would take the runs that are being made for broken ones."""
-    descriptor = os.open(directory, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise StudyError(f'another study is at work in {directory}') from None
-    else:
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _is_there(run: PlannedRun, say: Callable[[str], None]) -> bool:

@@ -275,6 +275,7 @@ _COMMAND_ROWS = (
     CommandRow('study', 'studies.main', "Runs the thesis's experiments and makes its figures and tables."),
     CommandRow('report', 'tools.report', 'Writes metrics, plots and an HTML page of recorded runs.'),
     CommandRow('compare', 'studies.compare', 'Compares several controllers on the same experiments.'),
+    CommandRow('campaign', 'campaign.main', 'Makes many runs from one specification and tabulates their metrics.'),
     CommandRow('compare_bags', 'recording.compare_bags', 'Compares the loop topics of two recorded runs byte by byte.'),
     CommandRow('replay', 'tools.replay', 'Runs a recorded run again and compares the bits.'),
     CommandRow('recover', 'tools.recover', 'Repairs a recorded run after a crash.'),

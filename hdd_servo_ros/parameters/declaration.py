@@ -146,7 +146,7 @@ class ParameterSet:
     """
 
     def __post_init__(self) -> None:
-        for declaration in _own_declarations(type(self)):
+        for declaration in _own_declarations(type(self)):  # type: ignore[arg-type]
             object.__setattr__(self, declaration.name, declaration.check(getattr(self, declaration.name)))
         self.check_together()
 
@@ -156,10 +156,11 @@ class ParameterSet:
 
 def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaration]:
     """Iterate over the declarations of a parameter dataclass, nested ones under their dotted names."""
-    return iter(_all_declarations(parameters, prefix))
+    return iter(_all_declarations(parameters, prefix))  # type: ignore[arg-type]
 
 
-# A process that makes many runs asks for the same declarations hundreds of times in each.
+# A process that makes many runs asks for the same declarations hundreds of times in each. (mypy 2.4 takes the hash of a
+# class for that of its instances.)
 @functools.cache
 def _own_declarations(parameters: Any) -> tuple[Declaration, ...]:
     """Return the declarations of a dataclass's own fields, with their names."""
@@ -178,7 +179,7 @@ def _all_declarations(parameters: Any, prefix: str) -> tuple[Declaration, ...]:
         if declaration is not None:
             found.append(dataclasses.replace(declaration, name=prefix + field.name))
         else:
-            found += _all_declarations(_group_type(field), f'{prefix}{field.name}.')
+            found += declarations(_group_type(field), f'{prefix}{field.name}.')
     return tuple(found)
 
 

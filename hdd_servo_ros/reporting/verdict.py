@@ -10,6 +10,8 @@ from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
 DOES_NOT_TRACK = 'does not track'
+DIVERGED = 'diverged'
+"""The verdict of a run whose error grew without bounds."""
 TRACKING_SHARE = 0.5
 """A run tracks if its rms error is below this share of that of a head that rests at the reference's mean."""
 DIVERGED_SPANS = 3.0
@@ -75,13 +77,13 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     """
     unit, factor = shown(sums.units.error), sums.units.error_factor
     if NOT_FINITE in reason:
-        return Verdict('diverged', detail=reason)
+        return Verdict(DIVERGED, detail=reason)
     if sums.has_error:
         if not (math.isfinite(sums.rms_error) and math.isfinite(sums.peak_error)):
-            return Verdict('diverged', detail='the error is not finite')
+            return Verdict(DIVERGED, detail='the error is not finite')
         if 0.0 < DIVERGED_SPANS * sums.reference_span < sums.peak_error:
             return Verdict(
-                'diverged',
+                DIVERGED,
                 detail=f'error up to {factor * sums.peak_error:.4g} {unit}, more than {DIVERGED_SPANS:g} times '
                 f"the reference's span of {factor * sums.reference_span:.4g} {unit}",
             )

@@ -1,0 +1,317 @@
+"""Many runs from one specification, on all cores or a cluster, and their table."""
+
+import concurrent.futures
+import contextlib
+import functools
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from tqdm import tqdm
+
+from hdd_servo_ros.campaign import all_cores
+from hdd_servo_ros.campaign.folder import StudyError, alone_in, make_folder
+from hdd_servo_ros.campaign.journal import Journal
+from hdd_servo_ros.campaign.measuring import (
+    Result,
+    failed_result,
+    is_own,
+    measure_run,
+    own_metric,
+    prepare,
+    record_run,
+)
+from hdd_servo_ros.campaign.planning import CampaignRun, Plan
+from hdd_servo_ros.campaign.spec import ALL, Spec, read_spec, spec_of
+from hdd_servo_ros.campaign.table import MissingExtra, Table
+from hdd_servo_ros.messages.exit_codes import one_line
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.parameters.files import ArgumentError, did_you_mean
+from hdd_servo_ros.recording.run_folder import git_revision, versions
+from hdd_servo_ros.reporting.verdict import DIVERGED
+
+
+class _UnknownMetric(ArgumentError):
+    """A metric that no run has."""
+
+
+MakeExecutor = Callable[[int], concurrent.futures.Executor]
+"""Returns what runs are submitted to, for a number of workers."""
+
+
+class Campaign:
+    """
+    A campaign: ``Campaign('spec.yaml').run()`` makes its runs and returns their table.
+
+    Parameters
+    ----------
+    spec
+        Path of a specification, its entries as a mapping (paths are relative to the working directory then), or a
+        :class:`~hdd_servo_ros.campaign.spec.Spec`.
+
+    Raises
+    ------
+    ArgumentError, ParameterError
+        If an entry, a parameter file, a parameter or a metric is not allowed.
+    """
+
+    def __init__(self, spec: str | Path | Mapping[str, Any] | Spec) -> None:
+        if isinstance(spec, str | Path):
+            spec = read_spec(Path(spec))
+        elif isinstance(spec, Mapping):
+            spec = spec_of(spec, Path.cwd())
+        self.spec = spec
+        self.plan = Plan(spec)
+        for metric in filter(is_own, spec.metrics):
+            own_metric(metric)
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+    def __repr__(self) -> str:
+        spec = self.spec
+        parts = [f'{len(spec.points)} points', f'{len(spec.controllers)} controllers', f'{len(spec.seeds)} seeds']
+        return f'Campaign({spec.name!r}: {len(self)} runs, {" x ".join(parts)})'
+
+    def run(
+        self,
+        directory: str | Path | None = None,
+        *,
+        workers: int | None = None,
+        executor: MakeExecutor = all_cores.processes,
+        progress: bool = False,
+    ) -> Table:
+        """
+        Make all runs, and return their table, a row per run in the order of the plan.
+
+        The table is the same to the bit for any number of workers and any executor.
+
+        Parameters
+        ----------
+        directory
+            Where the results go; runs that are there already are not made again. None to write nothing.
+        workers
+            How many runs at a time; None for one per core.
+        executor
+            Returns a :class:`concurrent.futures.Executor` for a number of workers; processes of this machine by
+            default.
+        progress
+            Whether to show a bar with rate and time left.
+
+        Raises
+        ------
+        ArgumentError
+            If the folder holds another campaign or cannot be made, or a metric is one that no run has.
+        StudyError
+            If another campaign is at work in the folder.
+        """
+        count = all_cores.cores() if workers is None else workers
+        if count < 1:
+            raise ArgumentError(f'workers = {workers} is not allowed: an integer of at least 1')
+        crew = _Crew(count, executor, progress)
+        if directory is None:
+            if self.spec.keep != 'none':
+                raise ArgumentError(f'keep: {self.spec.keep} needs a folder for the recorded runs')
+            return self._table({result.number: result for result in self._results(range(len(self)), crew)})
+        folder = Path(directory)
+        make_folder(folder)
+        with alone_in(folder):
+            self._describe(folder, 'running')
+            with Journal(folder / 'results.jsonl') as journal:
+                there = {result.number for result in journal}
+                due = [number for number in range(len(self)) if number not in there]
+                try:
+                    for result in self._results(due, crew):
+                        journal.add(result)
+                except _UnknownMetric:
+                    if not there:
+                        # Else the folder would refuse the campaign with the right name.
+                        _forget(folder)
+                    raise
+                table = self._table({result.number: result for result in journal})
+            table.write_csv(folder / 'table.csv')
+            with contextlib.suppress(MissingExtra):
+                table.write_parquet(folder / 'table.parquet')
+            self._record_kept(table, folder, crew)
+            self._describe(folder, FINISHED, table)
+        return table
+
+    def _results(self, due: Sequence[int], crew: '_Crew') -> Iterator[Result]:
+        """Make runs and iterate over their results as they are known."""
+        measure = functools.partial(measure_run, self.spec.metrics, self.spec.after)
+        if not due:
+            return
+        # Forked processes have what is imported and compiled here.
+        for controller in range(min(len(self.spec.controllers), len(self))):
+            prepare(self.spec.metrics, self.spec.after, self.plan[controller * len(self.spec.seeds)])
+        results = crew.completed(measure, (self.plan[number] for number in due), len(due), 'runs')
+        known: dict[str, set[str]] = {}
+        for run, result in results:
+            if isinstance(result, Exception):
+                result = failed_result(run, one_line(result) or type(result).__name__)
+            if run.controller not in known and result.status == FINISHED:
+                known[run.controller] = set(result.metrics)
+                self._check_metrics(known, run)
+            yield result
+
+    def _check_metrics(self, known: Mapping[str, set[str]], run: CampaignRun) -> None:
+        """Refuse a metric that no controller's finished run has, as soon as each controller has one."""
+        if len(known) < len(self.spec.controllers):
+            return
+        measured = set().union(*known.values())
+        worst = (self.spec.worst_of,) if self.spec.worst_of else ()
+        for metric in (*self.spec.metrics, *worst):
+            if metric != ALL and metric not in measured:
+                names = list(measure_run((ALL,), self.spec.after, run).metrics)
+                raise _UnknownMetric(
+                    f'metrics: no run has {metric!r}{did_you_mean(metric, names)}; there are {", ".join(names)}'
+                )
+
+    def _table(self, results: Mapping[int, Result]) -> Table:
+        runs = list(self.plan)
+        ordered = [results[run.number] for run in runs]
+        columns: dict[str, list[Any]] = {
+            'run': [run.number for run in runs],
+            'controller': [run.controller for run in runs],
+        }
+        if self.spec.seeds != (None,):
+            columns['seed'] = [run.seed for run in runs]
+        columns |= {key: [run.varied[key] for run in runs] for key in self.plan.varied}
+        for name in ('status', 'reason', 'verdict', 'last_tick'):
+            columns[name] = [getattr(result, name) for result in ordered]
+        units: dict[str, str] = {}
+        for result in ordered:
+            units |= result.units
+        # In the order in which reports have them, whatever the first run lacks.
+        for name in _in_order([tuple(result.metrics) for result in ordered]):
+            columns[name] = [float(result.metrics.get(name, math.nan)) for result in ordered]
+        columns['digest'] = [result.digest for result in ordered]
+        return Table(columns, {name: unit for name, unit in units.items() if unit})
+
+    def worst(self, table: Table, metric: str, count: int) -> list[int]:
+        """Return the numbers of the worst runs: those that did not finish, then by a metric the largest and nan."""
+        status, values = table['status'], table[metric]
+
+        def badness(number: int) -> tuple[bool, float]:
+            value = float(values[number])
+            return status[number] != FINISHED, math.inf if math.isnan(value) else value
+
+        return sorted(range(len(table)), key=lambda number: (*(-part for part in badness(number)), number))[:count]
+
+    def worst_metric(self, table: Table) -> str:
+        """Return the metric by which runs are the worst: that of ``keep``, else the first of the table's metrics."""
+        names = table.columns[table.columns.index('last_tick') + 1 : -1]
+        return self.spec.worst_of or next(iter(names), '')
+
+    def _kept(self, table: Table) -> list[int]:
+        if self.spec.keep == 'all':
+            return list(range(len(table)))
+        if self.spec.keep == 'failed':
+            judged = zip(table['status'], table['verdict'], strict=True)
+            return [number for number, (status, text) in enumerate(judged) if status != FINISHED or text == DIVERGED]
+        metric = self.worst_metric(table)
+        if self.spec.keep == 'none' or not metric:
+            return []
+        return self.worst(table, metric, self.spec.worst)
+
+    def _record_kept(self, table: Table, folder: Path, crew: '_Crew') -> None:
+        """Record the runs that are kept; a recording differs in nothing from the run that was measured."""
+        digests = table['digest']
+        due = [self.plan[number] for number in self._kept(table) if digests[number]]
+        due = [run for run in due if not (folder / 'runs' / run_name(run) / 'run.yaml').exists()]
+        record = functools.partial(_record_in, folder / 'runs')
+        for run, digest in crew.completed(record, due, len(due), 'recorded'):
+            if isinstance(digest, Exception):
+                raise StudyError(f'run {run.number} cannot be recorded: {one_line(digest)}') from digest
+            if digest != digests[run.number]:
+                raise StudyError(f'run {run.number}: its recording has other signals than the run that was measured')
+
+    def _describe(self, folder: Path, status: str, table: Table | None = None) -> None:
+        """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError if another campaign is there."""
+        path, digest = folder / 'campaign.yaml', self.plan.digest
+        if path.exists():
+            found = yaml.safe_load(path.read_text('utf8'))
+            if not isinstance(found, dict) or found.get('digest') != digest:
+                raise ArgumentError(f'{folder} holds another campaign; remove it, or give another folder by --output')
+        elif any(folder.iterdir()):
+            raise ArgumentError(f'{folder} is not empty and holds no campaign; give another folder by --output')
+        (folder / 'parameters').mkdir(exist_ok=True)
+        for name, text in self.plan.base_files().items():
+            base_file(folder, name).write_text(text, 'utf8')
+        content = {
+            'name': self.spec.name,
+            'status': status,
+            'runs': len(self),
+            'controllers': [controller.name for controller in self.spec.controllers],
+            'varied': list(self.plan.varied),
+            'seeds': [seed for seed in self.spec.seeds if seed is not None],
+            'metrics': list(self.spec.metrics),
+            'keep': self.spec.keep,
+            'digest': digest,
+            'versions': versions(),
+            'git_revision': git_revision(),
+        }
+        if table is not None:
+            content['table_digest'] = table.digest()
+            content['units'] = table.units
+        temporary = path.with_name('campaign.yaml.tmp')
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), 'utf8')
+        temporary.replace(path)
+
+
+def base_file(folder: Path, controller: str) -> Path:
+    """Return the parameter file of what all runs with a controller have in common."""
+    return folder / 'parameters' / f'{"".join(c if c.isalnum() or c in "-_." else "_" for c in controller)}.yaml'
+
+
+def run_name(run: CampaignRun) -> str:
+    """Return the name of the folder of a recorded run."""
+    return f'{run.number:06d}'
+
+
+def _record_in(directory: Path, run: CampaignRun) -> str:
+    directory.mkdir(exist_ok=True)
+    return record_run(directory / run_name(run), run)
+
+
+def _forget(folder: Path) -> None:
+    """Remove what a campaign writes before its first run."""
+    for file in (folder / 'campaign.yaml', folder / 'results.jsonl', *(folder / 'parameters').glob('*.yaml')):
+        file.unlink()
+    (folder / 'parameters').rmdir()
+
+
+def _in_order(orders: Sequence[Sequence[str]]) -> list[str]:
+    """Return all names, each before those that come after it in the order in which it is first seen."""
+    found: list[str] = []
+    for order in dict.fromkeys(orders):
+        position = 0
+        for name in order:
+            if name in found:
+                position = found.index(name) + 1
+            else:
+                found.insert(position, name)
+                position += 1
+    return found
+
+
+class _Crew:
+    """Who makes the runs: so many at a time by an executor, and whether a bar shows it."""
+
+    def __init__(self, workers: int, executor: MakeExecutor, progress: bool) -> None:
+        self._workers = workers
+        self._executor = executor
+        self._progress = progress
+
+    def completed(
+        self, work: Callable[[CampaignRun], Any], runs: Any, total: int, what: str
+    ) -> Iterator[tuple[CampaignRun, Any]]:
+        """Yield each run and what the work returns or raises for it, as they are completed."""
+        if not total:
+            return
+        with contextlib.closing(all_cores.completed(work, runs, self._workers, self._executor)) as found:
+            for _, run, result in tqdm(found, what, total, unit='run', file=sys.stderr, disable=not self._progress):
+                yield run, result

@@ -1,0 +1,61 @@
+"""`campaign`: many runs from one specification, on all cores or a Dask cluster, and their table. No ROS import."""
+
+import argparse
+import functools
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hdd_servo_ros.campaign.campaign import Campaign
+from hdd_servo_ros.campaign.command import exit_code
+from hdd_servo_ros.graph.help import COMPILING
+from hdd_servo_ros.messages.exit_codes import EPILOG
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.numerics.kernel_folder import first_compilation
+
+
+def _workers(text: str) -> int:
+    """Return a count of workers; argparse tells what is none."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f'{text} is no number of workers: it must be at least 1')
+    return number
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='campaign',
+        description='Makes all runs of a specification, without middleware and without bags, and writes their table.',
+        epilog=f'A run that fails is a row of the table with its reason. {EPILOG}',
+    )
+    parser.add_argument('spec', type=Path, metavar='SPEC.yaml', help='what runs, see docs/campaigns.md')
+    parser.add_argument(
+        '--output', type=Path, metavar='DIR', help='where the results go (default: runs/ and the name of the campaign)'
+    )
+    parser.add_argument('--workers', type=_workers, metavar='N', help='runs at a time (default: one per core)')
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a campaign; exit code 0 when its table is written, whatever became of its runs."""
+    options = _parser().parse_args(arguments)
+    return exit_code('campaign', functools.partial(_work, options))
+
+
+def _work(options: argparse.Namespace) -> int:
+    campaign = Campaign(options.spec)
+    directory = options.output or Path('runs') / campaign.spec.name
+    print(campaign, flush=True)
+    if first_compilation():
+        print(f'campaign: {COMPILING}', file=sys.stderr, flush=True)
+    table = campaign.run(directory, workers=options.workers, progress=sys.stderr.isatty())
+    print(table)
+    failed = sum(status != FINISHED for status in table['status'])
+    if failed:
+        print(f'{failed} of {len(table)} runs did not finish; the column reason says why')
+    print(f'table: {directory / "table.csv"}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,185 @@
+"""Makes one run of a campaign in this process, and returns its row of the table."""
+
+import contextlib
+import dataclasses
+import functools
+import importlib
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from hdd_servo_ros.campaign.planning import CampaignRun
+from hdd_servo_ros.campaign.spec import ALL
+from hdd_servo_ros.messages.exit_codes import described, one_line
+from hdd_servo_ros.messages.outcome import FAILED
+from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.recording.run_in_memory import RunInMemory
+from hdd_servo_ros.recording.signals_digest import signals_digest
+from hdd_servo_ros.reporting.run_metrics import run_metrics
+from hdd_servo_ros.reporting.verdict import verdict_of
+from hdd_servo_ros.simulation.in_memory import run_in_memory
+from hdd_servo_ros.simulation.run_setup import Simulation
+
+_PREPARING_TICKS = 1000
+REFUSED = 'refused'
+"""Status of a run whose parameters are not allowed: it has no tick."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """
+    What came out of a run.
+
+    Attributes
+    ----------
+    number
+        Of the run.
+    status
+        ``finished`` or ``failed``, or ``refused`` if its parameters are not allowed.
+    reason
+        Why, if it is not ``finished``; which metric could not be computed.
+    verdict
+        As a report has it; empty where there is none.
+    last_tick
+        The last tick; -1 if there is none.
+    digest
+        Of all signals, by :func:`~hdd_servo_ros.recording.signals_digest.signals_digest`; empty if there are none.
+    metrics
+        Values by name; those that the run does not have are missing.
+    units
+        Units of the metrics.
+    """
+
+    number: int
+    status: str
+    reason: str = ''
+    verdict: str = ''
+    last_tick: int = -1
+    digest: str = ''
+    metrics: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+def failed_result(run: CampaignRun, reason: str) -> Result:
+    """Return the row of a run that left nothing but the reason."""
+    return Result(run.number, FAILED, reason)
+
+
+@functools.cache
+def own_metric(path: str) -> Callable[[RecordedRun], float]:
+    """
+    Return a metric by its import path ``module:function``.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    """
+    module, _, name = path.partition(':')
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except Exception as error:
+        raise ArgumentError(f'metrics: {path} cannot be imported: {type(error).__name__}: {one_line(error)}') from None
+    if not callable(found):
+        raise ArgumentError(f'metrics: {path} is not a function')
+    function: Callable[[RecordedRun], float] = found
+    return function
+
+
+def is_own(metric: str) -> bool:
+    """Return whether the name of a metric is the import path of an own one."""
+    return ':' in metric
+
+
+def measure_run(metrics: Sequence[str], after: float | None, run: CampaignRun) -> Result:
+    """
+    Make a run in this process and measure it; whatever goes wrong is a row with its reason.
+
+    Parameters
+    ----------
+    metrics
+        Names, with ``all`` among them for all that a report has, and import paths of own ones.
+    after
+        Time before which errors do not count [s]; None for that of a report.
+    run
+        What to run.
+    """
+    try:
+        simulation = Simulation(run.arguments())
+    except (ParameterError, ArgumentError) as error:
+        return Result(run.number, REFUSED, one_line(error))
+    except Exception as error:
+        return failed_result(run, described(error))
+    try:
+        return _measured(run_in_memory(simulation), run.number, metrics, after)
+    except Exception as error:
+        return failed_result(run, described(error))
+
+
+def _measured(made: RunInMemory, number: int, metrics: Sequence[str], after: float | None) -> Result:
+    reasons = [made.reason] if made.reason else []
+    values: dict[str, float] = {}
+    units: dict[str, str] = {}
+    text = ''
+    try:
+        judged = verdict_of(made, after)
+        text = '' if judged is None else judged.text
+        for metric in run_metrics(made, after) if len(made.ticks) else ():
+            if ALL in metrics or metric.name in metrics:
+                values[metric.name], units[metric.name] = float(metric.value), metric.unit
+    except ValueError as error:
+        # Such as that nothing is after the transient.
+        reasons.append(f'metrics: {one_line(error)}')
+    except Exception as error:
+        reasons.append(f'metrics: {described(error)}')
+    for path in filter(is_own, metrics):
+        try:
+            values[path] = float(own_metric(path)(made))
+        except Exception as error:
+            values[path] = math.nan
+            reasons.append(f'{path}: {type(error).__name__}: {one_line(error)}')
+    last_tick, digest = len(made.ticks) - 1, signals_digest(made)
+    return Result(number, made.status, '; '.join(reasons), text, last_tick, digest, values, units)
+
+
+def record_run(directory: Path, run: CampaignRun) -> str:
+    """
+    Make a run once more and record it.
+
+    Parameters
+    ----------
+    directory
+        Folder of the recorded run; it must not exist.
+    run
+        What to run.
+
+    Returns
+    -------
+    str
+        The digest of the recorded signals.
+    """
+    # Late: most campaigns record nothing.
+    from hdd_servo_ros.simulation.simulate import simulate
+
+    with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+        further = {'bag_recorder:run_dir': str(directory), 'deterministic_timer:record': True}
+        simulate(Simulation(run.arguments(further)), progress=False)
+    return signals_digest(RecordedRun.open(directory))
+
+
+def prepare(metrics: Sequence[str], after: float | None, run: CampaignRun) -> None:
+    """
+    Import and compile what a run needs, by its first ticks, so that processes forked afterwards have it.
+
+    Parameters
+    ----------
+    metrics, after, run
+        As of :func:`measure_run`.
+    """
+    with contextlib.suppress(Exception):
+        simulation = Simulation(run.arguments())
+        simulation.last_tick = min(simulation.last_tick, _PREPARING_TICKS)
+        _measured(run_in_memory(simulation), run.number, [name for name in metrics if not is_own(name)], after)

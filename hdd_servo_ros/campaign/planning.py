@@ -1,0 +1,197 @@
+"""The runs of a campaign, each with the parameters that it sets, checked before the first one runs."""
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import shlex
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from hdd_servo_ros.campaign.sampling import scaled
+from hdd_servo_ros.campaign.spec import CampaignController, Point, Spec
+from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, did_you_mean, parse_ros_arguments
+from hdd_servo_ros.parameters.ros_yaml import written, written_file
+from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR
+from hdd_servo_ros.simulation.run_setup import Simulation
+from hdd_servo_ros.version import __version__
+
+
+@dataclasses.dataclass(frozen=True)
+class CampaignRun:
+    """
+    One run of a campaign, all that a worker needs to make it.
+
+    Attributes
+    ----------
+    number
+        Its row in the table, from 0.
+    controller
+        Name of the controller, as the table has it.
+    seed
+        Of sensors and disturbances; None for those of the files.
+    varied
+        The parameters that vary and their values in this run, under ``'node:parameter'``.
+    seeds
+        The parameters that the seed sets.
+    base
+        The parameters of all runs with this controller.
+    """
+
+    number: int
+    controller: str
+    seed: int | None
+    varied: Mapping[str, object]
+    seeds: tuple[str, ...]
+    base: RosArguments
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """All that this run sets beyond its base, under ``'node:parameter'``."""
+        seed = {} if self.seed is None else dict.fromkeys(self.seeds, self.seed)
+        return {**self.varied, **seed}
+
+    def arguments(self, further: Mapping[str, object] | None = None) -> RosArguments:
+        """Return the run's parameters as `simulate` takes them, with ``further`` ones over them."""
+        overrides = {node: dict(values) for node, values in self.base.overrides.items()}
+        for key, value in {**self.settings, **(further or {})}.items():
+            node, _, name = key.partition(':')
+            # Behind all others, which it overrides; a wildcard in a file may match the node as well.
+            section = overrides.pop(node, {})
+            overrides[node] = {**section, name: value}
+        return RosArguments(overrides, list(self.base.named), self.base.remaps)
+
+    def command(self, base_file: Path, run_dir: str) -> str:
+        """
+        Return a command that makes this run again and records it.
+
+        Parameters
+        ----------
+        base_file
+            Parameter file of the base, by :meth:`Plan.base_files`.
+        run_dir
+            Folder of the recorded run.
+        """
+        arguments = ['--params-file', str(base_file)]
+        for key, value in {**self.settings, 'bag_recorder:run_dir': run_dir}.items():
+            arguments += ['-p', f'{key}:={written(value)}']
+        return f'ros2 run hdd_servo_ros simulate --ros-args {shlex.join(arguments)}'
+
+
+class Plan:
+    """
+    All runs of a campaign.
+
+    For each point its controllers, for each of these its seeds: runs 0 to ``len(plan) - 1``.
+
+    Parameters
+    ----------
+    spec
+        The campaign.
+
+    Raises
+    ------
+    ArgumentError, ParameterError
+        If a file, a parameter or a controller of the specification is not allowed. Values that vary are not checked: a
+        run that they refuse is a row with that reason.
+    """
+
+    def __init__(self, spec: Spec) -> None:
+        self.spec = spec
+        self._bases = {controller.name: _Base(spec, controller) for controller in spec.controllers}
+        self._check_varied()
+
+    def __len__(self) -> int:
+        return self.spec.count
+
+    def __iter__(self) -> Iterator[CampaignRun]:
+        combinations = itertools.product(self.spec.points, self.spec.controllers, self.spec.seeds)
+        for number, (point, controller, seed) in enumerate(combinations):
+            yield self._run(number, point, controller, seed)
+
+    def __getitem__(self, number: int) -> CampaignRun:
+        """Return a run by its number; raises IndexError if there is none."""
+        if not 0 <= number < len(self):
+            raise IndexError(f'there is no run {number}, only 0 to {len(self) - 1}')
+        rest, seed = divmod(number, len(self.spec.seeds))
+        point, controller = divmod(rest, len(self.spec.controllers))
+        spec = self.spec
+        return self._run(number, spec.points[point], spec.controllers[controller], spec.seeds[seed])
+
+    def _run(self, number: int, point: Point, controller: CampaignController, seed: int | None) -> CampaignRun:
+        base = self._bases[controller.name]
+        varied = {
+            key: scaled(base.value(key), float(str(varied.value)), key) if varied.times_base else varied.value
+            for key, varied in point.items()
+        }
+        return CampaignRun(number, controller.name, seed, varied, base.seeds, base.arguments)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The parameters that vary, under ``'node:parameter'``."""
+        return tuple(self.spec.points[0])
+
+    @property
+    def digest(self) -> str:
+        """Digest of all that the table depends on: every run's parameters, what is measured, and the version."""
+        digest = hashlib.blake2b(digest_size=16)
+        digest.update(json.dumps([__version__, self.spec.metrics, self.spec.after]).encode())
+        for text in self.base_files().values():
+            digest.update(text.encode())
+        for run in self:
+            digest.update(json.dumps([run.controller, run.seed, dict(run.varied)]).encode())
+        return digest.hexdigest()
+
+    def base_files(self) -> dict[str, str]:
+        """Return for each controller, by its name, a parameter file of what all its runs have in common."""
+        return {name: written_file(base.arguments.overrides) for name, base in self._bases.items()}
+
+    def _check_varied(self) -> None:
+        """Refuse parameters that no controller's run has."""
+        known = sorted({key for base in self._bases.values() for key in base.values})
+        for key in self.varied:
+            if key not in known:
+                node = key.partition(':')[0]
+                if node not in names_with_parameters():
+                    hint = did_you_mean(node, names_with_parameters())
+                    raise ArgumentError(f'vary: {key}: no such node{hint}')
+                raise ArgumentError(f'vary: {key}: no run has such a parameter{did_you_mean(key, known)}')
+        for point in self.spec.points[:1]:
+            for key in (key for key, varied in point.items() if varied.times_base):
+                for base in self._bases.values():
+                    scaled(base.value(key), 1.0, f'vary: {key}')
+
+
+class _Base:
+    """What all runs with a controller have in common."""
+
+    def __init__(self, spec: Spec, controller: CampaignController) -> None:
+        command = ['--ros-args']
+        for file in (*spec.files, *controller.files):
+            command += ['--params-file', str(file)]
+        settings = {**spec.values, **controller.values, 'rig:controller': controller.controller}
+        for key, value in {**settings, 'rig:plot': False, 'deterministic_timer:progress': False}.items():
+            command += ['-p', f'{key}:={written(value)}']
+        self.arguments = parse_ros_arguments(command)
+        nodes = Simulation(self.arguments).nodes
+        self.values: dict[str, Any] = {
+            f'{name.rsplit("/", 1)[-1]}:{parameter}': value
+            for name, node in nodes.items()
+            for parameter, value in node['parameters'].items()
+        }
+        self.seeds = tuple(
+            key
+            for key in self.values
+            # The seeds of a reference say what is to be done, not by what chance it is disturbed.
+            if key.rpartition(':')[2].rpartition('.')[2] == 'seed' and not key.startswith(f'{REFERENCE_GENERATOR}:')
+        )
+
+    def value(self, key: str) -> Any:
+        """Return the base value of a parameter."""
+        if key not in self.values:
+            raise ArgumentError(
+                f'vary: {key}: times_base is not allowed: a controller of the campaign has no such value'
+            )
+        return self.values[key]

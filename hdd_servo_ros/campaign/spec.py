@@ -1,0 +1,378 @@
+"""The specification of a campaign: what runs, what varies, what is measured, and which runs are recorded."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hdd_servo_ros.campaign.case import parameter_file
+from hdd_servo_ros.campaign.sampling import (
+    DISTRIBUTIONS,
+    PLANS,
+    RANGES,
+    Distribution,
+    only_keys,
+    shares,
+    values_of_range,
+)
+from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.parameters.ros_yaml import scalar
+
+ALL = 'all'
+KEEP = ('none', 'failed', 'worst', 'all')
+_KEYS = ('name', 'files', 'set', 'controllers', 'vary', 'seeds', 'metrics', 'after', 'keep')
+_CONTROLLER_KEYS = ('name', 'controller', 'files', 'set')
+_PLAN_KEYS = ('runs', 'plan', 'seed', 'draw')
+_WORST_KEYS = ('worst', 'of')
+
+Point = dict[str, 'Varied']
+"""What one run sets, under ``'node:parameter'``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Varied:
+    """
+    What a parameter takes in one run.
+
+    Attributes
+    ----------
+    value
+        The value, or the factor of the base value.
+    times_base
+        Whether the value is a factor of the base value, of each element where that is a list.
+    """
+
+    value: object
+    times_base: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class CampaignController:
+    """
+    A controller of a campaign.
+
+    Attributes
+    ----------
+    name
+        As the table names it.
+    controller
+        As the parameter ``controller`` of `rig`.
+    files
+        Parameter files beside those of the campaign; they win.
+    values
+        Parameters under ``'node:parameter'``; they win over the campaign's.
+    """
+
+    name: str
+    controller: str
+    files: tuple[Path, ...] = ()
+    values: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Spec:
+    """
+    A campaign.
+
+    Attributes
+    ----------
+    name
+        Of the campaign and of its folder.
+    files
+        Base parameter files; later ones win.
+    values
+        Base parameters under ``'node:parameter'``; they win over the files.
+    controllers
+        Each runs every point.
+    points
+        What each run sets; one empty point if nothing varies.
+    seeds
+        Seeds of sensors and disturbances; each repeats every run. None leaves the seeds of the files.
+    metrics
+        Names of metrics, and ``module:function`` of own ones; ``all`` among them for all that a report has.
+    after
+        Time before which errors do not count [s]; None for that of a report.
+    keep
+        Which runs are recorded: ``none``, ``failed``, ``worst`` or ``all``.
+    worst, worst_of
+        For ``worst``: how many, and by which metric: the largest, after those that failed.
+    """
+
+    name: str
+    files: tuple[Path, ...] = ()
+    values: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    controllers: tuple[CampaignController, ...] = ()
+    points: Sequence[Point] = ({},)
+    seeds: tuple[int | None, ...] = (None,)
+    metrics: tuple[str, ...] = (ALL,)
+    after: float | None = None
+    keep: str = 'none'
+    worst: int = 0
+    worst_of: str = ''
+
+    @property
+    def count(self) -> int:
+        """Number of runs."""
+        return len(self.points) * len(self.controllers) * len(self.seeds)
+
+
+def read_spec(path: Path) -> Spec:
+    """
+    Read a specification; files that it names are of ``params/``, or relative to its own folder.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be read, or an entry is not allowed; names the file and the entry.
+    """
+    try:
+        content = yaml.safe_load(path.read_text('utf8'))
+    except OSError as error:
+        raise ArgumentError(f'specification {path}: {error.strerror or error}') from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise ArgumentError(f'specification {path} is not YAML: {" ".join(str(error).split())}') from None
+    if not isinstance(content, dict):
+        raise ArgumentError(f'specification {path} is not a mapping; its entries are {", ".join(_KEYS)}')
+    try:
+        return spec_of(content, path.resolve().parent, path.stem)
+    except ArgumentError as error:
+        raise ArgumentError(f'specification {path}: {error}') from None
+
+
+def spec_of(content: Mapping[str, Any], directory: Path, name: str = 'campaign') -> Spec:
+    """
+    Return the campaign that the entries of a specification describe.
+
+    Parameters
+    ----------
+    content
+        The entries, see ``docs/campaigns.md``.
+    directory
+        What the paths of files are relative to.
+    name
+        Of the campaign, if they do not say it.
+
+    Raises
+    ------
+    ArgumentError
+        If an entry is not allowed.
+    """
+    only_keys(content, _KEYS, 'top level')
+    keep, worst, worst_of = _keep(content.get('keep', 'none'))
+    after = content.get('after')
+    return Spec(
+        name=_file_name(content.get('name', name)),
+        files=_files(content.get('files', []), directory, 'files'),
+        values=_values(content.get('set', {}), 'set'),
+        controllers=_controllers(content.get('controllers', ['adaptive_nn']), directory),
+        points=_points(content.get('vary', [])),
+        seeds=_seeds(content.get('seeds')),
+        metrics=_metrics(content.get('metrics', ALL)),
+        after=None if after is None else _number(after, 'after', least=0.0),
+        keep=keep,
+        worst=worst,
+        worst_of=worst_of,
+    )
+
+
+def _file_name(name: object) -> str:
+    if not isinstance(name, str) or not name or name.startswith('.') or '/' in name or '\0' in name:
+        raise ArgumentError(f'name: {name!r} is not the name of a folder')
+    return name
+
+
+def _list(value: object, where: str) -> list[Any]:
+    if not isinstance(value, list) or not value:
+        raise ArgumentError(f'{where}: {value!r} is not a list of at least one element')
+    return value
+
+
+def _mapping(value: object, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise ArgumentError(f'{where}: {value!r} is not a mapping')
+    return value
+
+
+def _number(value: object, where: str, least: float | None = None) -> float:
+    plain = scalar(value) if isinstance(value, str) else value
+    if isinstance(plain, bool) or not isinstance(plain, int | float):
+        raise ArgumentError(f'{where}: {value!r} is not a number')
+    if least is not None and not plain >= least:
+        raise ArgumentError(f'{where}: {value!r} is not at least {least:g}')
+    return float(plain)
+
+
+def _whole(value: object, where: str, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ArgumentError(f'{where}: {value!r} is not an integer of at least {least}')
+    return value
+
+
+def _files(value: object, directory: Path, where: str) -> tuple[Path, ...]:
+    found = []
+    for file in [] if value == [] else _list(value, where):
+        if not isinstance(file, str):
+            raise ArgumentError(f'{where}: {file!r} is not the name of a parameter file')
+        path = directory / file
+        found.append(path if path.is_file() else parameter_file(file))
+    return tuple(found)
+
+
+def _key(key: str, where: str) -> str:
+    node, _, parameter = key.partition(':')
+    if not node or not parameter:
+        raise ArgumentError(f'{where}: {key!r} is not NODE:PARAMETER')
+    return key
+
+
+def _value(value: object, where: str) -> object:
+    """Return a value as a parameter file has it; YAML 1.1 takes ``1e-3`` for a text."""
+    if isinstance(value, str):
+        return scalar(value)
+    if isinstance(value, list):
+        return tuple(_value(element, where) for element in value)
+    if isinstance(value, bool | int | float):
+        return value
+    raise ArgumentError(f'{where}: {value!r} is not the value of a parameter')
+
+
+def _values(value: object, where: str) -> dict[str, object]:
+    return {_key(key, where): _value(found, f'{where}: {key}') for key, found in _mapping(value, where).items()}
+
+
+def _controllers(value: object, directory: Path) -> tuple[CampaignController, ...]:
+    found = []
+    for entry in _list(value, 'controllers'):
+        if isinstance(entry, str):
+            found.append(CampaignController(entry, entry))
+            continue
+        fields = _mapping(entry, 'controllers')
+        only_keys(fields, _CONTROLLER_KEYS, 'controllers')
+        controller = fields.get('controller')
+        if not isinstance(controller, str):
+            raise ArgumentError(f'controllers: {dict(fields)!r} has no controller')
+        files = _files(fields.get('files', []), directory, 'controllers: files')
+        values = _values(fields.get('set', {}), 'controllers: set')
+        found.append(CampaignController(str(fields.get('name', controller)), controller, files, values))
+    names = [controller.name for controller in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise ArgumentError(f'controllers: two have the name {name!r}; give each a name of its own')
+    return tuple(found)
+
+
+def _seeds(value: object) -> tuple[int | None, ...]:
+    if value is None:
+        return (None,)
+    if isinstance(value, list):
+        found = [_whole(seed, 'seeds', 0) for seed in _list(value, 'seeds')]
+        if len(set(found)) < len(found):
+            raise ArgumentError(f'seeds: {value!r} has a seed twice')
+        return tuple(found)
+    return tuple(range(1, _whole(value, 'seeds', 1) + 1))
+
+
+def _metrics(value: object) -> tuple[str, ...]:
+    found = [value] if isinstance(value, str) else _list(value, 'metrics')
+    for name in found:
+        if not isinstance(name, str):
+            raise ArgumentError(f'metrics: {name!r} is not the name of a metric')
+    return tuple(dict.fromkeys(found))
+
+
+def _keep(value: object) -> tuple[str, int, str]:
+    if isinstance(value, str) and value in KEEP and value != 'worst':
+        return value, 0, ''
+    if isinstance(value, Mapping) and 'worst' in value:
+        only_keys(value, _WORST_KEYS, 'keep')
+        return 'worst', _whole(value['worst'], 'keep: worst', 1), str(value.get('of', ''))
+    raise ArgumentError(f'keep: {value!r} is not none, failed, all or {{worst: COUNT, of: METRIC}}')
+
+
+def _points(value: object) -> list[Point]:
+    """Return what each run sets: the blocks of ``vary`` are crossed, the parameters of a block are zipped."""
+    if isinstance(value, Mapping):
+        value = [value]
+    blocks = [list(_block(_mapping(block, 'vary'))) for block in value] if isinstance(value, list) else None
+    if blocks is None:
+        raise ArgumentError(f'vary: {value!r} is not a list of blocks')
+    points = []
+    for chosen in itertools.product(*blocks):
+        keys = [key for point in chosen for key in point]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise ArgumentError(f'vary: {twice} is in two blocks')
+        points.append({key: varied for point in chosen for key, varied in point.items()})
+    return points
+
+
+def _block(block: Mapping[str, Any]) -> Iterator[Point]:
+    if 'draw' in block:
+        yield from _drawn(block)
+        return
+    columns = {_key(key, 'vary'): _column(found, f'vary: {key}') for key, found in block.items()}
+    lengths = {key: len(column) for key, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ', '.join(f'{key} has {length}' for key, length in lengths.items())
+        raise ArgumentError(f'vary: the parameters of a block have equally many values, but {listed}')
+    for row in zip(*columns.values(), strict=True):
+        yield dict(zip(columns, row, strict=True))
+
+
+def _column(value: object, where: str) -> list[Varied]:
+    """Return the values of one parameter: a list, or a range."""
+    if isinstance(value, list):
+        return [Varied(_value(found, where)) for found in _list(value, where)]
+    fields = _mapping(value, where)
+    only_keys(fields, (*RANGES, 'values', 'times_base'), where)
+    times_base = _flag(fields, where)
+    kinds = [kind for kind in (*RANGES, 'values') if kind in fields]
+    if len(kinds) != 1:
+        raise ArgumentError(f'{where}: {dict(fields)!r} has not one of {", ".join((*RANGES, "values"))}')
+    numbers = _list(fields[kinds[0]], where)
+    if kinds == ['values']:
+        found = [_number(value, where) if times_base else _value(value, where) for value in numbers]
+        return [Varied(value, times_base) for value in found]
+    plain = [scalar(number) if isinstance(number, str) else number for number in numbers]
+    for number in plain:
+        _number(number, where)
+    return [Varied(value, times_base) for value in values_of_range(kinds[0], plain, where)]
+
+
+def _flag(fields: Mapping[str, Any], where: str) -> bool:
+    flag = fields.get('times_base', False)
+    if not isinstance(flag, bool):
+        raise ArgumentError(f'{where}: times_base: {flag!r} is not true or false')
+    return flag
+
+
+def _drawn(block: Mapping[str, Any]) -> Iterator[Point]:
+    only_keys(block, _PLAN_KEYS, 'vary')
+    runs = _whole(block.get('runs'), 'vary: runs', 1)
+    plan = block.get('plan', 'random')
+    if plan not in PLANS:
+        raise ArgumentError(f'vary: plan: {plan!r} is none of {", ".join(PLANS)}')
+    drawn = _mapping(block['draw'], 'vary: draw')
+    if not drawn:
+        raise ArgumentError('vary: draw: no parameter is drawn')
+    points = shares(plan, _whole(block.get('seed', 1), 'vary: seed', 0), runs, len(drawn))
+    columns: dict[str, list[Varied]] = {}
+    for (key, entry), column in zip(drawn.items(), points.T, strict=True):
+        where = f'vary: draw: {key}'
+        fields = _mapping(entry, where)
+        only_keys(fields, (*DISTRIBUTIONS, 'times_base'), where)
+        kinds = [kind for kind in DISTRIBUTIONS if kind in fields]
+        numbers = fields[kinds[0]] if len(kinds) == 1 else None
+        if not isinstance(numbers, list) or len(numbers) != 2:
+            raise ArgumentError(f'{where}: {dict(fields)!r} is not one of {", ".join(DISTRIBUTIONS)}: [NUMBER, NUMBER]')
+        try:
+            distribution = Distribution(kinds[0], _number(numbers[0], where), _number(numbers[1], where))
+        except ArgumentError as error:
+            raise ArgumentError(f'{where}: {error}') from None
+        times_base = _flag(fields, where)
+        columns[_key(key, 'vary: draw')] = [Varied(value, times_base) for value in distribution.at(column)]
+    for row in zip(*columns.values(), strict=True):
+        yield dict(zip(columns, row, strict=True))

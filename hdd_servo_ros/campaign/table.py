@@ -1,0 +1,157 @@
+"""The table of a campaign: a row per run, a column per parameter and metric."""
+
+import collections
+import csv
+import hashlib
+import io
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.exit_codes import FAILED
+
+_SHOWN_COLUMNS = 8
+_SHOWN_ROWS = 10
+
+
+class MissingExtra(RuntimeError):
+    """A package of the extra ``campaign`` that is not installed."""
+
+    exit_code = FAILED
+
+    def __init__(self, what: str, package: str) -> None:
+        super().__init__(f"{what} needs {package}, which is not installed: pip install 'hdd_servo_ros[campaign]'")
+
+
+class Table:
+    """
+    Columns of equal length by name.
+
+    Numbers are int or float, nan where a run does not have them; others are texts, lists as JSON.
+
+    Parameters
+    ----------
+    columns
+        The columns.
+    units
+        Units of those that have one.
+    """
+
+    def __init__(self, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str] | None = None) -> None:
+        self._columns = {name: [_plain(value) for value in column] for name, column in columns.items()}
+        self.units = dict(units or {})
+        """Units of the columns that have one."""
+        lengths = {len(column) for column in self._columns.values()}
+        if len(lengths) > 1:
+            raise ValueError(f'the columns have different lengths: {sorted(lengths)}')
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self._columns)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column, shape (runs,); raises KeyError, which lists the columns, if there is none."""
+        if name not in self._columns:
+            raise KeyError(f'no column {name!r}; there are {", ".join(self._columns)}')
+        return np.array(self._columns[name])
+
+    def is_number(self, name: str) -> bool:
+        """Return whether a column holds numbers only."""
+        return all(isinstance(value, int | float) for value in self._columns[name])
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Iterate over the runs, each as a mapping."""
+        for values in zip(*self._columns.values(), strict=True):
+            yield dict(zip(self._columns, values, strict=True))
+
+    def where(self, **values: Any) -> 'Table':
+        """Return the runs whose columns have these values, such as ``controller='pid'``."""
+        chosen = [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
+        return Table({name: [column[i] for i in chosen] for name, column in self._columns.items()}, self.units)
+
+    def csv(self) -> str:
+        """Return the table as comma-separated values; floats have all their digits."""
+        file = io.StringIO()
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(self._columns)
+        writer.writerows(zip(*self._columns.values(), strict=True))
+        return file.getvalue()
+
+    def digest(self) -> str:
+        """Return a digest of every bit of the table."""
+        return hashlib.blake2b(self.csv().encode(), digest_size=16).hexdigest()
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas ``DataFrame``; raises :class:`MissingExtra` without pandas."""
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtra('to_dataframe()', 'pandas') from None
+        return pd.DataFrame(self._columns)
+
+    def write_csv(self, path: Path) -> None:
+        """Write a CSV file; it lands by rename."""
+        _land(path, self.csv().encode())
+
+    def write_parquet(self, path: Path) -> None:
+        """Write a Parquet file, with the units as metadata of its columns; raises :class:`MissingExtra`."""
+        try:
+            import pyarrow as pa
+            from pyarrow import parquet
+        except ImportError:
+            raise MissingExtra('Parquet', 'pyarrow') from None
+        arrays = [pa.array(column) for column in self._columns.values()]
+        fields = [
+            pa.field(name, array.type, metadata={'unit': self.units[name]} if name in self.units else None)
+            for name, array in zip(self._columns, arrays, strict=True)
+        ]
+        buffer = io.BytesIO()
+        parquet.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), buffer)
+        _land(path, buffer.getvalue())
+
+    def __repr__(self) -> str:
+        lines = [f'{len(self)} runs, {len(self._columns)} columns: {", ".join(self._columns)}']
+        if 'verdict' in self:
+            counted = collections.Counter(text or 'no verdict' for text in self._columns['verdict'])
+            lines.append(', '.join(f'{text}: {count}' for text, count in counted.most_common()))
+        # The digests tell nobody anything, and reasons are long.
+        names = [name for name in self._columns if name not in ('digest', 'reason')][:_SHOWN_COLUMNS]
+        cells = [[_shown(self._columns[name][row]) for name in names] for row in range(min(len(self), _SHOWN_ROWS))]
+        widths = [max(map(len, column)) for column in zip(names, *cells, strict=True)]
+        for line in [names, *cells] if len(self) else []:
+            lines.append('  '.join(f'{text:>{width}}' for text, width in zip(line, widths, strict=True)))
+        if len(self) > _SHOWN_ROWS:
+            lines.append(f'... {len(self) - _SHOWN_ROWS} more')
+        return '\n'.join(lines)
+
+
+def _plain(value: Any) -> int | float | str:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple | list):
+        return json.dumps(value)
+    return value if isinstance(value, int | float) else str(value)
+
+
+def _shown(value: object) -> str:
+    return f'{value:.5g}' if isinstance(value, float) else str(value)
+
+
+def _land(path: Path, content: bytes) -> None:
+    temporary = path.with_name(f'{path.name}.tmp')
+    temporary.write_bytes(content)
+    temporary.replace(path)

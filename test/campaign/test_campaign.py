@@ -1,0 +1,262 @@
+"""A campaign's table is the same to the bit however its runs are made, and each row is that run's recording."""
+
+import concurrent.futures
+import csv
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hdd_servo_ros.campaign import main as campaign_main
+from hdd_servo_ros.campaign.campaign import Campaign, base_file
+from hdd_servo_ros.campaign.folder import StudyError, alone_in
+from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.recording.signals_digest import signals_digest
+from hdd_servo_ros.reporting.run_metrics import run_metrics
+from hdd_servo_ros.reporting.verdict import verdict_of
+from hdd_servo_ros.simulation import simulate
+
+ROOT = Path(__file__).parents[2]
+SPEC = {
+    'name': 'small',
+    'files': ['seagate_7200_10.yaml'],
+    'set': {'deterministic_timer:duration': 0.1},
+    'controllers': ['adaptive_nn', 'pid'],
+    'vary': [
+        {
+            'runs': 4,
+            'plan': 'latin_hypercube',
+            'draw': {
+                'vcm_plant:gain': {'uniform': [0.8, 1.2], 'times_base': True},
+                'reference_generator:amplitude': {'log_uniform': [0.5, 3.0]},
+            },
+        }
+    ],
+    'seeds': 2,
+}
+AMPLITUDES = {**SPEC, 'controllers': ['pid'], 'vary': [{'reference_generator:amplitude': [1.0, 2.0, 3.0]}], 'seeds': 1}
+
+
+@pytest.fixture(scope='module')
+def table():
+    return Campaign(SPEC).run(workers=1)
+
+
+@pytest.fixture
+def own_metrics(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+
+
+@pytest.mark.parametrize(
+    ('workers', 'executor'), [(3, concurrent.futures.ProcessPoolExecutor), (3, concurrent.futures.ThreadPoolExecutor)]
+)
+def test_the_table_is_the_same_for_any_workers(table, workers, executor):
+    assert Campaign(SPEC).run(workers=workers, executor=executor).csv() == table.csv()
+
+
+def test_a_row_is_the_run_that_its_command_records(table, tmp_path):
+    campaign = Campaign(SPEC)
+    campaign.run(tmp_path / 'campaign')
+    run = campaign.plan[5]
+    command = shlex.split(run.command(base_file(tmp_path / 'campaign', run.controller), str(tmp_path / 'run')))
+    assert command[:4] == ['ros2', 'run', 'hdd_servo_ros', 'simulate']
+    assert simulate.main(command[4:]) == 0
+    recorded = RecordedRun.open(tmp_path / 'run')
+    row = list(table.rows())[5]
+    assert row['digest'] == signals_digest(recorded)
+    judged = verdict_of(recorded)
+    assert judged is not None
+    assert row['verdict'] == judged.text
+    assert row['controller'] == recorded.controller == 'adaptive_nn'
+    assert row['vcm_plant:gain'] == recorded.parameter('vcm_plant', 'gain')
+    assert row['seed'] == recorded.parameter('ldv_sensor', 'seed') == 2
+    expected = {metric.name: metric.value for metric in run_metrics(recorded)}
+    assert {name: row[name] for name in expected} == expected
+    assert {metric.name: metric.unit for metric in run_metrics(recorded) if metric.unit}.items() <= table.units.items()
+
+
+def test_the_results_are_on_disk(tmp_path):
+    table = Campaign({**SPEC, 'seeds': 1}).run(tmp_path)
+    assert (tmp_path / 'table.csv').read_text() == table.csv()
+    with (tmp_path / 'table.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row['rms_error']) for row in rows] == table['rms_error'].tolist()
+    described = yaml.safe_load((tmp_path / 'campaign.yaml').read_text())
+    assert described['status'] == 'finished'
+    assert described['runs'] == len(table) == 8
+    assert described['table_digest'] == table.digest()
+    assert described['versions']['numpy'] == np.__version__
+    assert described['units']['rms_error'] == 'nm'
+
+
+def test_a_parquet_table_holds_every_bit(table, tmp_path):
+    parquet = pytest.importorskip('pyarrow.parquet')
+    table.write_parquet(tmp_path / 'table.parquet')
+    found = parquet.read_table(tmp_path / 'table.parquet')
+    assert tuple(found.column_names) == table.columns
+    for name in table.columns:
+        np.testing.assert_array_equal(found[name].to_numpy(), table[name])
+    assert found.schema.field('rms_error').metadata[b'unit'] == b'nm'
+
+
+def test_a_table_goes_to_pandas(table):
+    pytest.importorskip('pandas')
+    frame = table.to_dataframe()
+    assert tuple(frame.columns) == table.columns
+    assert frame.groupby('controller')['rms_error'].mean()['pid'] == np.mean(
+        table.where(controller='pid')['rms_error'].tolist()
+    )
+
+
+def test_a_table_reads_well(table):
+    text = repr(table)
+    assert text.startswith('16 runs, ')
+    assert 'tracks: ' in text
+    assert '... 6 more' in text
+
+
+def test_a_campaign_goes_on_where_it_was_killed(table, tmp_path):
+    Campaign(SPEC).run(tmp_path)
+    results = (tmp_path / 'results.jsonl').read_bytes()
+    lines = results.splitlines(keepends=True)
+    kept = b''.join(lines[:5])
+    # In the middle of a line.
+    (tmp_path / 'results.jsonl').write_bytes(kept + lines[5][:-9])
+    assert Campaign(SPEC).run(tmp_path).csv() == table.csv()
+    found = (tmp_path / 'results.jsonl').read_bytes()
+    assert found.startswith(kept)
+    assert len(found.splitlines()) == 16
+
+
+def test_a_killed_campaign_goes_on(tmp_path):
+    spec = {**SPEC, 'set': {'deterministic_timer:duration': 0.2}, 'seeds': 20}
+    (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(spec))
+    command = [sys.executable, '-m', 'hdd_servo_ros.campaign.main', 'spec.yaml', '--output', 'out', '--workers', '2']
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment, start_new_session=True)
+    results = tmp_path / 'out' / 'results.jsonl'
+    deadline = time.monotonic() + 240.0
+    while time.monotonic() < deadline and not (results.exists() and results.read_bytes().count(b'\n') >= 10):
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    there = results.read_bytes().count(b'\n')
+    assert 10 <= there < 160
+    table = Campaign(tmp_path / 'spec.yaml').run(tmp_path / 'out')
+    assert table.csv() == Campaign(tmp_path / 'spec.yaml').run().csv()
+
+
+def test_a_killed_worker_loses_nothing(table, tmp_path, own_metrics, monkeypatch):
+    for mark in range(2):
+        (tmp_path / f'mark{mark}').touch()
+    monkeypatch.setenv('HDD_SERVO_ROS_TEST_MARKS', str(tmp_path))
+    found = Campaign({**SPEC, 'metrics': ['all', 'killing_metric:kill_once']}).run(workers=2)
+    assert not list(tmp_path.iterdir())
+    assert found['digest'].tolist() == table['digest'].tolist()
+    assert found['rms_error'].tolist() == table['rms_error'].tolist()
+    assert (found['killing_metric:kill_once'] == 1.0).all()
+
+
+def test_a_run_that_kills_each_worker_is_a_row(own_metrics):
+    found = Campaign({**AMPLITUDES, 'metrics': ['rms_error', 'killing_metric:kill_always']}).run(workers=2)
+    assert found['status'].tolist() == ['finished', 'finished', 'failed']
+    assert found['reason'].tolist()[2] == 'its process was killed 4 times, as it is when memory runs out'
+    assert np.isnan(found['rms_error'][2])
+
+
+def test_a_run_that_fails_or_is_refused_is_a_row_with_its_reason():
+    spec = {**AMPLITUDES, 'vary': [{'pid_controller:proportional_gain': [0.05, 1.7e308, -1.0]}]}
+    found = Campaign(spec).run(workers=2)
+    assert found['status'].tolist() == ['finished', 'failed', 'refused']
+    assert found['verdict'].tolist()[1] == 'diverged'
+    assert 'not finite' in found['reason'].tolist()[1]
+    assert 'pid_controller:proportional_gain = -1.0 is refused' in found['reason'].tolist()[2]
+    assert found['last_tick'].tolist()[2] == -1
+
+
+def test_own_metrics_are_columns(own_metrics):
+    spec = {**AMPLITUDES, 'metrics': ['max_error', 'killing_metric:late_peak', 'killing_metric:fail']}
+    found = Campaign(spec).run(workers=1)
+    metrics = found.columns[found.columns.index('last_tick') + 1 : -1]
+    assert metrics == ('max_error', 'killing_metric:late_peak', 'killing_metric:fail')
+    assert (1e3 * found['killing_metric:late_peak'] > 0.0).all()
+    assert (1e3 * found['killing_metric:late_peak'] <= found['max_error']).all()
+    assert set(found['reason'].tolist()) == {'killing_metric:fail: RuntimeError: no such thing'}
+    assert set(found['status'].tolist()) == {'finished'}
+
+
+@pytest.mark.parametrize(
+    ('keep', 'kept'),
+    [
+        ('all', {'000000', '000001', '000002'}),
+        ('failed', {'000001'}),
+        ({'worst': 2, 'of': 'rms_error'}, {'000001', '000002'}),
+        ('none', set()),
+    ],
+)
+def test_chosen_runs_are_recorded(tmp_path, keep, kept):
+    spec = {**AMPLITUDES, 'vary': [{'pid_controller:proportional_gain': [0.1, 1.7e308, 0.01]}], 'keep': keep}
+    table = Campaign(spec).run(tmp_path, workers=2)
+    assert {path.name for path in tmp_path.glob('runs/*')} == kept
+    for name in kept:
+        recorded = RecordedRun.open(tmp_path / 'runs' / name)
+        assert signals_digest(recorded) == table['digest'][int(name)]
+
+
+def test_a_folder_of_another_campaign_is_refused(tmp_path):
+    Campaign(AMPLITUDES).run(tmp_path)
+    with pytest.raises(ArgumentError, match='holds another campaign'):
+        Campaign({**AMPLITUDES, 'after': 0.01}).run(tmp_path)
+    (tmp_path / 'other').mkdir()
+    (tmp_path / 'other' / 'file').touch()
+    with pytest.raises(ArgumentError, match='is not empty and holds no campaign'):
+        Campaign(AMPLITUDES).run(tmp_path / 'other')
+
+
+def test_two_campaigns_do_not_work_in_one_folder(tmp_path):
+    with alone_in(tmp_path), pytest.raises(StudyError, match='another study is at work'):
+        Campaign(AMPLITUDES).run(tmp_path)
+
+
+def test_a_metric_that_no_run_has_is_refused_and_leaves_the_folder_empty(tmp_path):
+    with pytest.raises(ArgumentError, match="no run has 'rms_eror'; did you mean rms_error"):
+        Campaign({**AMPLITUDES, 'metrics': ['rms_eror']}).run(tmp_path)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ArgumentError, match='metrics: nowhere:f cannot be imported: ModuleNotFoundError'):
+        Campaign({**AMPLITUDES, 'metrics': ['nowhere:f']})
+
+
+def test_the_command_writes_the_table(tmp_path, capsys):
+    spec = {**AMPLITUDES, 'controllers': ['pid', {'name': 'off', 'controller': 'pid'}]}
+    (tmp_path / 'spec.yaml').write_text(json.dumps(spec))
+    assert campaign_main.main([str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out')]) == 0
+    out = capsys.readouterr().out
+    assert "Campaign('small': 6 runs, 3 points x 2 controllers x 1 seeds)" in out
+    assert f'table: {tmp_path / "out" / "table.csv"}' in out
+    assert (tmp_path / 'out' / 'table.csv').exists()
+
+
+@pytest.mark.parametrize(
+    ('text', 'line'),
+    [
+        ('controllers: [pidd]', "campaign: parameter controller = 'pidd' is refused"),
+        ('vary: 3', 'spec.yaml: vary: 3 is not a list of blocks'),
+        ('files: [spec.yaml]', 'spec.yaml'),
+    ],
+)
+def test_a_wrong_specification_is_one_line_and_exit_code_2(tmp_path, capsys, text, line):
+    (tmp_path / 'spec.yaml').write_text(text)
+    assert campaign_main.main([str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out')]) == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1
+    assert line in error
+    assert not (tmp_path / 'out').exists()

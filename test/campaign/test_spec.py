@@ -1,0 +1,146 @@
+"""A specification sets what runs: blocks, draws, controllers and seeds; an error names the entry."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hdd_servo_ros.campaign.planning import Plan
+from hdd_servo_ros.campaign.spec import read_spec, spec_of
+from hdd_servo_ros.parameters.files import ArgumentError
+
+BASE = 'files: [seagate_7200_10.yaml]\nset: {deterministic_timer:duration: 0.01}\n'
+
+
+def plan(text):
+    return Plan(spec_of(yaml.safe_load(BASE + text), Path.cwd()))
+
+
+def test_blocks_are_crossed_and_parameters_of_a_block_zipped():
+    found = plan("""
+controllers: [adaptive_nn, pid]
+seeds: [3, 5]
+vary:
+  - reference_generator:amplitude: [1.0, 2.0]
+  - pid_controller:proportional_gain: {linspace: [1e-3, 3.0e-3, 3]}
+    pid_controller:derivative_gain: {values: [1, 2, 3]}
+""")
+    runs = list(found)
+    assert len(found) == len(runs) == 2 * 3 * 2 * 2
+    assert [run.number for run in runs] == list(range(24))
+    assert [(run.controller, run.seed) for run in runs[:4]] == [
+        ('adaptive_nn', 3),
+        ('adaptive_nn', 5),
+        ('pid', 3),
+        ('pid', 5),
+    ]
+    assert [tuple(run.varied.values()) for run in runs[::4]] == [
+        (amplitude, gain, derivative)
+        for amplitude in (1.0, 2.0)
+        for gain, derivative in ((0.001, 1), (0.002, 2), (0.003, 3))
+    ]
+    for run in runs:
+        assert found[run.number] == run
+
+
+def test_factors_multiply_the_base_value_of_each_controller():
+    found = plan("""
+controllers: [pid, {name: double, controller: pid, set: {vcm_plant:gain: 2.0e7}}]
+vary:
+  - {vcm_plant:gain: {values: [0.5, 2], times_base: true}}
+  - {vcm_plant:resonance.numerators: {values: [2], times_base: true}}
+""")
+    base = found[0].varied['vcm_plant:gain']
+    assert [run.varied['vcm_plant:gain'] for run in found] == [base, 1e7, 4 * base, 4e7]
+    assert isinstance(found[0].varied['vcm_plant:resonance.numerators'], tuple)
+
+
+def test_a_seed_sets_sensors_and_disturbances_not_the_reference():
+    found = plan('seeds: 2\nset: {deterministic_timer:duration: 0.01, disturbance_generator:force_noise.seed: 7}\n')
+    assert [run.seed for run in found] == [1, 2]
+    names = found[0].seeds
+    assert 'ldv_sensor:seed' in names
+    assert not [name for name in names if name.startswith('reference_generator')]
+    assert found[1].settings['ldv_sensor:seed'] == 2
+
+
+def test_drawn_points_are_the_same_for_all_controllers():
+    found = plan("""
+controllers: [adaptive_nn, pid]
+vary: [{runs: 5, plan: sobol, seed: 2, draw: {vcm_plant:gain: {uniform: [0.9, 1.1], times_base: true}}}]
+""")
+    drawn = [run.varied['vcm_plant:gain'] for run in found]
+    assert drawn[::2] == drawn[1::2]
+    assert len(set(drawn)) == 5
+
+
+def test_files_are_relative_to_the_specification(tmp_path):
+    (tmp_path / 'own.yaml').write_text('vcm_plant:\n  ros__parameters:\n    gain: 5.0e7\n')
+    (tmp_path / 'spec.yaml').write_text(
+        'files: [seagate_7200_10.yaml, own.yaml]\nvary: {vcm_plant:gain: {values: [1], times_base: true}}\n'
+    )
+    spec = read_spec(tmp_path / 'spec.yaml')
+    assert spec.name == 'spec'
+    assert Plan(spec)[0].varied == {'vcm_plant:gain': 5e7}
+
+
+def test_without_vary_there_is_one_run():
+    assert [run.varied for run in plan('')] == [{}]
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('seed: 3', "top level: no such entry 'seed'; there are name, files"),
+        ('vary: 3', 'vary: 3 is not a list of blocks'),
+        ('vary: [{gain: [1.0]}]', "vary: 'gain' is not NODE:PARAMETER"),
+        (
+            'vary: [{vcm_plant:gian: [1.0]}]',
+            'no run has such a parameter; did you mean vcm_plant:gain?',
+        ),
+        ('vary: [{vcm_plan:gain: [1.0]}]', 'vary: vcm_plan:gain: no such node; did you mean vcm_plant?'),
+        ('vary: [{vcm_plant:gain: [1.0], ldv_sensor:seed: [1, 2]}]', 'vcm_plant:gain has 1, ldv_sensor:seed has 2'),
+        ('vary: [{vcm_plant:gain: [1.0]}, {vcm_plant:gain: [1.0]}]', 'vcm_plant:gain is in two blocks'),
+        ('vary: [{vcm_plant:gain: {linspace: [1.0, 2.0]}}]', 'is not [first, last, count]'),
+        ('vary: [{vcm_plant:gain: {steps: [1.0, 2.0]}}]', "no such entry 'steps'; there are linspace, logspace"),
+        ('vary: [{runs: 0, draw: {}}]', 'vary: runs: 0 is not an integer of at least 1'),
+        ('vary: [{runs: 2, plan: grid, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]', "'grid' is none of random, latin"),
+        (
+            'vary: [{runs: 2, draw: {vcm_plant:gain: {uniform: [2, 1]}}}]',
+            'vcm_plant:gain: uniform: [2, 1] is not',
+        ),
+        (
+            'vary: [{vcm_plant:friction.model: {values: [2], times_base: true}}]',
+            "base value 'lugre' is not a number",
+        ),
+        ('controllers: [pid, pid]', "controllers: two have the name 'pid'"),
+        ('controllers: [{name: x}]', 'has no controller'),
+        ('seeds: 0', 'seeds: 0 is not an integer of at least 1'),
+        ('seeds: [1, 1]', 'has a seed twice'),
+        ('keep: some', "keep: 'some' is not none, failed, all or {worst: COUNT, of: METRIC}"),
+        ('keep: {worst: 0}', 'keep: worst: 0 is not an integer of at least 1'),
+        ('files: [nowhere.yaml]', "no parameter file 'nowhere.yaml'"),
+        ('name: a/b', "name: 'a/b' is not the name of a folder"),
+        ('after: -1', 'after: -1 is not at least 0'),
+        ('metrics: []', 'metrics: [] is not a list of at least one element'),
+    ],
+)
+def test_a_wrong_entry_is_named(text, message):
+    with pytest.raises(ArgumentError, match=re.escape(message)):
+        plan(text)
+
+
+@pytest.mark.parametrize('text', ['[1, 2]', 'a: [', ''])
+def test_what_is_no_specification_is_refused(tmp_path, text):
+    (tmp_path / 'spec.yaml').write_text(text)
+    with pytest.raises(ArgumentError, match=r'specification .*spec\.yaml is not'):
+        read_spec(tmp_path / 'spec.yaml')
+
+
+def test_the_specifications_of_the_documents_are_allowed():
+    root = Path(__file__).parents[2]
+    page = (root / 'docs' / 'campaigns.md').read_text('utf8')
+    (block,) = re.findall(r'```yaml\n(.*?)```', page, re.DOTALL)
+    assert len(Plan(spec_of(yaml.safe_load(block), root))) == 2 * 200 * 2 * 5
+    assert len(Plan(read_spec(root / 'examples' / 'random_drives.yaml'))) == 600
