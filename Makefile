@@ -85,7 +85,7 @@ $(VENV)/.run: setup.py constraints.txt hdd_servo_ros/graph/catalogue.py
 
 $(VENV)/.develop: $(VENV)/.run
 	@echo 'installing what the tests need into $(VENV), once'
-	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws]'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws,campaign]'
 	@touch $@
 
 define make_venv

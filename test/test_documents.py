@@ -1,6 +1,7 @@
 """The commands in the documents run, and what they name exists."""
 
 import configparser
+import importlib.util
 import re
 import shlex
 import subprocess
@@ -73,6 +74,8 @@ def run_short_campaign(bench, arguments):
     for block in spec['vary']:
         block['runs'] = 2
     (bench.directory / 'short.yaml').write_text(yaml.safe_dump(spec))
+    if '--dask' in arguments and importlib.util.find_spec('distributed') is None:
+        pytest.skip('Dask is not installed')
     answer = bench.python('-m', 'hdd_servo_ros.campaign.main', 'short.yaml', *arguments[1:])
     assert answer.returncode == 0, answer.stderr
     assert 'table: ' in answer.stdout

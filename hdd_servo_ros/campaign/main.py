@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.command import exit_code
+from hdd_servo_ros.campaign.dask_cluster import dask_executor
 from hdd_servo_ros.graph.help import COMPILING
 from hdd_servo_ros.messages.exit_codes import EPILOG
 from hdd_servo_ros.messages.outcome import FINISHED
@@ -33,6 +34,9 @@ def _parser() -> argparse.ArgumentParser:
         '--output', type=Path, metavar='DIR', help='where the results go (default: runs/ and the name of the campaign)'
     )
     parser.add_argument('--workers', type=_workers, metavar='N', help='runs at a time (default: one per core)')
+    cluster = parser.add_mutually_exclusive_group()
+    cluster.add_argument('--dask', action='store_true', help='by a Dask cluster of N processes of this machine')
+    cluster.add_argument('--scheduler', metavar='ADDRESS', help='by an existing Dask cluster, such as tcp://host:8786')
     return parser
 
 
@@ -48,7 +52,12 @@ def _work(options: argparse.Namespace) -> int:
     print(campaign, flush=True)
     if first_compilation():
         print(f'campaign: {COMPILING}', file=sys.stderr, flush=True)
-    table = campaign.run(directory, workers=options.workers, progress=sys.stderr.isatty())
+    progress = sys.stderr.isatty()
+    if options.dask or options.scheduler:
+        with dask_executor(options.scheduler, options.workers) as (executor, workers):
+            table = campaign.run(directory, workers=workers, executor=executor, progress=progress)
+    else:
+        table = campaign.run(directory, workers=options.workers, progress=progress)
     print(table)
     failed = sum(status != FINISHED for status in table['status'])
     if failed:

@@ -260,3 +260,11 @@ def test_a_wrong_specification_is_one_line_and_exit_code_2(tmp_path, capsys, tex
     assert error.count('\n') == 1
     assert line in error
     assert not (tmp_path / 'out').exists()
+
+
+def test_without_dask_the_error_is_one_line_that_names_the_extra(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    (tmp_path / 'spec.yaml').write_text(json.dumps(AMPLITUDES))
+    assert campaign_main.main([str(tmp_path / 'spec.yaml'), '--dask']) == 1
+    expected = "a Dask cluster needs distributed, which is not installed: pip install 'hdd_servo_ros[campaign]'"
+    assert expected in capsys.readouterr().err
