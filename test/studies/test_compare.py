@@ -192,7 +192,7 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['--controllers', 'no_such'], "controller = 'no_such' is refused: one of adaptive_nn, pid, open_loop"),
+        (['--controllers', 'no_such'], "controller = 'no_such' is refused: one of adaptive_nn, pid, seek, open_loop"),
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
         (['-p', 'controller:=pid'], '-p controller is refused: compare sets it for each run; use --controllers'),

@@ -175,7 +175,7 @@ def test_help_launch_files_and_setup_know_it(bench, copy):
     assert found.returncode == 0, found.stderr
     for module in ('nodes.rig', 'simulation.simulate'):
         text = bench.python('-m', f'hdd_servo_ros.{module}', '--help').stdout
-        assert 'adaptive_nn, pid, open_loop, proportional, signal_analyzer' in text
+        assert 'adaptive_nn, pid, seek, open_loop, proportional, signal_analyzer' in text
         assert 'proportional_controller' in text
     text = bench.python('-m', 'hdd_servo_ros.nodes.proportional_controller', '--help').stdout
     assert 'stiffness (default 0.05)' in text
