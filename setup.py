@@ -24,7 +24,7 @@ setup(
     name=NAME,
     version=VERSION,
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'reporting/page.html', 'ros/*.xml']},
+    package_data={NAME: ['py.typed', 'campaign/page.html', 'reporting/page.html', 'ros/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

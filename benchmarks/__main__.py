@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
+from benchmarks.bench_campaign import campaign_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
 from benchmarks.bench_rig import rig_figures, rig_rows
 from benchmarks.bench_start import start_figures, start_rows
@@ -106,6 +107,8 @@ def main():
         bags = bag_figures(bench.directory, repeats, ticks * 10)
         print('the runs of chapter 5', flush=True)
         study = study_figures(bench.directory, repeats, 4 if options.quick else 20)
+        print('campaigns', flush=True)
+        campaigns = campaign_rows(bench.directory, repeats, quick=options.quick)
         print('the drive alone', flush=True)
         plant = plant_figures()
         print('memory', flush=True)
@@ -148,6 +151,7 @@ def main():
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
         f'| a run of 10 s in `study chapter5 --without-ros`, processor time | {median(study["study"]):.2f} s, in an '
         f'interpreter of its own {median(study["processes"]):.2f} s | |',
+        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in campaigns),
         f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
         f'{at_end / at_six:.2f} times | at most 1.2 times |',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in start_rows(starts)),

@@ -72,6 +72,7 @@ def completed(
     while True:
         in_flight: dict[concurrent.futures.Future[Result], _Attempt[Item]] = {}
         executor = make_executor(workers)
+        is_done = False
         try:
             while True:
                 while len(in_flight) < _AHEAD * workers:
@@ -90,6 +91,7 @@ def completed(
                     if alone:
                         break
                 if not in_flight:
+                    is_done = True
                     return
                 done, _ = concurrent.futures.wait(in_flight, return_when=concurrent.futures.FIRST_COMPLETED)
                 for future in done:
@@ -112,7 +114,7 @@ def completed(
                 else:
                     again.append(attempt)
         finally:
-            executor.shutdown(wait=False, cancel_futures=True)
+            executor.shutdown(wait=is_done, cancel_futures=True)
 
 
 def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksize: int = 1) -> Iterator[Result]:

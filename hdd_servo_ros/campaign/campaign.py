@@ -25,8 +25,9 @@ from hdd_servo_ros.campaign.measuring import (
     record_run,
 )
 from hdd_servo_ros.campaign.planning import CampaignRun, Plan
-from hdd_servo_ros.campaign.spec import ALL, Spec, read_spec, spec_of
-from hdd_servo_ros.campaign.table import MissingExtra, Table
+from hdd_servo_ros.campaign.spec import ALL, Spec, file_name, read_spec, spec_of
+from hdd_servo_ros.campaign.table import Table
+from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.messages.exit_codes import one_line
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.parameters.files import ArgumentError, did_you_mean
@@ -264,7 +265,7 @@ class Campaign:
 
 def base_file(folder: Path, controller: str) -> Path:
     """Return the parameter file of what all runs with a controller have in common."""
-    return folder / 'parameters' / f'{"".join(c if c.isalnum() or c in "-_." else "_" for c in controller)}.yaml'
+    return folder / 'parameters' / f'{file_name(controller)}.yaml'
 
 
 def run_name(run: CampaignRun) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from hdd_servo_ros.campaign.all_cores import ATTEMPTS, cores
-from hdd_servo_ros.campaign.table import MissingExtra
+from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.parameters.files import ArgumentError
 
 _PATIENCE = 10.0
@@ -62,16 +62,19 @@ def dask_executor(
         from distributed import Client, LocalCluster
     except ImportError:
         raise MissingExtra('a Dask cluster', 'distributed') from None
+    # Dask is typed in part only.
+    make_client: Any = Client
+    make_cluster: Any = LocalCluster
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set({'distributed.scheduler.allowed-failures': ATTEMPTS - 1}))
         if address is None:
-            cluster = LocalCluster(
+            cluster = make_cluster(
                 n_workers=workers or cores(), threads_per_worker=1, processes=True, dashboard_address=None
             )
-            client = stack.enter_context(Client(stack.enter_context(cluster)))
+            client = stack.enter_context(make_client(stack.enter_context(cluster)))
         else:
             try:
-                client = stack.enter_context(Client(address, timeout=_PATIENCE))
+                client = stack.enter_context(make_client(address, timeout=_PATIENCE))
             except (OSError, ValueError) as error:
                 raise ArgumentError(f'--scheduler {address}: no Dask scheduler answers there: {error}') from None
         threads = sum(client.nthreads().values())

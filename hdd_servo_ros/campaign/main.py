@@ -62,7 +62,11 @@ def _work(options: argparse.Namespace) -> int:
     failed = sum(status != FINISHED for status in table['status'])
     if failed:
         print(f'{failed} of {len(table)} runs did not finish; the column reason says why')
+    # Late: it needs plotly.
+    from hdd_servo_ros.campaign.page import write_page
+
     print(f'table: {directory / "table.csv"}')
+    print(f'page: {write_page(campaign, table, directory)}')
     return 0
 
 

@@ -71,6 +71,11 @@ class CampaignController:
     files: tuple[Path, ...] = ()
     values: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
+    @property
+    def file_name(self) -> str:
+        """The name in that of a file: other characters than letters, digits and ``-_.`` are replaced."""
+        return file_name(self.name)
+
 
 @dataclasses.dataclass(frozen=True)
 class Spec:
@@ -117,6 +122,11 @@ class Spec:
     def count(self) -> int:
         """Number of runs."""
         return len(self.points) * len(self.controllers) * len(self.seeds)
+
+
+def file_name(controller: str) -> str:
+    """Return the name of a controller as part of the name of a file."""
+    return ''.join(c if c.isalnum() or c in '-_.' else '_' for c in controller)
 
 
 def read_spec(path: Path) -> Spec:
@@ -257,7 +267,7 @@ def _controllers(value: object, directory: Path) -> tuple[CampaignController, ..
         files = _files(fields.get('files', []), directory, 'controllers: files')
         values = _values(fields.get('set', {}), 'controllers: set')
         found.append(CampaignController(str(fields.get('name', controller)), controller, files, values))
-    names = [controller.name for controller in found]
+    names = [controller.file_name for controller in found]
     for name in names:
         if names.count(name) > 1:
             raise ArgumentError(f'controllers: two have the name {name!r}; give each a name of its own')

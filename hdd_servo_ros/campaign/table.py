@@ -13,19 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.messages.exit_codes import FAILED
+from hdd_servo_ros.messages.errors import MissingExtra
 
 _SHOWN_COLUMNS = 8
 _SHOWN_ROWS = 10
-
-
-class MissingExtra(RuntimeError):
-    """A package of the extra ``campaign`` that is not installed."""
-
-    exit_code = FAILED
-
-    def __init__(self, what: str, package: str) -> None:
-        super().__init__(f"{what} needs {package}, which is not installed: pip install 'hdd_servo_ros[campaign]'")
 
 
 class Table:

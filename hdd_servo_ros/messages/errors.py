@@ -62,3 +62,12 @@ class NotFiniteError(RunError):
             ]
             text = ', '.join(wrong[:_NAMED]) + (f' and {len(wrong) - _NAMED} more' if len(wrong) > _NAMED else '')
         super().__init__(f'{topic}: {NOT_FINITE} {tick}: ({text}); published by {node}')
+
+
+class MissingExtra(RuntimeError):
+    """A package of the extra ``campaign`` that is not installed."""
+
+    exit_code = 1
+
+    def __init__(self, what: str, package: str) -> None:
+        super().__init__(f"{what} needs {package}, which is not installed: pip install 'hdd_servo_ros[campaign]'")

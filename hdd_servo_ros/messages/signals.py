@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.codecs import AXES
+from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import (
     ACCELEROMETER,
@@ -246,6 +247,32 @@ class Signals(TimedSignals):
         """Time of the last tick [s]."""
         return float(self.time[-1])
 
+    def to_dataframe(self) -> Any:
+        """
+        Return all signals as a pandas ``DataFrame``, a row per tick.
+
+        The index is the tick, the first column ``time`` [s]; the others are ``TOPIC.FIELD``, such as ``head.position``,
+        and ``estimates.NAME``, in the units of the topics.
+
+        Raises
+        ------
+        MissingExtra
+            If pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtra('to_dataframe()', 'pandas') from None
+        columns: dict[str, Array] = {'time': self.time}
+        for topic in SIGNAL_TOPICS:
+            if topic.name not in self:
+                continue
+            names = self.estimate_names if topic is ESTIMATES else topic.field_names
+            # Columns behind the fields of a vector are 0.
+            for name, column in zip(names, np.asarray(self[topic.name]).T, strict=False):
+                columns[f'{topic.name}.{name}'] = column
+        return pd.DataFrame(columns, index=pd.Index(self.ticks, name='tick'))
+
     def since(self, time: float) -> slice:
         """Return the rows from ``time`` [s] on."""
         # Half a microsecond lets a tick at that very time count, whatever its last bit.
@@ -316,6 +343,11 @@ class SignalRows(Signals):
 
     def __len__(self) -> int:
         return len(self._arrays[HEAD.name])
+
+    def __repr__(self) -> str:
+        last = self.first_tick + len(self) - 1
+        topics = ', '.join(self._arrays)
+        return f'{type(self).__name__}(ticks {self.first_tick} to {last} of {self._sample_time:g} s: {topics})'
 
     def starting_at(self, tick: int) -> 'SignalRows':
         """Return these rows, the same memory, as those of the ticks from ``tick`` on."""

@@ -236,7 +236,16 @@ class RecordedRun(Signals):
             self._bag.column(topic)
 
     def __repr__(self) -> str:
-        return f'{type(self).__name__}({str(self.path)!r})'
+        # What is known without decoding a message, in a damaged folder too.
+        known = [repr(str(self.path))]
+        last_tick, sample_time = self.description.get('last_tick'), self.description.get('sample_time')
+        if self.description:
+            known.append(f'{self.controller} on {self.frame_id}')
+        if isinstance(last_tick, int) and isinstance(sample_time, float):
+            known.append(f'{last_tick + 1} ticks of {sample_time:g} s')
+        if self.description:
+            known.append(self.status)
+        return f'{type(self).__name__}({", ".join(known)})'
 
     # Metadata.
 

@@ -66,7 +66,7 @@ def write_page(
         title=html.escape(title),
         subtitle=html.escape(subtitle),
         table=_table(*table),
-        figures=_in_script(_figures(panels, sample_time)),
+        figures=in_script(_figures(panels, sample_time)),
         details=''.join(_details(name, lines) for name, lines in details.items()),
         written=html.escape(f'{dt.datetime.now():%Y-%m-%d %H:%M}'),
         plotly=get_plotlyjs(),
@@ -76,7 +76,7 @@ def write_page(
     temporary.replace(path)
 
 
-def _in_script(value: object) -> str:
+def in_script(value: object) -> str:
     """Return JSON in which no text can end a script, or begin a comment or a script within it."""
     text = json.dumps(value, ensure_ascii=True)
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')

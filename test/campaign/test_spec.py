@@ -115,6 +115,7 @@ def test_without_vary_there_is_one_run():
             "base value 'lugre' is not a number",
         ),
         ('controllers: [pid, pid]', "controllers: two have the name 'pid'"),
+        ('controllers: [{name: a b, controller: pid}, {name: a_b, controller: pid}]', "two have the name 'a_b'"),
         ('controllers: [{name: x}]', 'has no controller'),
         ('seeds: 0', 'seeds: 0 is not an integer of at least 1'),
         ('seeds: [1, 1]', 'has a seed twice'),

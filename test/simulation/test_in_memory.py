@@ -80,3 +80,22 @@ def test_it_has_no_messages():
         run['pes']
     with pytest.raises(BagError, match='run in memory: the bag holds no topic head'):
         run.column('head')
+
+
+def test_a_run_goes_to_pandas():
+    pytest.importorskip('pandas')
+    run = run_in_memory(Simulation(parse_ros_arguments(SHORT)))
+    frame = run.to_dataframe()
+    assert frame.index.name == 'tick'
+    assert frame.index.tolist() == list(range(101))
+    np.testing.assert_array_equal(frame['time'], run.time)
+    np.testing.assert_array_equal(frame['head.position'], run.position)
+    np.testing.assert_array_equal(frame['control.before_saturation'], run.control.before_saturation)
+    for name, values in run.estimates.items():
+        np.testing.assert_array_equal(frame[f'estimates.{name}'], values)
+
+
+def test_a_run_reads_well():
+    run = run_in_memory(Simulation(parse_ros_arguments(SHORT)))
+    drive = run.description['frame_id']
+    assert repr(run) == f"RunInMemory('run in memory', pid on {drive}, 101 ticks of 0.0001 s, finished)"

@@ -1,0 +1,77 @@
+"""The page shows the runs of the table, and its commands make the worst ones again to the bit."""
+
+import html
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from hdd_servo_ros.campaign.campaign import Campaign
+from hdd_servo_ros.campaign.page import write_page
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.recording.signals_digest import signals_digest
+from hdd_servo_ros.simulation import simulate
+
+SPEC = {
+    'name': 'page <script>',
+    'files': ['seagate_7200_10.yaml'],
+    'set': {'deterministic_timer:duration': 0.1},
+    'controllers': ['adaptive_nn', {'name': '<b>pid', 'controller': 'pid'}],
+    'vary': [{'reference_generator:amplitude': [1.0, 2.0, 3.0]}, {'reference_generator:waveform': ['sine', 'square']}],
+    'seeds': [4],
+}
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('page')
+    campaign = Campaign(SPEC)
+    table = campaign.run(folder)
+    return campaign, table, write_page(campaign, table, folder).read_text('utf8')
+
+
+def figures_of(page):
+    (text,) = re.findall(r'^const figures = (.*);$', page, re.MULTILINE)
+    return json.loads(text)
+
+
+def test_the_diagrams_hold_the_table(made):
+    _, table, page = made
+    figures = figures_of(page)
+    histograms = figures['distributions']['data']
+    rms = [trace['x'] for trace in histograms if trace['xaxis'] == 'x']
+    assert rms == [table.where(controller=name)['rms_error'].tolist() for name in ('adaptive_nn', '<b>pid')]
+    (parallel,) = figures['parallel']['data']
+    by_label = {dimension['label']: dimension['values'] for dimension in parallel['dimensions']}
+    assert by_label['amplitude'] == table['reference_generator:amplitude'].tolist()
+    assert by_label['controller'] == [0, 1] * 6
+    # Steps have no repeatable error.
+    overshoot = by_label['worst_overshoot']
+    assert [value is None for value in overshoot] == np.isnan(table['worst_overshoot']).tolist()
+    assert any(value is None for value in overshoot)
+    assert (
+        figures['scatter']['data'][0]['x']
+        == table.where(controller='adaptive_nn')['reference_generator:amplitude'].tolist()
+    )
+
+
+def test_names_are_text(made):
+    _, _, page = made
+    assert '<b>pid' not in page
+    assert '<h1>Campaign page &lt;script&gt;</h1>' in page
+    assert '&lt;b&gt;pid' in page
+
+
+def test_the_worst_runs_come_first_and_their_commands_repeat_them(made, tmp_path):
+    campaign, table, page = made
+    rows = re.findall(r'<tr><td>(\d+)</td>.*?<td class="text">(ros2 run [^<]*)</td></tr>', page)
+    values = table['rms_error']
+    assert [int(number) for number, _ in rows] == sorted(range(12), key=lambda number: -values[number])[:10]
+    assert campaign.worst(table, 'rms_error', 10) == [int(number) for number, _ in rows]
+    number, command = rows[0]
+    words = shlex.split(html.unescape(command))
+    words = [f'bag_recorder:run_dir:={tmp_path / "run"}' if 'run_dir' in word else word for word in words]
+    assert simulate.main(words[4:]) == 0
+    assert signals_digest(RecordedRun.open(tmp_path / 'run')) == table['digest'][int(number)]
