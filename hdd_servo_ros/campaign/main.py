@@ -62,10 +62,14 @@ def _work(options: argparse.Namespace) -> int:
     failed = sum(status != FINISHED for status in table['status'])
     if failed:
         print(f'{failed} of {len(table)} runs did not finish; the column reason says why')
-    # Late: it needs plotly.
+    # Late: they need plotly and matplotlib.
     from hdd_servo_ros.campaign.page import write_page
+    from hdd_servo_ros.campaign.picture import write_picture
 
     print(f'table: {directory / "table.csv"}')
+    picture = write_picture(campaign, table, directory)
+    if picture is not None:
+        print(f'picture: {picture}')
     print(f'page: {write_page(campaign, table, directory)}')
     return 0
 

@@ -2,14 +2,18 @@
 
 import html
 import json
+import math
 import re
 import shlex
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.page import write_page
+from hdd_servo_ros.campaign.picture import write_picture
+from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.signals_digest import signals_digest
 from hdd_servo_ros.simulation import simulate
@@ -55,6 +59,16 @@ def test_the_diagrams_hold_the_table(made):
         figures['scatter']['data'][0]['x']
         == table.where(controller='adaptive_nn')['reference_generator:amplitude'].tolist()
     )
+
+
+def test_the_picture_shows_the_metric_of_the_worst_runs(made, tmp_path):
+    campaign, table, _ = made
+    path = write_picture(campaign, table, tmp_path)
+    assert path == tmp_path / 'campaign.png'
+    # One diagram of the distribution, and one of the only parameter that is a number.
+    assert imread(path).shape[:2] == (352, 748)
+    nothing = Table({name: [math.nan] if name == 'rms_error' else ['x'] for name in table.columns})
+    assert write_picture(campaign, nothing, tmp_path) is None
 
 
 def test_names_are_text(made):
