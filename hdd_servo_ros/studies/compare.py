@@ -149,7 +149,9 @@ class Comparison:
 
     def _given(self, node: str) -> dict[str, object]:
         others = {one.node for one in self.controllers} - {node}
-        foreign = _known(others) - _known(set(names_with_parameters()) - others)
+        # Of the controllers this one alone takes part in its runs.
+        taking_part = (set(names_with_parameters()) - set(CONTROLLERS.values()) - others) | {node}
+        foreign = _known(others) - _known(taking_part)
         return {
             name: value
             for name, value in self.overrides.items()
