@@ -1,4 +1,4 @@
-"""Seek and settle around a controller that follows: trajectories to new targets, and what they want fed forward."""
+"""Seek and settle around a controller that follows: trajectories to new targets, with their feedforward."""
 
 import dataclasses
 import math

@@ -182,7 +182,7 @@ class Plant:
         unit = self.parameters.length_unit
         return {
             name: f'the actuator hits the {name} crash stop at {limits[name]:g} {unit} by tick {found.first_tick}; '
-            'further impacts are counted, not told'
+            'further impacts are counted, not logged'
             for name, found in self.impacts.items()
         }
 
