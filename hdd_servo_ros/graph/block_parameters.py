@@ -1,7 +1,7 @@
 """The parameters of a node's block, from all that a parameter file holds for the node."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
@@ -13,6 +13,10 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.catalogue import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
+
+Kind = TypeVar('Kind')
+_HasMethod = SeekParameters | FeedforwardParameters | RunoutParameters
+"""Parameters of a block around a controller's law that a run may do without."""
 
 
 def block_parameters(node: str, values: Mapping[str, object]) -> Any:
@@ -34,18 +38,17 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
 
 def dsp_parameters(node: str, values: Mapping[str, object]) -> DspParameters:
     """Return the parameters of what lies behind a controller's law, from all that a file says of its node."""
-    own = {declaration.name for declaration in declarations(ControllerOutputParameters)}
-    given = {name: value for name, value in values.items() if name in own}
-    output: ControllerOutputParameters = _constructed(ControllerOutputParameters, node, given)
-    return output.dsp
+    return _own(ControllerOutputParameters, node, values).dsp
 
 
 def input_parameters(node: str, values: Mapping[str, object]) -> ControllerInputParameters:
     """Return how a controller scales the sensor's outputs, from all that a file says of its node."""
-    own = {declaration.name for declaration in declarations(ControllerInputParameters)}
-    given = {name: value for name, value in values.items() if name in own}
-    parameters: ControllerInputParameters = _constructed(ControllerInputParameters, node, given)
-    return parameters
+    return _own(ControllerInputParameters, node, values)
+
+
+def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverParameters:
+    """Return the parameters of a controller's observer, from all that a file says of its node."""
+    return _own(ControllerObserverParameters, node, values).observer
 
 
 def feedforward_parameters(node: str, values: Mapping[str, object]) -> FeedforwardParameters:
@@ -57,59 +60,23 @@ def feedforward_parameters(node: str, values: Mapping[str, object]) -> Feedforwa
     ParameterError
         If a value is refused, or the controller does not follow the reference and so has no error to reduce.
     """
-    own = {declaration.name for declaration in declarations(ControllerFeedforwardParameters)}
-    given = {name: value for name, value in values.items() if name in own}
-    output: ControllerFeedforwardParameters = _constructed(ControllerFeedforwardParameters, node, given)
-    if output.feedforward.is_used and not NODES[node].follows_reference:
-        allowed = 'none, since this controller does not follow the reference'
-        raise ParameterError(f'{node}.feedforward.method', output.feedforward.method, allowed)
-    return output.feedforward
+    found = _own(ControllerFeedforwardParameters, node, values).feedforward
+    _refuse_without_error(node, 'feedforward.method', found)
+    return found
 
 
 def runout_parameters(node: str, values: Mapping[str, object]) -> RunoutParameters:
-    """
-    Return the parameters of a controller's cancellation of runout, from all that a file says of its node.
-
-    Raises
-    ------
-    ParameterError
-        If a value is refused, or the controller does not follow the reference and so has no error to reduce.
-    """
-    own = {declaration.name for declaration in declarations(ControllerRunoutParameters)}
-    given = {name: value for name, value in values.items() if name in own}
-    output: ControllerRunoutParameters = _constructed(ControllerRunoutParameters, node, given)
-    if output.runout.is_used and not NODES[node].follows_reference:
-        allowed = 'none, since this controller does not follow the reference'
-        raise ParameterError(f'{node}.runout.method', output.runout.method, allowed)
-    return output.runout
-
-
-def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverParameters:
-    """Return the parameters of a controller's observer, from all that a file says of its node."""
-    own = {declaration.name for declaration in declarations(ControllerObserverParameters)}
-    given = {name: value for name, value in values.items() if name in own}
-    found: ControllerObserverParameters = _constructed(ControllerObserverParameters, node, given)
-    return found.observer
+    """Return the parameters of a controller's cancellation of runout; see :func:`feedforward_parameters`."""
+    found = _own(ControllerRunoutParameters, node, values).runout
+    _refuse_without_error(node, 'runout.method', found)
+    return found
 
 
 def seek_parameters(node: str, values: Mapping[str, object]) -> SeekParameters:
-    """
-    Return the parameters of a controller's seek part, from all that a file says of its node.
-
-    Raises
-    ------
-    ParameterError
-        If a value is refused, or the controller does not follow the reference and so has no target to seek.
-    """
-    kind = seek_kind(node)
-    own = {declaration.name for declaration in declarations(kind)}
-    found: ControllerSeekParameters = _constructed(
-        kind, node, {name: value for name, value in values.items() if name in own}
-    )
-    if found.seek.is_used and not NODES[node].follows_reference:
-        allowed = 'none, since this controller does not follow the reference'
-        raise ParameterError(f'{node}.seek.method', found.seek.method, allowed)
-    return found.seek
+    """Return the parameters of a controller's seek part; see :func:`feedforward_parameters`."""
+    found = _own(seek_kind(node), node, values).seek
+    _refuse_without_error(node, 'seek.method', found)
+    return found
 
 
 def seek_kind(node: str) -> type[ControllerSeekParameters]:
@@ -117,9 +84,7 @@ def seek_kind(node: str) -> type[ControllerSeekParameters]:
     return next(kind for kind in NODES[node].parameter_sets if issubclass(kind, ControllerSeekParameters))
 
 
-def refuse_other_units(
-    name: str, used: SeekParameters | FeedforwardParameters | RunoutParameters, drive: PlantParameters
-) -> None:
+def refuse_other_units(name: str, used: _HasMethod, drive: PlantParameters) -> None:
     """Refuse what has parameters in um and V on a drive in other units: :class:`ParameterError` of ``name``."""
     units = drive.length_unit, drive.control_unit
     if used.is_used and units != ('um', 'V'):
@@ -140,3 +105,16 @@ def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> An
         return from_mapping(kind, values)
     except ParameterError as error:
         raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
+
+
+def _own(kind: type[Kind], node: str, values: Mapping[str, object]) -> Kind:
+    """Return the parameters of one kind, from all that a file says of a node."""
+    own = {declaration.name for declaration in declarations(kind)}
+    found: Kind = _constructed(kind, node, {name: value for name, value in values.items() if name in own})
+    return found
+
+
+def _refuse_without_error(node: str, name: str, used: _HasMethod) -> None:
+    if used.is_used and not NODES[node].follows_reference:
+        allowed = 'none, since this controller does not follow the reference'
+        raise ParameterError(f'{node}.{name}', used.method, allowed)
