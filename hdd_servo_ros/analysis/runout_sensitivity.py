@@ -16,6 +16,7 @@ from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.pid import Pid
 from hdd_servo_ros.control.runout import samples_per_revolution
 from hdd_servo_ros.control.runout_parameters import RunoutParameters
+from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 
 MAX_RUNOUT_SENSITIVITY = 2.2
 """Largest peak sensitivity with the cancellation: a tenth more than without."""
@@ -175,6 +176,19 @@ def _low_pass(runout: RunoutParameters, frequencies: NDArray[np.float64]) -> NDA
     if not runout.cutoff:
         return np.ones_like(frequencies)
     return np.asarray(1.0 / (1.0 + (frequencies / runout.cutoff) ** 8))
+
+
+def speed_warnings(runout: RunoutParameters, disturbance: DisturbanceParameters | None) -> tuple[str, ...]:
+    """Return a line if the cancellation takes another speed than that of the spindle with the runout; else none."""
+    if disturbance is None or not disturbance.runout.repeatable.enabled:
+        return ()
+    own, spindle = runout.revolutions_per_minute, disturbance.spindle.revolutions_per_minute
+    if math.isclose(own, spindle, rel_tol=1e-9):
+        return ()
+    return (
+        f'cancellation of runout: runout.revolutions_per_minute is {own:g}, but the spindle of disturbance_generator '
+        f'turns at {spindle:g} 1/min: nothing repeats at the other speed',
+    )
 
 
 def runout_warnings(

@@ -9,7 +9,7 @@ import numpy as np
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
-from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings
+from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
 from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
@@ -22,6 +22,7 @@ from hdd_servo_ros.control.runout import RunoutCancellation
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek import Seek, SeekSurroundings
 from hdd_servo_ros.control.seek_parameters import SeekParameters
+from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
     feedforward_parameters,
@@ -32,6 +33,7 @@ from hdd_servo_ros.graph.block_parameters import (
     sensor_scales,
 )
 from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
+from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
@@ -82,6 +84,7 @@ class ControllerNode(CatalogueNode):
         self._sensor: LdvParameters | None = None
         self._loop: LoopSurroundings | None = None
         self._accelerometer: AccelerometerParameters | None = None
+        self._disturbance: DisturbanceParameters | None = None
         self._feedforward: Feedforward | None = None
         self._runout: RunoutCancellation | None = None
         self._observer: Observer | None = None
@@ -126,6 +129,7 @@ class ControllerNode(CatalogueNode):
             observer = None if self._observer is None else self._observer.parameters
             self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
+        self._disturbance = block_parameters_of(run, DISTURBANCE_GENERATOR)
         names = (
             *self._controller.estimate_names,
             *self._prepare_seek(run.sample_time),
@@ -246,7 +250,11 @@ class ControllerNode(CatalogueNode):
         warnings = fragility.warnings(self._controller, self._loop)
         if self._runout is None:
             return warnings
-        return *warnings, *runout_warnings(self._controller, self._loop, self._runout.parameters, self._runout.path)
+        return (
+            *warnings,
+            *speed_warnings(self._runout.parameters, self._disturbance),
+            *runout_warnings(self._controller, self._loop, self._runout.parameters, self._runout.path),
+        )
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         controller, observer, offsets = self._controller, self._observer, self._offsets

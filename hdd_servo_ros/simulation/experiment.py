@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
-from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings
+from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
 from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
@@ -323,7 +323,12 @@ class Experiment:
         warnings = (*self.plant.warnings(), *fragility.warnings(self.controller, loop))
         if self.runout is None:
             return warnings
-        return *warnings, *runout_warnings(self.controller, loop, self.runout.parameters, self.runout.path)
+        source = self._blocks.get(DISTURBANCE_GENERATOR)
+        return (
+            *warnings,
+            *speed_warnings(self.runout.parameters, None if source is None else source.parameters),
+            *runout_warnings(self.controller, loop, self.runout.parameters, self.runout.path),
+        )
 
     def saturation_warnings(self) -> dict[tuple[str, str], str]:
         """

@@ -10,7 +10,7 @@ from scipy import signal
 from hdd_servo_ros.analysis.feedforward_path import feedforward_path, runout_path
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.analysis.linear_laws import pid_law
-from hdd_servo_ros.analysis.runout_sensitivity import linear_law, runout_margin, runout_warnings
+from hdd_servo_ros.analysis.runout_sensitivity import linear_law, runout_margin, runout_warnings, speed_warnings
 from hdd_servo_ros.analysis.sensitivity import LoopMargins
 from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn, AdaptiveNnParameters
@@ -19,9 +19,11 @@ from hdd_servo_ros.control.open_loop import OpenLoop, OpenLoopParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
 from hdd_servo_ros.control.runout import RunoutCancellation
 from hdd_servo_ros.control.runout_parameters import RunoutModelParameters, RunoutParameters
+from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
+from hdd_servo_ros.parameters import from_mapping
 
 SECTORS = 84
 T = 99206e-9
@@ -227,3 +229,16 @@ def test_a_drive_without_a_presliding_spring_has_one_state():
     runout = RunoutParameters(method='repetitive', gain=0.1)
     found = runout_margin(free, pid_law(GAINS), runout, path_of(runout))
     assert math.isfinite(found.peak)
+
+
+def test_another_speed_than_that_of_the_spindle_is_warned_of():
+    shaken = from_mapping(
+        DisturbanceParameters,
+        {'runout.repeatable.enabled': True, 'spindle.revolutions_per_minute': 5400.0},
+    )
+    (line,) = speed_warnings(RunoutParameters(method='harmonics'), shaken)
+    assert 'runout.revolutions_per_minute is 7200' in line
+    assert 'turns at 5400 1/min' in line
+    assert not speed_warnings(RunoutParameters(method='harmonics', revolutions_per_minute=5400.0), shaken)
+    assert not speed_warnings(RunoutParameters(method='harmonics'), DisturbanceParameters())
+    assert not speed_warnings(RunoutParameters(method='harmonics'), None)
