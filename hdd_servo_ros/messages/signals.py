@@ -342,7 +342,8 @@ class SignalRows(Signals):
         return cls(first_tick, sample_time, arrays, estimate_names, units)
 
     def __len__(self) -> int:
-        return len(self._arrays[HEAD.name])
+        # All topics have the same ticks; a long run is read by some of them.
+        return len(next(iter(self._arrays.values())))
 
     def __repr__(self) -> str:
         last = self.first_tick + len(self) - 1

@@ -76,12 +76,20 @@ def test_a_long_run_gives_the_same_summary(run, monkeypatch):
     assert 'ticks' not in vars(opened)
 
 
+def test_the_sensitivity_of_a_long_run_with_estimates_in_the_loop(tmp_path, monkeypatch):
+    run = simulated(tmp_path / 'run', '--params-file', 'params/thesis_law.yaml')
+    expected = run_sensitivity(Run.open(run))
+    monkeypatch.setattr('hdd_servo_ros.recording.recorded_run.LONG_RUN', 1)
+    assert expected is not None
+    assert run_sensitivity(Run.open(run)) == expected
+
+
 def test_the_whole_of_a_long_run_is_checked(run, long):
     Run.open(run).verify()
 
 
 def test_a_very_long_run_is_drawn_by_its_extremes(run, long, monkeypatch, tmp_path):
-    monkeypatch.setattr(show, 'VERY_LONG_RUN', 1)
+    monkeypatch.setattr('hdd_servo_ros.reporting.long_runs.VERY_LONG_RUN', 1)
     opened = RecordedRun.open(run)
     assert show.draw_run(opened, tmp_path / 'run.png')
     assert (tmp_path / 'run.png').stat().st_size > 10_000
