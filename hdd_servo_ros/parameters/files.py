@@ -251,5 +251,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def with_node(error: ParameterError, node: str) -> ParameterError:
-    """Return a parameter error whose name begins with the node's."""
+    """Return a parameter error whose name begins with the node's, as it is if it begins with a node's already."""
+    if ':' in error.name:
+        return error
     return ParameterError(f'{node}:{error.name}', error.value, error.allowed)

@@ -91,7 +91,7 @@ def test_an_outside_controller_is_wrapped_as_well(bench):
             '-p',
             'run_dir:=outside',
             '-p',
-            '/**:seek.method:=final_state',
+            'seek.method:=final_state',
         ),
     )
     assert 'seeks' in ran.output

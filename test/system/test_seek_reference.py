@@ -75,7 +75,7 @@ def test_a_report_of_it(bench, trajectory, repeat):
         # The one of tick 0 too, but not one of the last tick.
         assert values['edges'] == (6 if repeat else 3)
         assert (close_up := close_up_of(run)) is not None
-        assert close_up.title == 'last edge'
+        assert close_up.title == 'last seek that arrives'
     else:
         assert 'edges' not in values
         assert any('no period of the reference' in line for line in left_out(run))
