@@ -197,8 +197,8 @@ def open_tab(port):
     with socket.create_connection(('127.0.0.1', port)) as tab:
         tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack('ii', 1, 0))  # closes by a reset
         tab.sendall(
-            b'GET /1/ws HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
-            b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n'
+            b'GET /1/ws HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+            b'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n' % port
         )
         for text in (b'{"type": "supports_binary", "value": true}', b'{"type": "refresh"}', b'[', b'7', b'{}'):
             tab.sendall(bytes((0x81, 0x80 | len(text), 0, 0, 0, 0)) + text)

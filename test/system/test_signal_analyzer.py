@@ -129,8 +129,9 @@ def test_too_much_excitation_fails_with_what_was_measured_before_it(bench, execu
 
 
 def test_a_sweep_that_is_interrupted_keeps_what_it_has(bench):
-    process = bench.start('rig', *SWEEP, '-p', 'start_frequency:=1000.0', '-p', 'run_dir:=stopped')
-    process.wait_for('s left')  # after the first seconds, of a run that takes longer on any machine
+    slow = ('-p', 'deterministic_timer:rate:=0.2')
+    process = bench.start('rig', *SWEEP, *slow, '-p', 'start_frequency:=1000.0', '-p', 'run_dir:=stopped')
+    process.wait_for('s left')  # after the first seconds, of a run of twenty
     process.signal(signal.SIGINT)
     assert process.wait() == 130, process.output
     assert bench.run_yaml('stopped')['status'] == 'interrupted'
