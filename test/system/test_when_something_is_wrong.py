@@ -92,7 +92,9 @@ def test_a_node_that_is_killed_before_the_run_may_be_started_again(bench):
 
 
 def test_a_writer_that_takes_nothing_ends_the_run(bench):
-    process = bench.start('rig', *SLOW, '-p', 'deterministic_timer:rate:=0.0', '-p', 'bag_recorder:run_dir:=run')
+    # Long enough at full speed, on any machine, for the writer to be stopped in.
+    full_speed = ('-p', 'deterministic_timer:rate:=0.0', '-p', 'deterministic_timer:duration:=300.0')
+    process = bench.start('rig', *SLOW, *full_speed, '-p', 'bag_recorder:run_dir:=run')
     wait_for_ticks(bench)
     (writer,) = Path(f'/proc/{process.popen.pid}/task/{process.popen.pid}/children').read_text().split()
     os.kill(int(writer), signal.SIGSTOP)
