@@ -198,13 +198,13 @@ class BagRecorder(CatalogueNode):
             self._ignored.add(PARAMETER_EVENTS, str(error), self._run.nodes)
             return
         node = self._run.nodes.get(event.node)
-        if node is None or event.node in self._own_nodes:
+        if node is None:
             return  # every node of the domain publishes here
         change = change_of_event(event)
         why_not = why_not_recordable(change, event, node['parameters'])
         if why_not:
             self._ignored.add(PARAMETER_EVENTS, f'{why_not} in the name of {event.node}', self._run.nodes)
-        else:
+        elif event.node not in self._own_nodes:
             self._take_change(change)
 
     def _take_change(self, change: NodeChange) -> None:
