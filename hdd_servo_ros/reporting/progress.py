@@ -74,7 +74,8 @@ class Progress:
 
     def go_on(self, tick: int) -> None:
         """Go on after a pause before ``tick``: the time since the last one that was shown does not count."""
-        self._seen = (time.monotonic(), tick)
+        if self._seen is not None:  # nothing counts before the first one
+            self._seen = (time.monotonic(), tick)
 
     def _speed(self, now: float, tick: int) -> float:
         """Return the seconds of the run per second of wall time, over the last seconds without pauses."""

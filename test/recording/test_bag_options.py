@@ -105,7 +105,7 @@ def test_a_run_of_some_topics(runs, tmp_path, capsys):
     assert f'clock is missing in {runs["some"]}' in capsys.readouterr().out
     assert replay([str(runs['some']), '--without-ros']) == 0
     assert 'the same bits' in capsys.readouterr().out
-    assert certificate([str(runs['some'])]) == 2
+    assert certificate([str(runs['some'])]) == 3
     assert capsys.readouterr().err.count('\n') == 1
 
 
@@ -149,5 +149,5 @@ def test_a_run_that_cannot_be_drawn(tmp_path, capsys):
     words = ('-p', 'duration:=0.01', '-p', f'run_dir:={tmp_path / "run"}', '-p', 'topics:=[clock]')
     assert simulate(['--ros-args', *words]) == 0
     assert 'picture  none: nothing that it shows was recorded' in capsys.readouterr().out
-    assert report([str(tmp_path / 'run'), '--output', str(tmp_path / 'report')]) == 2
+    assert report([str(tmp_path / 'run'), '--output', str(tmp_path / 'report')]) == 3
     assert 'nothing to report' in capsys.readouterr().err

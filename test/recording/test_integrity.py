@@ -78,7 +78,7 @@ def test_what_is_recovered_of_a_changed_mcap_file_is_right(runs, tmp_path, kind,
     for place, changed in list(flips(file_of(whole).read_bytes(), 2))[:12]:
         run = copy_of(whole, tmp_path / 'run')
         file_of(run).write_bytes(changed)
-        assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+        assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
         assert re.fullmatch(r'report: .+\n', capsys.readouterr().err), place
         if recover([str(run)]) == 0:
             said = read_run_yaml(run)
@@ -122,9 +122,9 @@ def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, ca
         connection.commit()
     with pytest.raises(BagError, match=f'/{topic} is damaged: its messages are not those that were written'):
         Run.open(run)[topic]
-    assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+    assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
     before = sorted(path.name for path in run.iterdir())
-    assert recover([str(run)]) == 2
+    assert recover([str(run)]) == 3
     error = capsys.readouterr().err.splitlines()[-1]
     assert 'a value was changed in the file, and nothing tells which; use a copy of the bag' in error
     assert sorted(path.name for path in run.iterdir()) == before
@@ -138,7 +138,7 @@ def test_a_claim_that_the_bag_does_not_hold_is_refused(runs, tmp_path, kind, cla
     rewrite_run_yaml(run, {**read_run_yaml(run), 'status': status, 'last_tick': claim})
     with pytest.raises(BagError, match=f'says {claim} for the last tick, the bag holds {LAST_TICK}'):
         Run.open(run)
-    assert report([str(run), '--output', str(tmp_path / 'out')]) == 2
+    assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
     assert recover([str(run)]) == 0
     assert read_run_yaml(run)['last_tick'] == LAST_TICK
     assert file_of(run).read_bytes() == file_of(runs[kind]).read_bytes()

@@ -156,7 +156,7 @@ def test_a_bag_that_rosbag2_has_compressed_is_whole_or_refused(runs, tmp_path, c
     assert 'is whole: finished, last tick 1000' in capsys.readouterr().out
     file = run / 'bag' / 'bag.mcap.zstd'
     file.write_bytes(file.read_bytes()[:1000])
-    assert recover([str(run)]) == 2
+    assert recover([str(run)]) == 3
     error = capsys.readouterr().err
     assert 'bag.mcap.zstd is neither an .mcap nor a .db3 file' in error
     assert len(error.splitlines()) == 1
@@ -180,7 +180,7 @@ def test_a_file_of_an_unknown_compression_is_refused(runs, tmp_path, capsys):
     file = run / 'bag' / 'bag.mcap'
     file.write_bytes(file.read_bytes().replace(b'\3\0\0\0lz4', b'\3\0\0\0xyz'))
     before = files_of(run)
-    assert recover([str(run)]) == 2
+    assert recover([str(run)]) == 3
     error = capsys.readouterr().err
     assert "is compressed by 'xyz', which cannot be mended here" in error
     assert len(error.splitlines()) == 1

@@ -81,3 +81,13 @@ def test_the_last_seconds_count(capsys, clock):
     factor, left = shown(capsys)
     assert factor == 0.1
     assert left == pytest.approx(960.0)
+
+
+def test_a_run_may_be_started_by_hand(capsys, clock):
+    """It goes on before it has shown anything."""
+    progress = Progress('run', 1000, 0.1)
+    progress.go_on(0)
+    for tick in range(200):
+        progress.show(tick)
+        clock[0] += 0.05
+    assert shown(capsys)[0] == 2.0

@@ -360,13 +360,13 @@ def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
     assert 'no computation delay NOT kept dsp.computation_delay 1: u 0.0001 s late' in printed
     file = directory / 'run.yaml'
     file.write_text(file.read_text().replace('dsp.dac_bits: 16', 'dsp.dac_bits: 15'))
-    assert main([str(directory)]) == 2
+    assert main([str(directory)]) == 3
     assert 'does not do what was recorded: at tick' in capsys.readouterr().err
 
 
 def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
     def refusal(directory):
-        assert main([str(directory)]) == 2
+        assert main([str(directory)]) == 3
         return capsys.readouterr().err
 
     assert 'no run.yaml' in refusal(tmp_path)
@@ -401,5 +401,5 @@ def test_a_run_whose_parameters_changed_is_refused(tmp_path, capsys, monkeypatch
 
     monkeypatch.setattr(BagWriter, 'close', close_with_event)
     directory = recorded(tmp_path / 'run')
-    assert main([str(directory)]) == 2
+    assert main([str(directory)]) == 3
     assert 'parameters of adaptive_nn_controller changed during the run' in capsys.readouterr().err
