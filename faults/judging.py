@@ -14,6 +14,7 @@ import yaml
 
 from faults.campaign import HANG, NOT_FINITE, TRACEBACK, WRONG, Fault
 from hdd_servo_ros import Run
+from hdd_servo_ros.recording.bag_columns import BagError
 
 LONGEST_CALL = 20.0
 """Time for what is called in this process and takes some hundredths of that [s]."""
@@ -90,7 +91,11 @@ def false_claims(folder: Path, code: int | None, reference: Run | None) -> Itera
         yield Fault(WRONG, f'status {status} without a reason')
     if status == 'running':
         return
-    run = Run.open(folder)
+    try:
+        run = Run.open(folder)
+    except BagError as error:
+        yield Fault(WRONG, str(error))
+        return
     if len(run.time) != content['last_tick'] + 1:
         yield Fault(WRONG, f'last tick {content["last_tick"]} with {len(run.time)} ticks')
     if status == 'finished' and len(run.time) != content['last_tick_planned'] + 1:

@@ -5,6 +5,7 @@ import pytest
 
 from hdd_servo_ros.disturbance.recording import at_ticks, read_recording
 from hdd_servo_ros.disturbance.table import read_table
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters import ParameterError
 
 
@@ -49,7 +50,7 @@ def test_a_bad_recording_is_refused_in_one_line(tmp_path, text, reason):
     with pytest.raises(ParameterError) as error:
         read_recording('vibration.linear.recording', path, 'acceleration [m/s^2]')
     said = str(error.value)
-    assert said.startswith(f'parameter vibration.linear.recording = {path!r} is refused: a CSV file')
+    assert said.startswith(f'parameter vibration.linear.recording = {shown(path)} is refused: a CSV file')
     assert reason in said
     assert '\n' not in said
 

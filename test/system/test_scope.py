@@ -188,7 +188,8 @@ def test_stray_messages_neither_end_it_nor_hold_it_up(bench, scope, outside):
     assert 'Traceback' not in said
     for topic in ('/scope', '/lockstep'):
         assert said.count(f'{topic}: ignored a message') == 1
-    assert '/outside' in said
+    # Of a publisher that is gone by then, its name is not known.
+    assert '/outside' in said or 'undiscovered or vanished node' in said
     assert (bench.directory / 'live.png').exists()
 
 
