@@ -109,6 +109,7 @@ class RunServer:
         self.pid = self._process.pid
         self._runs: dict[int, ServedRun] = {}
         self._started: list[int] = []
+        self._ended: dict[int, int] = {}
         self._unread = b''
 
     def start(self, arguments: Sequence[str], log: Path) -> ServedRun:
@@ -140,7 +141,10 @@ class RunServer:
         while not self._started:
             self.read(None)
         run = ServedRun(self, self._started.pop())
-        self._runs[run.pid] = run
+        # The end of a process that ended at once may have come with the same read as its start.
+        run.returncode = self._ended.pop(run.pid, None)
+        if run.returncode is None:
+            self._runs[run.pid] = run
         return run
 
     def read(self, timeout: float | None) -> None:
@@ -164,8 +168,10 @@ class RunServer:
             word, pid, *code = line.decode().split()
             if word == 'started':
                 self._started.append(int(pid))
-            else:
+            elif int(pid) in self._runs:
                 self._runs.pop(int(pid)).returncode = int(code[0])
+            else:
+                self._ended[int(pid)] = int(code[0])
 
     def close(self) -> None:
         """End the server, and with it the runs that are left."""

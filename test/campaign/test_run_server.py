@@ -118,3 +118,15 @@ def test_the_log_is_there_before_the_run_has_opened_it(tmp_path):
     with contextlib.suppress(BrokenPipeError):  # the request is still to be written
         server.close()
     assert (tmp_path / 'log').read_bytes() == b''
+
+
+def test_a_run_may_end_before_its_start_is_read(server, tmp_path, monkeypatch):
+    read = RunServer.read
+
+    def late(self, timeout):
+        time.sleep(1.0)
+        read(self, timeout)
+
+    monkeypatch.setattr(RunServer, 'read', late)
+    refused = [server.start(['--ros-args', '-p', 'no_such:=1'], tmp_path / f'{number}.log') for number in range(2)]
+    assert [run.wait(LONG) for run in refused] == [2, 2]
