@@ -2,11 +2,11 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.analysis.sampled_model import NO_SCALES, RigidModel, SampledModel, ideal_outputs
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.controller import Controller
@@ -16,28 +16,9 @@ from hdd_servo_ros.control.observer import Observer
 from hdd_servo_ros.control.runout import path_length
 from hdd_servo_ros.control.runout_parameters import RunoutParameters
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
-from hdd_servo_ros.numerics.transition import held_input_transition
 
-NO_SCALES = SensorScales(0.0, 0.0)
-"""Of a sensor without voltages, or where no controller reads them."""
 _PULSE = 1e-3
 """Height of the pulse [V]: small, so that what adapts in the controller hardly does."""
-
-
-class RigidModel(Protocol):
-    """A model of the drive in presliding, without its resonances."""
-
-    @property
-    def gain(self) -> float:
-        """Acceleration of the head per volt [um/s^2/V]."""
-
-    @property
-    def stiffness(self) -> float:
-        """Of the pivot's friction [V/um]."""
-
-    @property
-    def viscous_coefficient(self) -> float:
-        """Of the pivot's friction [V s/um]."""
 
 
 def feedforward_knowledge(
@@ -120,7 +101,7 @@ def feedforward_path(
         Error per volt [um/V] at each sample from that of the pulse on; element 0 is 0.
     """
     delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=dsp.computation_delay), sample_time)
-    drive = _SampledModel(model, *resonances, sample_time)
+    drive = SampledModel(model, *resonances, sample_time)
     path = np.zeros(length)
     held = 0.0
     pulse_tick = dsp.computation_delay + 1
@@ -130,71 +111,12 @@ def feedforward_path(
         if observer is not None:
             is_hidden = tick == pulse_tick and not is_observed
             _, velocity = observer.step(position, held - _PULSE if is_hidden else held)
-        inputs = ControllerInputs(tick, position, velocity, *_volts(sensor, position, velocity), 0.0, 0.0, 0.0)
+        inputs = ControllerInputs(tick, position, velocity, *ideal_outputs(sensor, position, velocity), 0.0, 0.0, 0.0)
         u, unsaturated, feedback = controller.step(inputs)
         pulse = _PULSE if tick == 0 else 0.0
         held, _, _ = delayed.step(u + pulse, unsaturated + pulse, feedback)
         drive.step(held)
     return path
-
-
-class _SampledModel:
-    """
-    The model with u held over each sample, by plain arithmetic in a fixed order.
-
-    The states are position and velocity times T of the rigid body, then two per resonance: with (b2 s^2 + b1 s + b0)/
-    (s^2 + a1 s + a0) = b2 + ((b1 - b2 a1) s + b0 - b2 a0)/(s^2 + a1 s + a0), the response q of the last fraction with a
-    numerator of 1/T^2, and its derivative times T.
-    """
-
-    def __init__(
-        self, model: RigidModel, numerators: Sequence[float], denominators: Sequence[float], sample_time: float
-    ) -> None:
-        self._sample_time, rate = sample_time, 1.0 / sample_time
-        size = 2 + 2 * (len(numerators) // 3)
-        dynamics = [[0.0] * size for _ in range(size)]
-        dynamics[0][1] = rate
-        dynamics[1][0] = -model.gain * model.stiffness * sample_time
-        dynamics[1][1] = -model.gain * model.viscous_coefficient
-        inputs = [0.0] * size
-        inputs[1] = model.gain * sample_time
-        shown = [0.0] * size
-        shown[0] = 1.0
-        for i in range(0, len(numerators), 3):
-            a2, a1, a0 = denominators[i : i + 3]
-            b2, b1, b0, a1, a0 = numerators[i] / a2, numerators[i + 1] / a2, numerators[i + 2] / a2, a1 / a2, a0 / a2
-            q, rate_of_q = 2 + 2 * (i // 3), 3 + 2 * (i // 3)
-            dynamics[q][rate_of_q] = rate
-            dynamics[rate_of_q] = [value * rate for value in shown]
-            dynamics[rate_of_q][q] -= a0 * sample_time
-            dynamics[rate_of_q][rate_of_q] -= a1
-            shown = [b2 * value for value in shown]
-            shown[q] += (b0 - b2 * a0) * sample_time * sample_time
-            shown[rate_of_q] += (b1 - b2 * a1) * sample_time
-        self._position = shown
-        # The velocity times T; no voltage reaches it, as it passes the velocity of the body first.
-        columns = zip(*dynamics, strict=True)
-        self._travel = [0.0, 1.0] if size == 2 else [_product(shown, column) * sample_time for column in columns]
-        self._transition, self._response = held_input_transition(dynamics, inputs, sample_time)
-        self._states = [0.0] * size
-
-    def output(self) -> tuple[float, float]:
-        """Return position [um] and velocity [um/s] of the head."""
-        return _product(self._position, self._states), _product(self._travel, self._states) / self._sample_time
-
-    def step(self, control: float) -> None:
-        """Advance by a sample over which a voltage is held."""
-        self._states = [
-            _product(row, self._states) + response * control
-            for row, response in zip(self._transition, self._response, strict=True)
-        ]
-
-
-def _product(row: Sequence[float], states: Sequence[float]) -> float:
-    total = 0.0
-    for factor, state in zip(row, states, strict=True):
-        total += factor * state
-    return total
 
 
 def runout_path(
@@ -218,12 +140,4 @@ def runout_path(
     resonances = model.numerators, model.denominators
     return feedforward_path(
         controller, dsp, model, sample_time, length, sensor, observer, is_observed=True, resonances=resonances
-    )
-
-
-def _volts(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:
-    """Return the outputs of an ideal sensor [V], 0 of one without scales."""
-    return (
-        position / sensor.displacement if sensor.displacement else 0.0,
-        velocity / sensor.velocity if sensor.velocity else 0.0,
     )

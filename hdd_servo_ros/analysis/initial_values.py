@@ -23,18 +23,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.analysis.sampled_model import NO_SCALES, SampledModel, ideal_outputs
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
 from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.observer import DIGITS
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
 from hdd_servo_ros.numerics.elementary import exp
-from hdd_servo_ros.numerics.transition import held_input_transition
 from hdd_servo_ros.parameters import ParameterError
 
 Array = NDArray[np.float64]
 
-NO_SCALES = SensorScales(0.0, 0.0)
-"""Of a sensor without voltages, or where no controller reads them."""
 _ERROR, _VELOCITY, _VOLTAGE = 1e-3, 1.0, 1e-3
 """Sizes of the initial values [um, um/s, V]: small, so that what adapts in the controller hardly does."""
 
@@ -149,39 +147,20 @@ def initial_value_responses(
         (0.0, 0.0, _VOLTAGE, 1.0, _VOLTAGE),
         (0.0, 0.0, _VOLTAGE, decay, _VOLTAGE),
     )
-    transition, response = held_input_transition(
-        # The second state is velocity times T, which makes both alike in size.
-        [
-            [0.0, 1.0 / sample_time],
-            [-drive.gain * drive.stiffness * sample_time, -drive.gain * drive.viscous_coefficient],
-        ],
-        [0.0, drive.gain * sample_time],
-        sample_time,
-    )
     delay = 0 if dsp is None else dsp.computation_delay
     responses = np.zeros((len(kicks), ticks))
     for row, (error, velocity, added, fading, size) in enumerate(kicks):
         controller = make_controller()
         delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=delay), sample_time)
+        head = SampledModel(drive, (), (), sample_time)
         # The target is 0.
-        position, travel = -error, velocity * sample_time
+        head.start(-error, velocity)
         for tick in range(ticks):
-            responses[row, tick] = -position / size
-            measured = position, travel / sample_time
-            inputs = ControllerInputs(tick, *measured, *_volts(sensor, *measured), 0.0, 0.0, 0.0)
+            measured = head.output()
+            responses[row, tick] = -measured[0] / size
+            inputs = ControllerInputs(tick, *measured, *ideal_outputs(sensor, *measured), 0.0, 0.0, 0.0)
             u, unsaturated, feedback = controller.step(inputs)
             held, _, _ = delayed.step(u + added, unsaturated + added, feedback)
             added *= fading
-            position, travel = (
-                transition[0][0] * position + transition[0][1] * travel + response[0] * held,
-                transition[1][0] * position + transition[1][1] * travel + response[1] * held,
-            )
+            head.step(held)
     return responses
-
-
-def _volts(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:
-    """Return the outputs of an ideal sensor [V], 0 of one without scales."""
-    return (
-        position / sensor.displacement if sensor.displacement else 0.0,
-        velocity / sensor.velocity if sensor.velocity else 0.0,
-    )
