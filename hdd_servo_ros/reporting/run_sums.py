@@ -1,6 +1,7 @@
 """What summary and verdict need of a run, summed up from its signals piece by piece."""
 
 import math
+import weakref
 from collections.abc import Mapping
 from typing import Any
 
@@ -129,8 +130,18 @@ class RunSums:
         return self.error.largest
 
 
+_FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[float | None, RunSums]] = weakref.WeakKeyDictionary()
+
+
 def sums_of(run: RecordedRun, after: float | None = None) -> RunSums:
-    """Return the sums of a recorded run; ``after`` is that of :func:`transient_end`."""
+    """Return the sums of a recorded run, computed once; ``after`` is that of :func:`transient_end`."""
+    found = _FOUND.setdefault(run, {})
+    if after not in found:
+        found[after] = _sum_up(run, after)
+    return found[after]
+
+
+def _sum_up(run: RecordedRun, after: float | None) -> RunSums:
     if run.description.get('last_tick', 0) < 0:
         # It failed at tick 0.
         return RunSums(run.description, 0.0)
