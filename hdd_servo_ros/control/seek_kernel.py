@@ -91,7 +91,6 @@ STATE = layout(
     'bias',
     'fading',
     'measured',
-    'driven_position',
     'added',
     'last_added',
     'observed_position',
@@ -105,9 +104,9 @@ last one; ``goal`` [um] is the sum of the jumps under way, ``pending`` [um] what
 model's position and velocity at this tick and the last one. From ``length`` on: of a seek by feedback, its length, the
 distance to the target and the velocity at this tick, the voltage of its law, what the controller gives on the target,
 and the two voltages after the switch. From ``measured`` on: of a sensor without a velocity output, the measured
-position and the model's under the voltage that was held [um], what the seek part added of which the model's motion or
-the friction comes [V], now and at the last tick, what the observer makes of that motion [um], and where the motion of
-the model began [um]. ``is_stacked`` says that a plan was added on top of another that is under way.
+position [um], what the seek part added of which the model's motion or the friction comes [V], now and at the last tick,
+what the observer makes of that motion [um], and where the motion of the model began [um]. ``is_stacked`` says that a
+plan was added on top of another that is under way.
 """
 
 ESTIMATES = layout(
@@ -417,7 +416,6 @@ def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
         s.gain_products = GAIN_PRIOR + c.gain_memory * (s.gain_products - GAIN_PRIOR)
         s.gain_squares = GAIN_PRIOR + c.gain_memory * (s.gain_squares - GAIN_PRIOR)
         _rest(motion, DRIVEN)
-        s.driven_position = 0.0
     s.mode, s.samples_in_mode = SEEK, 0.0
 
 
@@ -474,12 +472,12 @@ def _estimate_gain(
 ) -> None:
     """Compare the velocity with what the model has under the voltage that was held, less the friction."""
     friction = s.last_applied_friction if c.delay > 0.0 else s.applied_friction
+    before, _ = _output(outputs, motion, DRIVEN)
     _move(transition, response, motion, DRIVEN, control - friction)
-    driven, expected = _output(outputs, motion, DRIVEN)
+    after, expected = _output(outputs, motion, DRIVEN)
     if c.has_observer != 0.0:
         # An observer is biased by its own model: the quotient is that of travels per sample.
-        expected = (driven - s.driven_position) / c.time_step
-        s.driven_position = driven
+        expected = (after - before) / c.time_step
     if max(abs(velocity), abs(expected)) < _CLIPPED * c.velocity_limit:
         products: float = s.gain_products + velocity * expected
         squares: float = s.gain_squares + expected * expected
