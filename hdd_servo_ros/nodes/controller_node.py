@@ -130,13 +130,16 @@ class ControllerNode(CatalogueNode):
             self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
         self._disturbance = block_parameters_of(run, DISTURBANCE_GENERATOR)
-        names = (
-            *self._controller.estimate_names,
-            *self._prepare_seek(run.sample_time),
-            *self._prepare_feedforward(run.sample_time),
-            *self._prepare_runout(run.sample_time),
-            *(() if self._observer is None else self._observer.estimate_names),
-        )
+        try:
+            names = (
+                *self._controller.estimate_names,
+                *self._prepare_seek(run.sample_time),
+                *self._prepare_feedforward(run.sample_time),
+                *self._prepare_runout(run.sample_time),
+                *(() if self._observer is None else self._observer.estimate_names),
+            )
+        except ParameterError as error:
+            raise RunError(f'{self.get_name()}: {error}') from None
         self._estimates = ArrayCodec(names)
         self._zeros = np.zeros(len(names))
         for warning in self._warnings():
@@ -157,10 +160,7 @@ class ControllerNode(CatalogueNode):
             return ()
         self._refuse_other_units('seek.method', parameters)
         self._held = 0.0
-        try:
-            surroundings = self._surroundings_of_seek(parameters, sample_time)
-        except ParameterError as error:
-            raise RunError(f'{self.get_name()}: {error}') from None
+        surroundings = self._surroundings_of_seek(parameters, sample_time)
         self._seek = Seek(parameters, sample_time, surroundings, self._scales)
         return self._seek.estimate_names
 
@@ -191,10 +191,7 @@ class ControllerNode(CatalogueNode):
         if not parameters.is_used:
             return ()
         self._refuse_other_units('runout.method', parameters)
-        try:
-            path = self._runout_path(parameters, sample_time)
-        except ParameterError as error:
-            raise RunError(f'{self.get_name()}: {error}') from None
+        path = self._runout_path(parameters, sample_time)
         RunoutCancellation(parameters, sample_time, path).step(0, 0.0)  # compiles
         self._runout = RunoutCancellation(parameters, sample_time, path)
         return self._runout.estimate_names
