@@ -43,6 +43,10 @@ CURE = 'wait for its end, or choose another namespace (--ros-args -r __ns:=/benc
 LOCKSTEP = 'lockstep'
 """Topic of the announcements."""
 LOCKSTEP_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+_MOST_UNHEARD = 100
+"""Of how many processes that have shown no nodes the last announcement is kept until a run starts."""
+_LONGEST_REASON = 1000
+"""Characters of a peer's reason that are repeated."""
 
 
 class Member:
@@ -71,6 +75,8 @@ class Member:
         self.ignored = IgnoredMessages(nodes[0])
         self.latecomers: dict[str, float] = {}
         """Inputs that a process publishes too which has come after the start, and when it was heard of last [s]."""
+        self._unheard: dict[str, Announcement] = {}
+        """Before a run, the last announcement of each process whose nodes were never announced; a run may name it."""
         self._reported: set[str] = set()
         self._announced_at = 0.0
         self._publisher = nodes[0].create_publisher(String, LOCKSTEP, LOCKSTEP_QOS)
@@ -164,20 +170,25 @@ class Member:
         if self.run is not None:
             if process in self.run.processes:
                 return True
-            if announcement.nodes is None:
+            if not announcement.nodes:
                 self._ignore(f'process {shown(process)} has no part in this run')
             else:  # it has come too late, and will leave by itself
                 outputs = {topic for node in announcement.nodes.values() for topic in node['outputs']}
                 read = {port.name for node in self.nodes for port in node.inputs}
                 self.latecomers.update(dict.fromkeys(outputs & read, time.monotonic()))
             return False
-        if announcement.nodes is not None or process in self.peers.announcements:
+        if announcement.nodes or process in self.peers.announcements:
             return True
-        # Without nodes: of a run that is in progress, or that this process has not heard of yet.
+        if announcement.run:
+            return self._starts_its_own_run(announcement)
+        # Without nodes: of another run, or of one that starts and that this process has not heard of yet.
         if not announcement.ticks or announcement.state in (WAITING, READY):
             self._ignore(f'process {shown(process)} announces no nodes')
-            return False
-        return True
+        elif announcement.state in (FAILED, INTERRUPTED):
+            self._ignore(f'process {shown(process)} has {announcement.state}, and no node of it was ever announced')
+        if announcement.ticks and (process in self._unheard or len(self._unheard) < _MOST_UNHEARD):
+            self._unheard[process] = announcement
+        return False
 
     def _ignore(self, why: str) -> None:
         names = {node.get_fully_qualified_name() for node in self.nodes}
@@ -193,18 +204,26 @@ class Member:
             # Before a run, a node that a person stops may be started again.
             self.peers.remove(process, time.monotonic())
         elif self.outcome_of_peer is None and (self.run is None or process in self.run.processes):
-            self.outcome_of_peer = Outcome(announcement.state, announcement.reason)
+            self.outcome_of_peer = Outcome(announcement.state, _reason_of(announcement))
 
     def _receive_start(self, announcement: Announcement) -> None:
         run = announcement.run
         assert run is not None
-        if announcement.process not in run['processes'] or run['timer'] not in announcement.ticks:
-            self._ignore(f'process {shown(announcement.process)} starts a run that is not its own')
+        if not self._starts_its_own_run(announcement):
             return
         if self.identifier not in run['processes']:
             names = ', '.join(node.get_fully_qualified_name() for node in self.nodes)
             raise RunError(f'{names} joined after the start: a run is in progress here; {CURE}')
         self.start(RunPlan(**run))
+
+    def _starts_its_own_run(self, announcement: Announcement) -> bool:
+        """Return whether the run that a process announces is one of its own timer; report another."""
+        run = announcement.run
+        assert run is not None
+        is_own = announcement.process in run['processes'] and run['timer'] in announcement.ticks
+        if not is_own:
+            self._ignore(f'process {shown(announcement.process)} starts a run that is not its own')
+        return is_own
 
     # What this process and the others know together.
 
@@ -216,6 +235,11 @@ class Member:
         self.peers.expect(run.processes, time.monotonic())
         self.run = run
         self.state = RUNNING
+        for process, announcement in self._unheard.items():
+            is_taken = process in run.processes and self.peers.receive(announcement, time.monotonic())
+            if is_taken and announcement.state in (FAILED, INTERRUPTED):
+                self._receive_end(announcement)
+        self._unheard.clear()
         self.announce()
 
     def timer(self) -> TimerAnnouncement | None:
@@ -236,3 +260,10 @@ class Member:
             for process in processes
             if process != self.identifier
         )
+
+
+def _reason_of(announcement: Announcement) -> str:
+    """Return why a peer has ended, in one line that is never empty."""
+    reason = ' '.join(announcement.reason.split())[:_LONGEST_REASON]
+    names = ', '.join(announcement.ticks) or announcement.process
+    return reason or f'{shown(names)} has {announcement.state} and gave no reason'

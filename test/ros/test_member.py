@@ -69,6 +69,11 @@ STRAY = [
             '{"process": "x"}',
             '{"process": "x", "state": "waiting"}',
             '{"process": "x", "state": "failed", "reason": "because"}',
+            '{"process": "x", "state": "failed", "ticks": {"/x": 1}}',
+            '{"process": "x", "state": "failed", "reason": "because", "ticks": {"/x": 1}}',
+            '{"process": "x", "state": "failed", "nodes": {}}',
+            '{"process": "x", "state": "interrupted", "nodes": {}, "ticks": {"/x": 1}}',
+            '{"process": "x", "state": "waiting", "nodes": {}}',
             '{"process": "x", "state": ["failed"]}',
             '{"process": 7, "state": "ready"}',
             '{"process": "x", "state": "ready", "ticks": {"/x": "one"}}',
@@ -98,12 +103,7 @@ def test_what_no_process_of_a_run_sends_is_ignored(member, stray, is_running):
     before = (dict(member.peers.announcements), member.state, member.outcome_of_peer)
     member._receive(stray)
     member._receive(stray)
-    known = {key: value for key, value in member.peers.announcements.items() if key != 'x'}
-    assert (known, member.state, member.outcome_of_peer) == before
-    if is_running:
-        assert 'x' not in member.peers.announcements
-    if is_running and b'"nodes": {}, "run"' in stray:
-        return  # as one that has come too late
+    assert (dict(member.peers.announcements), member.state, member.outcome_of_peer) == before
     assert member.ignored.counts == {'/lockstep': 2}
 
 
@@ -178,6 +178,29 @@ def test_a_failed_peer_ends_the_wait_and_an_interrupted_one_is_forgotten(member)
         gathering.gather()
 
 
+def test_a_peer_that_fails_without_a_reason_is_named(member):
+    receive(member, OF_TIMER)
+    receive(member, OF_TIMER, state=FAILED, reason='', nodes=None)
+    with pytest.raises(RunError, match='/deterministic_timer has failed and gave no reason'):
+        Gathering(member).gather()
+
+
+def test_a_process_that_shows_no_nodes_does_not_hold_up_a_start(member):
+    receive(member, OF_TIMER)
+    receive(member, Announcement('x', RUNNING, ticks={'/x': 1}))
+    assert member.others_are(READY)
+
+
+def test_a_peer_of_the_run_that_failed_before_this_process_began_ends_it(member):
+    """The run names it; that nothing was heard of its nodes before is no fault."""
+    receive(member, OF_TIMER)
+    receive(member, Announcement('playback', FAILED, 'no such run', ticks={'/playback': 0}))
+    assert member.outcome_of_peer is None
+    start(member, 'playback')
+    assert member.outcome_of_peer is not None
+    assert member.outcome_of_peer.reason == 'no such run'
+
+
 def test_a_run_starts_with_the_timer(member, node):
     start(member)
     assert member.state == RUNNING
@@ -200,7 +223,7 @@ def test_a_peer_is_not_lost_while_this_process_begins(member, monkeypatch):
     """What it has announced in that time waits to be read."""
     gathering = Gathering(member)
     receive(member, OF_TIMER)
-    receive(member, Announcement('playback', READY, nodes={}))
+    receive(member, Announcement('playback', READY, nodes={'/playback': CLOCK_NODE}))
     clock_of(monkeypatch, member, 60.0)
     start(member, 'playback')
     assert gathering.gather()

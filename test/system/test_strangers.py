@@ -116,6 +116,25 @@ def test_a_change_that_a_node_did_not_make_is_not_recorded(bench, outside):
     assert not Run.open(bench.directory / 'run').parameter_changes
 
 
+def test_a_stranger_that_says_that_it_failed_ends_no_graph_that_waits(bench, outside, simulated):
+    """The plant waits for the others, whoever says whatever of himself."""
+    plant = bench.start('vcm_plant')
+    publisher = outside.create_publisher(String, '/lockstep', 10)
+    plant.wait_for('waiting for')
+    outside.spin_until(lambda: publisher.get_subscription_count() > 0)
+    for text in (
+        '{"process": "x", "state": "failed", "ticks": {"/a": 1}}',
+        '{"process": "x", "state": "failed", "nodes": {}}',
+        '{"process": "x", "state": "running", "ticks": {"/a": 1}}',
+        '{"process": "x", "state": "failed"}',
+    ):
+        publisher.publish(String(data=text))
+    plant.wait_for('/lockstep: ignored a message')
+    outside.spin_for(0.5)
+    assert plant.popen.poll() is None, plant.output
+    assert 'published by /outside' in plant.output
+
+
 @pytest.mark.parametrize('message', [b'\x00\x01\x00\x00\x00', b'', bytes(48), b'\x00\x00' + bytes(54), bytes(2000)])
 def test_bytes_that_are_no_message_end_the_run_with_topic_and_publisher(bench, outside, message):
     process = bench.start('rig', *LONG, *OVER_DDS, '-p', 'run_dir:=run')
