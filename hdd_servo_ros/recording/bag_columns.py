@@ -19,20 +19,18 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.exit_codes import UNREADABLE
-from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, read_digests
+from hdd_servo_ros.recording.bag_digest import TopicDigest
+from hdd_servo_ros.recording.bag_metadata import FILE_NAME, MetadataError, read_metadata
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
 from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
 from hdd_servo_ros.recording.salvage import Salvage, salvage
 from hdd_servo_ros.recording.sqlite_reading import database_to_read
 
-_YamlLoader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
 _CHANNEL, _MESSAGE, _CHUNK_INDEX = 0x04, 0x05, 0x08
 _FOOTER_SIZE = 37
@@ -115,24 +113,23 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            text = (path / 'metadata.yaml').read_text('utf8')
-            metadata = yaml.load(text, _YamlLoader)['rosbag2_bagfile_information']
-            listed = metadata['topics_with_message_count']
-            topics = [(topic['topic_metadata'], topic['message_count']) for topic in listed]
-            self.types: dict[str, str] = {topic['name']: topic['type'] for topic, _ in topics}
-            """Type of each topic, by its full name."""
-            self.counts: dict[str, int] = {topic['name']: count for topic, count in topics}
-            """Number of messages of each topic."""
-            self.custom_data: dict[str, str] = dict(metadata.get('custom_data') or {})
-            """Texts that the recorder left in the bag."""
-            self._storage: str = metadata['storage_identifier']
-            self._compressed = bool(metadata.get('compression_mode')) and metadata['compression_mode'].lower() != 'none'
-            self._files = [path / Path(name).name for name in metadata['relative_file_paths']]
-            self._checked: dict[Path, _Checked] = {file: _Checked() for file in self._files}
-            self._walked: dict[Path, Salvage] = {}
-            self._digests = read_digests(self.custom_data.get(DIGEST_KEY, ''))
-        except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise BagError(f'{path}: metadata.yaml cannot be read: {type(error).__name__}: {error}') from None
+            metadata = read_metadata(path)
+        except OSError as error:
+            raise BagError(f'{path / FILE_NAME}: {error.strerror or error}') from None
+        except MetadataError as error:
+            raise BagError(f'{path / FILE_NAME} cannot be read: {error}') from None
+        self.types = metadata.types
+        """Type of each topic, by its full name."""
+        self.counts = metadata.counts
+        """Number of messages of each topic."""
+        self.custom_data = metadata.custom_data
+        """Texts that the recorder left in the bag."""
+        self._storage = metadata.storage
+        self._compressed = metadata.is_compressed
+        self._files = [path / name for name in metadata.files]
+        self._checked: dict[Path, _Checked] = {file: _Checked() for file in self._files}
+        self._walked: dict[Path, Salvage] = {}
+        self._digests = metadata.digests
 
     def check(self) -> bool:
         """

@@ -14,7 +14,6 @@ import numpy as np
 
 from hdd_servo_ros.messages.cdr import names_and_start, numbers
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
-from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError, Column
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -72,7 +71,7 @@ class _Side:
         return stamps
 
     def tick(self, stamp: int) -> int:
-        return round(stamp / sample_time_to_nanoseconds(self.run.sample_time))
+        return self.run.tick_of(stamp)
 
 
 def _are_the_same(left: _Side, right: _Side, ticks: int | None) -> bool:

@@ -12,7 +12,14 @@ from hdd_servo_ros.messages.codecs import CODECS
 from hdd_servo_ros.messages.outcome import FINISHED, RUNNING
 from hdd_servo_ros.messages.signals import SignalRows, Signals
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, ESTIMATES, SIGNAL_TOPICS
+from hdd_servo_ros.messages.topics import (
+    ALL_LOOP_TOPICS,
+    CLOCK,
+    ESTIMATES,
+    PARAMETER_EVENT_TYPE,
+    PARAMETER_EVENTS,
+    SIGNAL_TOPICS,
+)
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.recording.bag_columns import Bag, BagError, Column, bag_directory, joined
 from hdd_servo_ros.recording.decoding import array_names, check_layout, stamps_of, values_of
@@ -116,6 +123,7 @@ class RecordedRun(Signals):
         """
         bag = Bag(path)
         _require_topics(path, (topics or {}).values(), bag)
+        _require_types(path, topics or {}, bag)
         bag.check()
         run = cls(path, bag, {}, dict(topics) if topics else _loop_topics(bag, None))
         if sample_time is not None:
@@ -352,6 +360,10 @@ class RecordedRun(Signals):
         ]
         first = min(firsts, default=0)
         return first if first >= _WALL_CLOCK else 0
+
+    def tick_of(self, stamp: int) -> int:
+        """Return the tick that a stamp [ns] is nearest to."""
+        return round((stamp - self._origin) / sample_time_to_nanoseconds(self.sample_time))
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
@@ -603,10 +615,10 @@ class RecordedRun(Signals):
         """Check that messages are those of ticks, by their receive times and by the stamps that they carry."""
         full_name = self._topics[name]
         period = sample_time_to_nanoseconds(self.sample_time)
-        if not np.array_equal(column.times, ticks * period):
+        if not np.array_equal(column.times - self._origin, ticks * period):
             raise BagError(f'{self.path}: the stamps of {full_name} are not those of the clock')
         # The time in an array is a float64, so that it is compared as a tick.
-        wrong = np.flatnonzero(np.rint(stamps / period) != ticks)
+        wrong = np.flatnonzero(np.rint((stamps - self._origin) / period) != ticks)
         if len(wrong):
             raise BagError(f'{self.path}: {full_name}: message {wrong[0]} does not carry the stamp of its tick')
 
@@ -628,9 +640,20 @@ def _require_topics(path: Path, topics: Iterable[str], bag: Bag) -> None:
         raise ClaimError(f'{path}: run.yaml names {", ".join(missing)}, which the metadata of the bag do not')
 
 
+def _require_types(path: Path, topics: Mapping[str, str], bag: Bag) -> None:
+    """Refuse a bag whose metadata give a topic of the loop another type than it has."""
+    declared = {topics[topic.name]: topic.type_name for topic in ALL_LOOP_TOPICS if topic.name in topics}
+    for topic, kind in {**declared, PARAMETER_EVENTS: PARAMETER_EVENT_TYPE}.items():
+        if bag.types.get(topic, kind) != kind:
+            raise BagError(
+                f'{path}: {topic} is of type {bag.types[topic]} by the metadata of the bag; its type is {kind}'
+            )
+
+
 def _compare_with_bag(path: Path, description: dict[str, Any], topics: dict[str, str], bag: Bag) -> None:
     """Refuse a bag that does not hold what ``run.yaml`` says of it."""
     _require_topics(path, topics.values(), bag)
+    _require_types(path, topics, bag)
     last_tick = description.get('last_tick')
     if isinstance(last_tick, int) and description.get('status') != RUNNING:
         # A run that was cut off may end within a tick.

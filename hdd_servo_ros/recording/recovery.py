@@ -10,6 +10,7 @@ from typing import Any
 
 from hdd_servo_ros.messages.exit_codes import UNREADABLE
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS, RECORDER
 from hdd_servo_ros.recording.bag_columns import WRONG_DIGEST, BagError
@@ -18,7 +19,7 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.disk import FULL
 from hdd_servo_ros.recording.mcap_checks import WRONG_DATA
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.recording.run_folder import STATUSES, read_run_yaml, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
 from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_files, complete_ticks, salvage
 from hdd_servo_ros.recording.salvaged_messages import Message
@@ -103,7 +104,7 @@ class Recovery:
 
     def _read_run_yaml(self) -> dict[str, Any]:
         try:
-            return read_run_yaml(self.run)
+            return read_run_yaml(self.run, check_status=False)
         except OSError as error:
             self._said_fault = str(error)
             return {}
@@ -194,12 +195,13 @@ class Recovery:
             left = len(self._salvage.messages) - kept
         else:
             kept, left = self._whole_run.message_count, 0
-        status, reason = str(self._said.get('status', RUNNING)), str(self._said.get('reason', ''))
+        said, reason = self._said.get('status', RUNNING), str(self._said.get('reason', ''))
+        status = said if said in STATUSES else RUNNING
         faults = [self._bag_fault] if self._bag_fault else []
         if self._salvage.fault:
             faults.append(self._salvage.fault)
         if status == RUNNING:
-            faults.append(self._said_fault or 'run.yaml says that the run is still running')
+            faults.append(self._said_fault or self._status_fault())
         elif ticks - 1 != (self._said.get('last_tick') or 0):
             faults.append(f'run.yaml says {self._said.get("last_tick")} for the last tick, the bag holds {ticks - 1}')
             status = RUNNING if status == FINISHED else status
@@ -209,6 +211,13 @@ class Recovery:
         elif faults and status != FINISHED:
             reason += f' (bag mended up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
         return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
+
+    def _status_fault(self) -> str:
+        if 'status' not in self._said:
+            return 'run.yaml does not say how the run ended: it has no status'
+        if self._said['status'] != RUNNING:
+            return f'run.yaml says {shown(self._said["status"], 40)} for the status, none of {", ".join(STATUSES)}'
+        return 'run.yaml says that the run is still running'
 
     @property
     def space_needed(self) -> int:

@@ -18,8 +18,9 @@ from typing import Any
 
 import yaml
 
-from hdd_servo_ros.messages.exit_codes import UNREADABLE, one_line
-from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.exit_codes import UNREADABLE
+from hdd_servo_ros.messages.outcome import FAILED, FINISHED, INTERRUPTED, RECOVERED, RUNNING
+from hdd_servo_ros.messages.plain_yaml import YamlError, read_yaml
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.recording.disk import allocate, sync_folder, write_durably
@@ -33,6 +34,9 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
     'nodes': dict,
 }
 """Types of what readers rely on."""
+_KINDS_OF_NODE: dict[str, type] = {'inputs': list, 'outputs': list, 'parameters': dict}
+STATUSES = (RUNNING, FINISHED, INTERRUPTED, FAILED, RECOVERED)
+"""What ``status`` may be."""
 _MORE_AT_THE_END = 2**14
 """By how much run.yaml may grow until the run ends [bytes]: the reason is the longest of it."""
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
@@ -156,9 +160,16 @@ def _temporary(directory: Path) -> Path:
     return directory / 'run.yaml.tmp'
 
 
-def read_run_yaml(directory: Path) -> dict[str, Any]:
+def read_run_yaml(directory: Path, *, check_status: bool = True) -> dict[str, Any]:
     """
     Return the content of a run folder's ``run.yaml``.
+
+    Parameters
+    ----------
+    directory
+        The run folder.
+    check_status
+        Whether its status must be one that there is; `recover` mends another.
 
     Raises
     ------
@@ -171,14 +182,18 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f'{directory} is not a run folder: it has no run.yaml')
     try:
-        content = yaml.safe_load(path.read_text('utf8'))
-    except (yaml.YAMLError, OSError, ValueError, RecursionError, OverflowError) as error:
-        raise DescriptionError(f'{path} cannot be read: {one_line(error)}') from None
+        content = read_yaml(path)
+    except (OSError, YamlError) as error:
+        raise DescriptionError(f'{path} cannot be read: {getattr(error, "strerror", None) or error}') from None
     if not isinstance(content, dict):
         raise DescriptionError(f'{path} does not describe a run: it holds {shown(content, 40)}')
     for key, kinds in _KINDS.items():
         if key in content and not isinstance(content[key], kinds):
             raise DescriptionError(f'{path} does not describe a run: {key} is {shown(content[key], 40)}')
+    if check_status and content.get('status', FINISHED) not in STATUSES:
+        raise DescriptionError(f'{path} does not describe a run: status is {shown(content["status"], 40)}')
+    for name, node in content.get('nodes', {}).items():
+        _check_node(path, name, node)
     topics = content.get('topics', {})
     if not all(isinstance(name, str) for pair in topics.items() for name in pair):
         raise DescriptionError(f'{path} does not describe a run: topics is {shown(topics, 40)}')
@@ -187,6 +202,15 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     except (ValueError, OverflowError) as error:
         raise DescriptionError(f'{path} does not describe a run: {error}') from None
     return content
+
+
+def _check_node(path: Path, name: object, node: object) -> None:
+    """Check what readers rely on in the description of a node."""
+    if not isinstance(name, str) or not isinstance(node, dict):
+        raise DescriptionError(f'{path} does not describe a run: nodes: {shown(name, 40)} is {shown(node, 40)}')
+    for key, kind in _KINDS_OF_NODE.items():
+        if key in node and not isinstance(node[key], kind):
+            raise DescriptionError(f'{path} does not describe a run: {key} of {name} is {shown(node[key], 40)}')
 
 
 def versions() -> dict[str, str]:

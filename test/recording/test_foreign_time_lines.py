@@ -207,3 +207,26 @@ def test_every_message_big_endian(tmp_path):
     bag = write(tmp_path / 'bag', range(20), change=lambda topic, number, payload: b'\x00\x00' + payload[2:])
     with pytest.raises(BagError, match='message 0 is big-endian'):
         Run.open(bag).head  # noqa: B018
+
+
+def test_wall_stamps_may_equal_the_receive_times(tmp_path, capsys):
+    """As a node records what it stamps itself; tick 0 is the first stamp then, too."""
+    times = [WALL + tick * T for tick in range(400)]
+    run = Run.open(write(tmp_path / 'bag', range(400), origin=WALL, received=times))
+    assert run.sample_time == 1e-4
+    assert np.array_equal(run.ticks, np.arange(400))
+    assert np.allclose(run['head'][:, 0], np.sin(0.1 * np.arange(400)))
+    run.verify()
+    assert report([str(tmp_path / 'bag')]) == 0
+
+    def change(topic, number, payload):
+        return (
+            VectorCodec('drive').pack(stamp_of(WALL + 7 * T), 9.0, 0.0, 0.0)
+            if (topic, number) == ('ldv', 7)
+            else payload
+        )
+
+    write(tmp_path / 'other', range(400), origin=WALL, received=times, change=change)
+    capsys.readouterr()
+    assert compare_bags([str(tmp_path / 'bag'), str(tmp_path / 'other')]) == 1
+    assert 'ldv differs first at tick 7' in capsys.readouterr().out

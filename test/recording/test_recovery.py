@@ -1,5 +1,6 @@
 """Runs that a crash cut short, mended: nothing complete is lost, nothing original is overwritten."""
 
+import itertools
 import shutil
 import sqlite3
 
@@ -17,6 +18,8 @@ from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.recording.salvage import salvage
 from hdd_servo_ros.simulation.simulate import main as simulate
 from hdd_servo_ros.tools.recover import main as recover
+from hdd_servo_ros.tools.replay import main as replay
+from hdd_servo_ros.tools.report import main as report
 
 LAST_TICK = 2500  # more than two chunks of an MCAP file
 TOPICS = ('clock', 'reference', 'head', 'ldv', 'control', 'estimates')
@@ -257,3 +260,38 @@ def test_random_bytes_are_no_bag(tmp_path):
     path.write_bytes(np.random.default_rng(1).bytes(10_000))
     assert salvage(path).messages == []
     assert 'does not begin as an MCAP file' in salvage(path).fault
+
+
+@pytest.mark.parametrize(
+    ('change', 'fault'),
+    [
+        ({'status': 'frob'}, "run.yaml says 'frob' for the status, none of running, finished"),
+        ({}, 'run.yaml does not say how the run ended: it has no status'),
+        ({'status': 'running'}, 'run.yaml says that the run is still running'),
+    ],
+)
+def test_what_run_yaml_says_of_the_end_is_told_as_it_is(runs, tmp_path, capsys, change, fault):
+    run = tmp_path / 'run'
+    shutil.copytree(runs['mcap'], run)
+    said = {key: value for key, value in read_run_yaml(run).items() if key != 'status'}
+    (run / 'run.yaml').write_text(yaml.safe_dump({**said, **change}))
+    assert recover([str(run)]) == 0
+    assert fault in capsys.readouterr().out
+    assert read_run_yaml(run)['nodes'] == said['nodes']
+    assert_mended(run, runs['mcap'], LAST_TICK)
+
+
+def test_an_alias_bomb_in_run_yaml_is_refused_before_it_grows(runs, tmp_path, capsys):
+    run = tmp_path / 'run'
+    shutil.copytree(runs['mcap'], run)
+    names = 'abcdefghij'
+    lines = ['a: &a [x,x,x,x,x,x,x,x,x,x]']
+    lines += [f'{b}: &{b} [{",".join(10 * ["*" + a])}]' for a, b in itertools.pairwise(names)]
+    said = (run / 'run.yaml').read_text()
+    (run / 'run.yaml').write_text('\n'.join([*lines, said]))
+    for command in (report, replay):
+        assert command([str(run)]) == 3
+        assert 'run.yaml cannot be read: line 7: aliases repeat more than' in capsys.readouterr().err
+    assert recover([str(run)]) == 0
+    assert (run / 'run.yaml').stat().st_size < 2 * len(said)
+    assert_mended(run, runs['mcap'], LAST_TICK)

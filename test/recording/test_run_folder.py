@@ -5,8 +5,10 @@ import pytest
 
 import hdd_servo_ros
 from hdd_servo_ros.recording import run_folder, run_recorder
-from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory, read_run_yaml
+from hdd_servo_ros.recording.run_folder import DescriptionError, RunFolder, default_run_directory, read_run_yaml
 from hdd_servo_ros.recording.run_recorder import RunRecorder
+
+PAIRS = list(zip('abcdefghi', 'bcdefghij', strict=True))
 
 
 def test_opened_and_closed(tmp_path):
@@ -71,3 +73,26 @@ def test_two_runs_that_start_at_once_get_a_folder_each(tmp_path, monkeypatch):
     assert [recorder.directory.name for recorder in recorders] == ['a', 'b']
     for recorder in recorders:
         recorder.finish('finished', '')
+
+
+@pytest.mark.parametrize(
+    ('text', 'why'),
+    [
+        ('nodes: [1]', 'nodes is'),
+        ('nodes: {/x: 3}', "nodes: '/x' is 3"),
+        ('nodes: {/x: {parameters: [1]}}', 'parameters of /x is'),
+        ('nodes: {/x: {outputs: /head}}', 'outputs of /x is'),
+        ('status: frob', "status is 'frob'"),
+        ('status: 3', 'status is 3'),
+        (
+            'a: &a [x,x,x,x,x,x,x,x,x,x]\n' + ''.join(f'{b}: &{b} [{",".join(10 * ["*" + a])}]\n' for a, b in PAIRS),
+            'aliases',
+        ),
+        (100_000 * '[', 'nested more than'),
+        ('when: 2001-13-45', 'cannot be read'),
+    ],
+)
+def test_what_does_not_describe_a_run_is_refused(tmp_path, text, why):
+    (tmp_path / 'run.yaml').write_text(text)
+    with pytest.raises(DescriptionError, match=why):
+        read_run_yaml(tmp_path)
