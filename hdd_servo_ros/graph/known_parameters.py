@@ -7,11 +7,10 @@ from typing import Any
 
 from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets
 from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
+from hdd_servo_ros.parameters.files import QOS_IS_FIXED, QOS_OVERRIDES
 
 STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
 """What every ROS node has, and `ros2 param dump` writes; both are true or false."""
-_QOS = 'qos_overrides.'
-_QOS_IS_FIXED = 'none: the quality of service of the topics is fixed, since a run is to lose no message'
 
 
 def take_standard(given: dict[str, object]) -> None:
@@ -43,8 +42,8 @@ def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
     kinds = dict.fromkeys(kind for name in names_with_parameters() for kind in parameter_sets(name))
     known = _names_in(tuple(kinds)).union(own)
     for name, value in given.items():
-        if name.startswith(_QOS):
-            raise ParameterError(name, value, _QOS_IS_FIXED)
+        if name.startswith(QOS_OVERRIDES):
+            raise ParameterError(name, value, f'none: {QOS_IS_FIXED}')
         if name not in known:
             similar = difflib.get_close_matches(name, known, n=1)
             hint = f'; did you mean {similar[0]}?' if similar else ''

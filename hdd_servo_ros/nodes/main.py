@@ -99,18 +99,19 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     try:
         lookout = None if keeps_to_this_machine(os.environ) else Lookout()
-        composition = make(given)
-        nodes = composition.nodes
-        own = {name for node in nodes for name in node.parameters.as_mapping()}
-        for node in nodes:
-            try:
-                refuse_unknown(node.parameters.unknown, own)
-            except ParameterError as error:
-                # What was given for all nodes is missing in all.
-                raise error if given.is_for_all(error.name) else with_node(error, node.get_name()) from None
-        # ROS would pass over parameters for a node that there is not; `simulate` refuses them as well.
-        given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
-        _check_schedule(nodes)
+        with given.naming_files():
+            composition = make(given)
+            nodes = composition.nodes
+            own = {name for node in nodes for name in node.parameters.as_mapping()}
+            for node in nodes:
+                try:
+                    refuse_unknown(node.parameters.unknown, own)
+                except ParameterError as error:
+                    # What was given for all nodes is missing in all.
+                    raise error if given.is_for_all(error.name) else with_node(error, node.get_name()) from None
+            # ROS would pass over parameters for a node that there is not; `simulate` refuses them as well.
+            given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
+            _check_schedule(nodes)
         for doubt in doubtful_sections(given):
             print(f'{name}: warning: {doubt}', file=sys.stderr, flush=True)
         return _run(composition, lookout)

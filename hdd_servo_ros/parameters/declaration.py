@@ -22,18 +22,29 @@ Block = TypeVar('Block')
 
 
 class ParameterError(ValueError):
-    """A parameter value that is not allowed: says the name, the value and what is allowed."""
+    """
+    A parameter value that is not allowed: says the name, the value and what is allowed.
+
+    Parameters
+    ----------
+    name, value, allowed
+        These three.
+    where
+        File and line that the value is from; empty if it is from no file, or not known here.
+    """
 
     exit_code = WRONG_ARGUMENTS
 
-    def __init__(self, name: str, value: object, allowed: str) -> None:
-        super().__init__(f'parameter {name} = {shown(value)} is refused: {allowed}')
+    def __init__(self, name: str, value: object, allowed: str, where: str = '') -> None:
+        origin = f'; given in {where}' if where else ''
+        super().__init__(f'parameter {name} = {shown(value)} is refused: {allowed}{origin}')
         self.name = name
         self.value = value
         self.allowed = allowed
+        self.where = where
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.name, self.value, self.allowed)
+        return type(self), (self.name, self.value, self.allowed, self.where)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,20 +5,25 @@ The same command line and the same files mean the same as to a ROS node: several
 right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts).
 """
 
+import contextlib
 import dataclasses
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.remapping import RemapError, Remapping, RemapRule
-from hdd_servo_ros.parameters.ros_yaml import RosYamlError, Section, read_sections, read_value
+from hdd_servo_ros.parameters.ros_yaml import Parameters, RosYamlError, Section, read_sections, read_value
 
 _TOKEN = r'[A-Za-z_][A-Za-z0-9_]*'
 _PARAMETER = re.compile(rf'(?:({_TOKEN}):)?({_TOKEN}(?:[./]{_TOKEN})*):=(.*)', re.DOTALL | re.ASCII)
+QOS_OVERRIDES = 'qos_overrides.'
+QOS_IS_FIXED = 'the quality of service of the topics is fixed, since a run is to lose no message'
+_QOS = re.compile(rf'(?:{_TOKEN}:)?{re.escape(QOS_OVERRIDES)}', re.ASCII)
+"""A topic in the name of a parameter has slashes, which no other has."""
 _FOR_ALL = '/**'
 _LOGS = tuple(
     f'--{switch}-{logs}'
@@ -50,12 +55,15 @@ class RosArguments:
         Remapping of the names of nodes, namespaces and topics.
     others
         What is none of ROS's.
+    origins
+        File and line that each of the overrides is from, by pattern and name; those of ``-p`` are not in it.
     """
 
     overrides: dict[str, dict[str, object]] = dataclasses.field(default_factory=dict)
     named: list[str] = dataclasses.field(default_factory=list)
     remaps: Remapping = dataclasses.field(default_factory=Remapping)
     others: list[str] = dataclasses.field(default_factory=list)
+    origins: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
 
     def full_name(self, node: str) -> str:
         """Return what a node is called here, with its namespace, by the name that its executable gives it."""
@@ -80,6 +88,32 @@ class RosArguments:
         """Return whether a parameter was given for all nodes and for none by its name."""
         patterns = [pattern for pattern, parameters in self.overrides.items() if name in parameters]
         return bool(patterns) and all(pattern.endswith('*') for pattern in patterns)
+
+    def origin(self, parameter: str) -> str:
+        """
+        Return the file and line that the value of a parameter is from, an empty text if it is from no file.
+
+        Parameters
+        ----------
+        parameter
+            Name of the parameter, with that of its node and a colon before it, or alone.
+        """
+        node, _, name = parameter.rpartition(':')
+        patterns = [pattern for pattern, parameters in self.overrides.items() if name in parameters]
+        # `simulate` takes what is for `rig` from a section of its own name as well.
+        own = [pattern for pattern in patterns if node and _matches(pattern, self.full_name(node))] or patterns
+        return self.origins.get((own[-1], name), '') if own else ''
+
+    @contextlib.contextmanager
+    def naming_files(self) -> Iterator[None]:
+        """Name file and line in an error about a parameter whose value is from a parameter file."""
+        try:
+            yield
+        except ParameterError as error:
+            origin = self.origin(error.name)
+            if not origin or error.where:
+                raise
+            raise ParameterError(error.name, error.value, error.allowed, origin) from error.__cause__
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
@@ -112,9 +146,13 @@ class RosArguments:
                 raise ArgumentError(f'{program} is several nodes: {by_name[name]} and {node} would both be {name}')
             by_name[name] = node
 
-    def _add(self, section: Section) -> None:
+    def _add(self, section: Section, file: Path | None = None) -> None:
         pattern, parameters = section
         self.overrides.setdefault(pattern, {}).update(parameters)
+        for name in parameters:
+            self.origins.pop((pattern, name), None)
+            if file is not None and isinstance(parameters, Parameters):
+                self.origins[pattern, name] = f'{file}, line {parameters.lines[name]}'
 
 
 def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
@@ -144,8 +182,9 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
             if section[0] != _FOR_ALL:
                 parsed.named.append(section[0])
         elif argument == '--params-file':
-            for section in read_parameter_file(Path(_value_of(argument, rest))):
-                parsed._add(section)
+            file = Path(_value_of(argument, rest))
+            for section in read_parameter_file(file):
+                parsed._add(section, file)
         elif argument in ('-r', '--remap'):
             rules.append(_parse_remap(_value_of(argument, rest)))
         elif argument == '--log-level':
@@ -166,6 +205,8 @@ def _value_of(argument: str, rest: list[str]) -> str:
 
 def _parse_parameter(text: str) -> Section:
     match = _PARAMETER.fullmatch(text)
+    if not match and _QOS.match(text):
+        raise ArgumentError(f'-p {shown(text)}: {QOS_IS_FIXED}')
     if not match:
         raise ArgumentError(
             f'-p {shown(text)} is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE, with names of letters, digits and _'

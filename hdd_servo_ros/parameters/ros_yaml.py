@@ -45,6 +45,14 @@ dotted names, lists as tuples.
 """
 
 
+class Parameters(dict[str, object]):
+    """The parameters of a section; ``lines`` has the line of each, from 1."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: dict[str, int] = {}
+
+
 class RosYamlError(ValueError):
     """
     A text that is no YAML, or YAML that ROS refuses; says which line.
@@ -286,7 +294,7 @@ def _nodes(events: _Events, prefix: str, depth: int = 0) -> Iterator[Section]:
         if not _NODE_NAME.fullmatch(prefix):
             allowed = 'letters, digits, _ and /, or as a whole part * or **'
             raise RosYamlError(f'{shown(prefix)} is no node name: {allowed}', line)
-        parameters: dict[str, object] = {}
+        parameters = Parameters()
         _take_parameters(events, '', parameters, 0)
         yield prefix, parameters
 
@@ -295,7 +303,7 @@ def _joined(prefix: str, key: str) -> str:
     return f'{prefix}{key}' if prefix in ('', '/') else f'{prefix}/{key}'
 
 
-def _take_parameters(events: _Events, prefix: str, parameters: dict[str, object], depth: int) -> None:
+def _take_parameters(events: _Events, prefix: str, parameters: 'Parameters', depth: int) -> None:
     """Take a mapping of parameters, whose start has been taken, under dotted names."""
     is_empty = True
     while not isinstance(event := events.next(), yaml.MappingEndEvent):
@@ -306,6 +314,7 @@ def _take_parameters(events: _Events, prefix: str, parameters: dict[str, object]
             event = events.next()
             if not isinstance(event, yaml.MappingStartEvent):
                 parameters[name] = _value(events, event)
+                parameters.lines[name] = line
                 continue
         except RosYamlError as error:
             raise RosYamlError(f'{name}: {error.reason}', error.line) from None

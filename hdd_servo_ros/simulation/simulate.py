@@ -195,7 +195,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parse_help('simulate', parsed.others)
         if first_compilation():
             print(f'simulate: {COMPILING}', file=sys.stderr, flush=True)
-        simulation = Simulation(parsed)
+        with parsed.naming_files():
+            simulation = Simulation(parsed)
         for warning in doubtful_sections(parsed):
             print(f'simulate: warning: {warning}', file=sys.stderr)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)

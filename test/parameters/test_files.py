@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments, read_parameter_files
 
 PARAMS = Path(__file__).parents[2] / 'params'
@@ -85,6 +86,36 @@ def test_what_cannot_be_read_is_named(arguments, match):
 def test_a_file_that_is_none_is_named(tmp_path, text):
     with pytest.raises(ArgumentError, match=r'broken\.yaml'):
         parse_ros_arguments(['--ros-args', '--params-file', write(tmp_path, 'broken.yaml', text)])
+
+
+def test_the_file_that_a_value_is_from_is_known(tmp_path):
+    """Of overlays the last one that gives it; none for a value of the command line."""
+    base = write(tmp_path, 'base.yaml', 'plant:\n  ros__parameters:\n    a: 1\n    b:\n      c: 2\n    d: 3\n')
+    overlay = write(
+        tmp_path, 'overlay.yaml', '/**:\n  ros__parameters:\n    e: 1\n\n/**/plant:\n  ros__parameters: {b.c: 5}\n'
+    )
+    parsed = parse_ros_arguments(['--ros-args', '--params-file', base, '--params-file', overlay, '-p', 'plant:d:=4'])
+    assert parsed.origin('plant:a') == f'{base}, line 3'
+    assert parsed.origin('plant:b.c') == f'{overlay}, line 6'
+    assert parsed.origin('plant:d') == ''
+    assert parsed.origin('plant:e') == parsed.origin('e') == f'{overlay}, line 3'
+    assert parsed.origin('plant:f') == ''
+    again = parse_ros_arguments(['--ros-args', '-p', 'plant:d:=4', '--params-file', base])
+    assert again.origin('plant:d') == f'{base}, line 6'
+    refused = pytest.raises(
+        ParameterError, match=r'parameter plant:d = 3 is refused: less; given in .*base\.yaml, line 6'
+    )
+    with refused, again.naming_files():
+        raise ParameterError('plant:d', 3, 'less')
+    with pytest.raises(ParameterError, match=r'is refused: less$'), parsed.naming_files():
+        raise ParameterError('plant:d', 4, 'less')
+
+
+def test_a_quality_of_service_is_refused_with_the_reason():
+    """The name of its topic begins with a slash, which the syntax of names has not."""
+    for node in ('', 'plant:'):
+        with pytest.raises(ArgumentError, match='the quality of service of the topics is fixed'):
+            parse_ros_arguments(['--ros-args', '-p', f'{node}qos_overrides./clock.publisher.depth:=5'])
 
 
 def test_reads_what_ros_reads(tmp_path):
