@@ -16,6 +16,7 @@ from hdd_servo_ros.analysis.identification import doubts, identify_measured
 from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS, SANATHANAN_KOERNER, least_points
 from hdd_servo_ros.analysis.transfer_model import Model
 from hdd_servo_ros.bench.response import FrequencyResponse, read_csv, refuse_hold
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 
 
@@ -53,11 +54,11 @@ def _frequency(text: str) -> float:
 
 @command('identify', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify the response of a CSV file and print gain and modes; returns 2 for bad arguments or a bad file."""
-    parser = argparse.ArgumentParser(
+    """Identify the response of a CSV file and print gain and modes; exit code 3 for a file that cannot be."""
+    parser = CommandParser(
         prog='identify',
         description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
-        epilog='Exit code: 0 a model was found, 2 the arguments or the file are invalid.',
+        epilog='Exit code: 0 a model was found, 2 wrong arguments, 3 the file cannot be read or identified.',
     )
     parser.add_argument('file', type=Path, help='columns named with units, as of signal_analyzer; or Hz, linear, deg')
     parser.add_argument('--poles', type=_positive_count, help='number of poles; without it the residual selects')

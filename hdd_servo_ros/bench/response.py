@@ -35,6 +35,8 @@ _SIDE_UNITS = {
 """Factors from the units of the other columns to those of :class:`FrequencyResponse`, in lower case."""
 _SEPARATORS = ';\t,'
 _DECIBEL = re.compile(r'dB\b[ ,]*(re\b *)?', re.IGNORECASE)
+_RATE = re.compile(r'\(?\s*([^/()]+?)\s*/\s*(?:s(\^?2|²)?\s*\)?(\s*/.+)?|\(\s*s(\^?2|²)?[\s*]+([^/()]+)\))')
+"""A unit of a velocity or an acceleration over that of the input: um/s/V, (um/s)/V, um/(s V), m/s^2/V, um/s."""
 _VELOCITY, _DISPLACEMENT = 'velocity', 'displacement'
 _NUMBERS = ('frequency', 'magnitude', 'phase', *_SIDE_UNITS)
 """The columns that hold numbers."""
@@ -200,7 +202,11 @@ def read_csv(path: Path) -> FrequencyResponse:
     (``velocity`` where that was read). Without such a line the first three columns are frequency [Hz], linear magnitude
     and phase [deg]. Lines that begin with ``#`` are comments. The rows may come in any order.
 
-    A magnitude without a unit whose slope agrees with its phase only if it is in dB is refused.
+    A magnitude in a unit of velocity or acceleration, such as um/s/V, is divided by j 2 pi f, once or twice, so that
+    the response is that of the position, in um/V.
+
+    A magnitude without a unit whose slope agrees with its phase only if it is in dB is refused, and so is a phase
+    without a unit that agrees with the slope only if it is in rad.
 
     Raises
     ------
@@ -302,11 +308,18 @@ def _response(
             f'{path}, line {numbers[second]}: frequency {table["frequency"][second]:.12g} is that of line '
             f'{numbers[first]} already; each may be given once'
         )
+    if not units['phase'] and _looks_like_radians(frequency[order], magnitude[order], table['phase'][order]):
+        raise ValueError(
+            f'{path}: the phase is what the slope of the magnitude says only if it is in rad; write its unit in the '
+            'header: phase [rad], or phase [deg]'
+        )
     if not units['magnitude'] and _looks_like_decibels(frequency[order], magnitude[order], phase[order]):
         raise ValueError(
             f'{path}: the magnitude falls with frequency as its phase says only if it is in dB; write its unit in the '
             'header: [dB], or that of a linear magnitude, such as [um/V]'
         )
+    unit, derivatives = _of_position(units['magnitude'][decibel.end() :] if decibel else units['magnitude'])
+    response = magnitude * np.exp(1j * phase) / (2j * np.pi * frequency) ** derivatives
     holds = set(table.get('hold', np.zeros(1)).tolist())
     if len(holds) > 1:
         raise ValueError(f'{path}: the hold must be the same in all rows')
@@ -314,14 +327,24 @@ def _response(
     ones = np.ones(len(frequency))
     return FrequencyResponse(
         frequency[order],
-        np.asarray(magnitude * np.exp(1j * phase), dtype=np.complex128)[order],
+        np.asarray(response, dtype=np.complex128)[order],
         table.get('coherence', ones)[order],
         table.get('amplitude', 0.0 * ones)[order],
         np.rint(table.get('averages', ones)[order]).astype(np.int64),
-        table.get('output', 0.0 * ones)[order] != 0.0,
+        (table.get('output', 0.0 * ones)[order] != 0.0) | (derivatives > 0),
         holds.pop(),
-        units['magnitude'][decibel.end() :] if decibel else units['magnitude'],
+        unit,
     )
+
+
+def _of_position(unit: str) -> tuple[str, int]:
+    """Return the unit of the position's response for one of its derivatives, and which derivative; 0 for none."""
+    match = _RATE.fullmatch(unit.strip())
+    if not match:
+        return unit, 0
+    length, square, over, other_square, below = match.groups()
+    behind = f'/{below.strip()}' if below else (over or '').replace(' ', '')
+    return f'{length}{behind}', 2 if square or other_square else 1
 
 
 def _check_side_columns(
@@ -338,6 +361,11 @@ def _check_side_columns(
             wrong |= values != np.rint(values)
         for row in np.flatnonzero(wrong)[:1]:
             raise ValueError(f'{path}, line {numbers[row]}: {name} is {table[name][row]:g}; it must be {allowed}')
+    if 'coherence' in table and not np.any(table['coherence']):
+        raise ValueError(
+            f'{path}: coherence is 0 in every row: the output has nothing to do with the input; leave the column out '
+            'if it was not measured'
+        )
 
 
 def refuse_hold(hold: float, highest: float, where: str) -> None:
@@ -372,8 +400,35 @@ def _looks_like_decibels(frequency: Array, magnitude: Array, phase: Array) -> bo
     Where a response has no zeros on the right, its phase is about 90 degrees times its slope in a double logarithmic
     plot (Bode's relation); a delay adds to the phase, and both readings miss that alike.
     """
+    misses = _misses(frequency, [np.log(magnitude), magnitude * (np.log(10.0) / 20.0)], [phase, phase])
+    return misses is not None and _is_the_other(*misses)
+
+
+def _looks_like_radians(frequency: Array, magnitude: Array, phase: Array) -> bool:
+    """Return whether a phase agrees with the slope of its magnitude if it is in rad, and does not if in degrees."""
+    misses = _misses(frequency, [np.log(magnitude)] * 2, [np.radians(phase), phase])
+    return misses is not None and _is_the_other(*misses)
+
+
+def _is_the_other(usual: float, other: float) -> bool:
+    return usual > _LINEAR_MISS and other < min(_DECIBEL_MISS, 0.2 * usual)
+
+
+def _misses(frequency: Array, logarithms: Sequence[Array], phases: Sequence[Array]) -> list[float] | None:
+    """
+    Return by how much the slope of readings of a response misses what their phase says, None where too little is known.
+
+    Parameters
+    ----------
+    frequency
+        Rising, shape (n,).
+    logarithms
+        Natural logarithm of the magnitude by each reading, shape (n,).
+    phases
+        Phase by each reading [rad], shape (n,).
+    """
     if len(frequency) < _LEAST_POINTS or frequency[-1] < _LEAST_SPAN * frequency[0]:
-        return False
+        return None
     # Means over a few parts of the band, since noise outweighs the slope between two close points.
     parts = np.array_split(np.arange(len(frequency)), min(_PARTS, len(frequency) // 2))
 
@@ -381,13 +436,12 @@ def _looks_like_decibels(frequency: Array, magnitude: Array, phase: Array) -> bo
         return np.diff([values[part].mean() for part in parts])
 
     steps = between_parts(np.log(frequency))
-    expected = np.array([np.unwrap(phase)[part].mean() for part in parts]) / (0.5 * np.pi)
-    expected = 0.5 * (expected[1:] + expected[:-1])
-    # The phase is known but for whole turns, which are four in the slope.
-    readings = [between_parts(np.log(magnitude)) / steps, between_parts(magnitude) * (np.log(10.0) / 20.0) / steps]
     misses = []
-    for slope in readings:
+    for logarithm, phase in zip(logarithms, phases, strict=True):
+        expected = np.array([np.unwrap(phase)[part].mean() for part in parts]) / (0.5 * np.pi)
+        expected = 0.5 * (expected[1:] + expected[:-1])
+        slope = between_parts(logarithm) / steps
+        # The phase is known but for whole turns, which are four in the slope.
         turns = 4.0 * np.rint(np.median(slope - expected) / 4.0)
         misses.append(float(np.median(np.abs(slope - expected - turns))))
-    linear, decibel = misses
-    return linear > _LINEAR_MISS and decibel < min(_DECIBEL_MISS, 0.2 * linear)
+    return misses

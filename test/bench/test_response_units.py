@@ -56,6 +56,8 @@ def test_a_unit_is_converted(tmp_path, title, values, attribute, expected):
         ('amplitude', ('-1', '1'), 'line 2: amplitude is -1; it must be not negative'),
         ('output', ('velocity', 'speed'), "line 3: output is 'speed', neither velocity nor displacement"),
         ('gain', ('1', '1'), "two columns are magnitude: 'magnitude [um/V]' and 'gain'"),
+        ('coherence', ('0', '0.0'), 'coherence is 0 in every row'),
+        ('coherence [%]', ('0', '0'), 'coherence is 0 in every row'),
         ('coherence', ('nan', '1'), "line 2: coherence is 'nan', not a finite number"),
     ],
 )
@@ -130,3 +132,55 @@ def test_what_is_written_is_read_again_whatever_the_values(tmp_path):
         frequency, response = plant(np.random.default_rng(seed), 40)
         FrequencyResponse.of(frequency, response).write_csv(tmp_path / 'own.csv')
         np.testing.assert_allclose(read_csv(tmp_path / 'own.csv').response, response, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('unit', 'derivatives', 'expected'),
+    [
+        ('um/V', 0, 'um/V'),
+        ('um/s/V', 1, 'um/V'),
+        ('(um/s)/V', 1, 'um/V'),
+        ('mm/(s V)', 1, 'mm/V'),
+        ('um / s / V', 1, 'um/V'),
+        ('um/s', 1, 'um'),
+        ('rad/s/A', 1, 'rad/A'),
+        ('m/s^2/V', 2, 'm/V'),
+        ('m/s²/V', 2, 'm/V'),
+        ('(m/s2)/V', 2, 'm/V'),
+        ('m/(s^2 V)', 2, 'm/V'),
+        ('dB re um/s/V', 1, 'um/V'),
+        ('dB re um/V', 0, 'um/V'),
+        ('V/V', 0, 'V/V'),
+        ('', 0, ''),
+    ],
+)
+def test_a_response_of_velocity_or_acceleration_is_integrated(tmp_path, unit, derivatives, expected):
+    frequency = np.geomspace(100.0, 5000.0, 40)
+    s = 2j * np.pi * frequency
+    response = 4e7 / (s**2 + 200.0 * s + (2.0 * np.pi * 150.0) ** 2)
+    given = response * s**derivatives
+    magnitude = 20.0 * np.log10(np.abs(given)) if unit.startswith('dB') else np.abs(given)
+    path = csv_of(tmp_path / 'r.csv', frequency, magnitude, given, f'frequency [Hz],magnitude [{unit}],phase [deg]')
+    found = read_csv(path)
+    np.testing.assert_allclose(found.response, response, rtol=1e-9)
+    assert found.unit == expected
+    assert np.all(found.by_velocity == (derivatives > 0))
+
+
+@pytest.mark.parametrize('head', [None, 'frequency,magnitude [um/V],phase'])
+def test_radians_without_a_unit_are_refused_where_the_slope_tells(tmp_path, head):
+    found = wrong = 0
+    path = tmp_path / 'response.csv'
+    for seed in range(100):
+        frequency, response = plant(np.random.default_rng(seed), 60)
+        for turns, unit in ((np.angle(response), 'rad'), (np.degrees(np.angle(response)), 'deg')):
+            lines = [] if head is None else [head]
+            rows = zip(frequency.tolist(), np.abs(response).tolist(), turns.tolist(), strict=True)
+            path.write_text('\n'.join([*lines, *(','.join(map(repr, row)) for row in rows)]) + '\n')
+            try:
+                read_csv(path)
+            except ValueError:
+                found += unit == 'rad'
+                wrong += unit == 'deg'
+    assert found >= 45
+    assert wrong <= 1
