@@ -361,9 +361,14 @@ class RecordedRun(Signals):
         first = min(firsts, default=0)
         return first if first >= _WALL_CLOCK else 0
 
+    def _origin_of(self, stamps: NDArray[np.int64]) -> int:
+        """Return the time of tick 0 in stamps of a topic: an array may have the run's own where others have not."""
+        return self._origin if len(stamps) and stamps[0] >= _WALL_CLOCK else 0
+
     def tick_of(self, stamp: int) -> int:
         """Return the tick that a stamp [ns] is nearest to."""
-        return round((stamp - self._origin) / sample_time_to_nanoseconds(self.sample_time))
+        origin = self._origin if stamp >= _WALL_CLOCK else 0
+        return round((stamp - origin) / sample_time_to_nanoseconds(self.sample_time))
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
@@ -570,14 +575,15 @@ class RecordedRun(Signals):
             raise BagError(
                 f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns, before time 0'
             )
-        times = stamps - self._origin
+        origin = self._origin_of(stamps)
+        times = stamps - origin
         ticks = (times + period // 2) // period
         # The time in an array is a float64 [s].
         is_stamped = CODECS[self._bag.types[self._topics[name]]].is_stamped
         tolerance = 0 if is_stamped else np.ceil(NANOSECONDS * np.spacing(stamps / NANOSECONDS))
         off = np.abs(times - ticks * period) > tolerance
         for message in np.flatnonzero(off)[:1].tolist():
-            since = f', {times[message]} ns after the first' if self._origin else ''
+            since = f', {times[message]} ns after the first' if origin else ''
             raise BagError(
                 f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns{since}, '
                 f'which is no tick of {self.sample_time:g} s'
@@ -618,7 +624,7 @@ class RecordedRun(Signals):
         if not np.array_equal(column.times - self._origin, ticks * period):
             raise BagError(f'{self.path}: the stamps of {full_name} are not those of the clock')
         # The time in an array is a float64, so that it is compared as a tick.
-        wrong = np.flatnonzero(np.rint((stamps - self._origin) / period) != ticks)
+        wrong = np.flatnonzero(np.rint((stamps - self._origin_of(stamps)) / period) != ticks)
         if len(wrong):
             raise BagError(f'{self.path}: {full_name}: message {wrong[0]} does not carry the stamp of its tick')
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS, DECOMPRESS_BEGINNING
 from hdd_servo_ros.recording.salvaged_messages import Message, SalvagedMessages
 from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
+from hdd_servo_ros.recording.sqlite_topics import Topics, is_message, topics_of
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -282,6 +283,7 @@ class _SqliteSalvage:
 
     def __init__(self, path: Path) -> None:
         self.found = Salvage()
+        self._topics: Topics = {}
         with tempfile.TemporaryDirectory() as directory:
             copy = Path(directory) / path.name
             shutil.copyfile(path, copy)
@@ -293,7 +295,8 @@ class _SqliteSalvage:
                 _own_up_to_size(copy)
             with contextlib.closing(sqlite3.connect(copy)) as connection:
                 try:
-                    self.found.types = dict(connection.execute('SELECT name, type FROM topics'))
+                    self._topics = topics_of(connection, path.parent)
+                    self.found.types = dict(self._topics.values())
                     for message in self._messages(connection):
                         self.found.messages.append(message)
                 except sqlite3.Error as error:
@@ -303,21 +306,25 @@ class _SqliteSalvage:
     def _take_pages(self, connection: sqlite3.Connection, content: bytes) -> None:
         """Take what the pages hold, if that is more than what SQLite finds."""
         with contextlib.suppress(sqlite3.Error):
-            names = dict(connection.execute('SELECT id, name FROM topics'))
+            names = {number: name for number, (name, _) in self._topics.items()}
             rows = message_rows(content)
             if len(rows) > len(self.found.messages):
                 found = SalvagedMessages()
                 found += [(names[topic], time, data) for topic, time, data in rows if topic in names]
                 self.found.messages = found
 
-    @staticmethod
-    def _messages(connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:
-        names = dict(connection.execute('SELECT id, name FROM topics'))
+    def _messages(self, connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:
+        wrong: list[int] = []
         # By id, as they were written; the index on the time may be what is damaged.
-        for topic, time, payload in connection.execute(
-            'SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
+        for row, topic, time, payload in connection.execute(
+            'SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
         ):
-            yield names[topic], time, bytes(payload)
+            if topic in self._topics and is_message(time, payload):
+                yield self._topics[topic][0], time, payload
+            else:
+                wrong.append(row)
+        if wrong:
+            self.found.fault = f'rows that are no messages: {len(wrong)}, the first is row {wrong[0]}'
 
 
 def _own_up_to_size(path: Path) -> None:

@@ -230,3 +230,18 @@ def test_wall_stamps_may_equal_the_receive_times(tmp_path, capsys):
     capsys.readouterr()
     assert compare_bags([str(tmp_path / 'bag'), str(tmp_path / 'other')]) == 1
     assert 'ldv differs first at tick 7' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('is_strict', [True, False])
+def test_arrays_may_keep_the_time_of_the_run_where_stamps_are_of_a_wall_clock(tmp_path, is_strict):
+    """Who stamps messages anew changes their headers, and an array has none."""
+    array = ArrayCodec(['t', 'r'])
+
+    def change(topic, number, payload):
+        return array.pack([number * T / NANOSECONDS, 0.0]) if topic == 'estimates' else payload
+
+    times = [WALL + tick * T for tick in range(400)] if is_strict else None
+    run = Run.open(write(tmp_path / 'bag', range(400), origin=WALL, received=times, change=change))
+    assert np.array_equal(run.ticks, np.arange(400))
+    assert np.allclose(run['estimates'][:, 0], run.time)
+    assert report([str(tmp_path / 'bag')]) == 0

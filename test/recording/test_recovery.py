@@ -1,5 +1,6 @@
 """Runs that a crash cut short, mended: nothing complete is lost, nothing original is overwritten."""
 
+import contextlib
 import itertools
 import shutil
 import sqlite3
@@ -295,3 +296,41 @@ def test_an_alias_bomb_in_run_yaml_is_refused_before_it_grows(runs, tmp_path, ca
     assert recover([str(run)]) == 0
     assert (run / 'run.yaml').stat().st_size < 2 * len(said)
     assert_mended(run, runs['mcap'], LAST_TICK)
+
+
+def changed_database(runs, tmp_path, *statements):
+    """Return a copy of a finished run of sqlite3 in whose database some statements were executed."""
+    run = tmp_path / 'run'
+    shutil.copytree(runs['sqlite3'], run)
+    with contextlib.closing(sqlite3.connect(run / 'bag' / 'bag.db3')) as connection, connection:
+        for statement in statements:
+            connection.execute(statement)
+    return run
+
+
+@pytest.mark.parametrize('topics', [('/head',), ('/clock', '/control'), ('/parameter_events',)])
+def test_topics_that_the_table_lacks_are_named_by_the_metadata(runs, tmp_path, topics):
+    run = changed_database(runs, tmp_path, *(f"DELETE FROM topics WHERE name = '{topic}'" for topic in topics))
+    assert recover([str(run)]) == 0
+    assert first_difference(run, runs['sqlite3']) is None
+    assert read_run_yaml(run)['last_tick'] == LAST_TICK
+    assert len(Run.open(run).parameter_changes) == 1
+
+
+@pytest.mark.parametrize(
+    'change',
+    ["data = 'text'", 'data = 7', "timestamp = 'noon'", 'timestamp = 1.5e300', 'topic_id = 99'],
+)
+def test_ticks_before_a_row_that_is_no_message_are_kept(runs, tmp_path, capsys, change):
+    where = "topic_id = (SELECT id FROM topics WHERE name = '/head') AND timestamp = 100000000"
+    run = changed_database(runs, tmp_path, f'UPDATE messages SET {change} WHERE {where}')
+    assert recover([str(run)]) == 0
+    assert 'rows that are no messages: 1, the first is row' in capsys.readouterr().out
+    assert_mended(run, runs['sqlite3'], 999)
+    assert first_difference(run, runs['sqlite3'], last_tick=999) is None
+
+
+def test_a_topic_whose_name_is_no_text(runs, tmp_path):
+    run = changed_database(runs, tmp_path, "UPDATE topics SET name = x'00' WHERE name = '/head'")
+    assert recover([str(run)]) == 0
+    assert first_difference(run, runs['sqlite3']) is None
