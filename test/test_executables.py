@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module
+from hdd_servo_ros.studies import main as study
 
 ROOT = Path(__file__).parents[1]
 
@@ -76,6 +77,26 @@ def test_a_command_is_an_executable_with_a_help(name):
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.startswith(f'usage: {name} ')
     assert 'Exit code: 0' in ended.stdout
+
+
+@pytest.mark.parametrize('name', [*COMMANDS, 'simulate', 'scope'])
+def test_a_wrong_option_is_one_line_with_a_hint(name, capsys):
+    main = importlib.import_module(f'hdd_servo_ros.{executable_module(name)}').main
+    with pytest.raises(SystemExit) as ended:
+        main(['--nonsense'])
+    assert ended.value.code == 2
+    said = capsys.readouterr()
+    assert not said.out
+    (line,) = said.err.splitlines()
+    assert line.startswith(f'{name}: ')
+    assert line.endswith(f'{name} --help tells more')
+
+
+def test_a_wrong_option_of_a_subcommand_is_one_line(capsys):
+    with pytest.raises(SystemExit):
+        study.main(['chapter5', '--nonsense', 'x'])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('study')
 
 
 @pytest.mark.parametrize(

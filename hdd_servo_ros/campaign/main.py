@@ -10,6 +10,7 @@ from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.dask_cluster import dask_executor
 from hdd_servo_ros.graph.help import COMPILING
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import EPILOG
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
@@ -24,7 +25,7 @@ def _workers(text: str) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='campaign',
         description='Makes all runs of a specification, without middleware and without bags, and writes their table.',
         epilog=f'A run that fails is a row of the table with its reason. {EPILOG}',

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, purpose
 from hdd_servo_ros.graph.known_parameters import node_declarations
+from hdd_servo_ros.messages.command_line import CommandParser
 
 COMPILING = 'compiling the drive and the controllers, once; this takes some twenty seconds'
 
 
 def parse_help(name: str, arguments: Sequence[str]) -> None:
     """Answer ``--help``, and refuse arguments that are none of ROS's; exits the process in both cases."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog=name,
         description=purpose(name),
         epilog=_parameters_text(name),

@@ -4,12 +4,12 @@ The documents that follow from declarations: parameters, topics, and the picture
 ``python -m hdd_servo_ros.graph.manual FOLDER`` writes them into the folder of the documents (`make docs`).
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from hdd_servo_ros.graph import parameters_document, picture, topics_document
+from hdd_servo_ros.messages.command_line import CommandParser
 
 DOCUMENTS = {
     'parameters.md': parameters_document.document,
@@ -22,7 +22,7 @@ DOCUMENTS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the documents."""
     assert __doc__ is not None
-    parser = argparse.ArgumentParser(prog='python -m hdd_servo_ros.graph.manual', description=__doc__.strip())
+    parser = CommandParser(prog='python -m hdd_servo_ros.graph.manual', description=__doc__.strip())
     parser.add_argument('folder', type=Path, help='where to write them')
     folder: Path = parser.parse_args(arguments).folder
     for name, make in DOCUMENTS.items():

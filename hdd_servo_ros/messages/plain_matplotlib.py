@@ -9,6 +9,7 @@ that their user draws. matplotlib is imported late, or never, so this waits unti
 import contextlib
 import importlib.abc
 import importlib.util
+import logging
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -50,6 +51,8 @@ class _Loader(importlib.abc.Loader):
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
+        # A configuration folder that cannot be written is told in two lines, and what is drawn is the same without.
+        logging.getLogger(_NAME).setLevel(logging.ERROR)
         with _in_folder(self._defaults), _plain_backend():
             self._loader.exec_module(module)
 

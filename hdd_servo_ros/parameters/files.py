@@ -30,6 +30,7 @@ _LOGS = tuple(
     for switch in ('enable', 'disable')
     for logs in ('rosout-logs', 'stdout-logs', 'external-lib-logs')
 )
+_NO_LOG_CONFIGURATION = 'the logger of ROS, spdlog, takes no configuration; there are --log-level and --log-file-name'
 _LEVEL = re.compile(r'(?:[^:]+:=)?(?:debug|info|warn|error|fatal|unset)', re.IGNORECASE)
 
 
@@ -189,7 +190,9 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
             rules.append(_parse_remap(_value_of(argument, rest)))
         elif argument == '--log-level':
             _check_level(_value_of(argument, rest))
-        elif argument in ('--log-config-file', '--log-file-name', '-e', '--enclave'):
+        elif argument == '--log-config-file':
+            raise ArgumentError(f'{argument} {shown(_value_of(argument, rest))}: {_NO_LOG_CONFIGURATION}')
+        elif argument in ('--log-file-name', '-e', '--enclave'):
             _value_of(argument, rest)
         elif argument not in _LOGS:
             raise ArgumentError(f'unknown ROS argument {shown(argument)}')

@@ -5,7 +5,6 @@ The first difference between two recorded runs, bit by bit.
 runs first differ.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,10 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from hdd_servo_ros.messages.cdr import names_and_start, numbers
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError, Column
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+_BYTES_SHOWN = 16
+"""Bytes of a message that are shown where no number differs."""
 
 
 def first_difference(
@@ -167,13 +170,24 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
     for name, ours, theirs in pairs:
         if ours != theirs:
             return f'{name} = {ours!r} in {labels[0]} and {theirs!r} in {labels[1]}'
-    return f'{one.hex()} in {labels[0]} and {other.hex()} in {labels[1]}'
+    # What differs is no number: frame_id, a name in an array, or bytes that are no message at all.
+    start = next(
+        (place for place, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(map(len, messages))
+    )
+    parts = [_hexadecimal(message, start) for message in messages]
+    return f'bytes from {start} on: {parts[0]} in {labels[0]} and {parts[1]} in {labels[1]}'
+
+
+def _hexadecimal(message: bytes, start: int) -> str:
+    """Return a few bytes of a message from a place on, and how many there are in all."""
+    end = start + _BYTES_SHOWN
+    return f'{message[start:end].hex() or "none"}{"..." if len(message) > end else ""} of {len(message)}'
 
 
 @command('compare_bags', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare two runs; exit code 0 if they are identical, 1 if not, 3 if one cannot be read."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='compare_bags',
         description='Compare the loop topics of two recorded runs byte by byte, and print the first difference.',
         epilog='Exit code: 0 the runs are identical, 1 they differ, 2 wrong arguments, 3 one of them cannot be read.',

@@ -20,6 +20,7 @@ from hdd_servo_ros.campaign.runner import run_cases
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, names_with_parameters
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.graph.known_parameters import node_declarations
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
@@ -269,7 +270,7 @@ def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='compare',
         description='Run several controllers on the same experiments, and put them into one table and one picture.',
         epilog='A run that is there already, with equal parameters and the same controller, is not made again.',

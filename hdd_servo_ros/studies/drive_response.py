@@ -7,7 +7,6 @@ The default drive's frequency responses (figs. 2.3, 5.3 and 5.4), and how its st
 The responses are those of the block alone, by a stepped sine whose fundamental is taken over whole periods.
 """
 
-import argparse
 import math
 import sys
 from collections.abc import Callable, Sequence
@@ -21,6 +20,7 @@ from matplotlib.figure import Figure
 
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PLANT_STATE, Plant, PlantParameters
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.numerics.records import record
 from hdd_servo_ros.studies.friction_curves import SECTION_5_4
@@ -222,7 +222,7 @@ def print_convergence(write: Callable[[str], None] = print) -> None:
 @command('drive_response')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='drive_response',
         description="Draw the default drive's frequency responses (figs. 2.3, 5.3 and 5.4) as PNG files.",
         epilog='Exit code: 0 done, 1 a file cannot be written, 2 invalid arguments.',

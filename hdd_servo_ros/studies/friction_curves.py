@@ -4,7 +4,6 @@ The friction curves of figs. 2.1, 2.2 and 5.5, as plots.
     ros2 run hdd_servo_ros friction_curves [DIRECTORY]
 """
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,6 +19,7 @@ from hdd_servo_ros.drive.friction.curves import friction_along, friction_curve
 from hdd_servo_ros.drive.friction.parameters import FrictionParameters
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.drive.resonance import ResonanceParameters
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import command
 
 Array = npt.NDArray[np.float64]
@@ -195,7 +195,7 @@ def _label(axis: Axes, title: str, x: str, y: str) -> None:
 @command('friction_curves')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the plots; exit code 0 done, 1 if a file cannot be written."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='friction_curves',
         description='Draw the friction curves of figs. 2.1, 2.2 and 5.5 as PNG files.',
         epilog='Exit code: 0 done, 1 a file cannot be written, 2 invalid arguments.',

@@ -8,6 +8,7 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import command
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
@@ -77,7 +78,7 @@ def _print_head(first: str) -> None:
 @command('instruments')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables; 0 done, 2 invalid arguments or parameters."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='instruments',
         description='Tabulate what each instrument of the bench does to the tracking error of a 2 um sine.',
         epilog='Exit code: 0 done, 2 invalid arguments or parameters.',

@@ -13,6 +13,7 @@ from pathlib import Path
 from hdd_servo_ros.campaign.case import Case, PlannedRun
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.runner import run_cases
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
 
@@ -21,7 +22,7 @@ MINIMUM_SAMPLES = 50
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='study',
         description="Run the thesis's experiments, those in mobile use or of seeks: bags, figures and tables.",
         epilog='A run that is there already, finished and with equal parameters, is not made again.',

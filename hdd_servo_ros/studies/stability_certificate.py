@@ -8,7 +8,6 @@ prints V(0), c1, c2, the bounds and how near the run came to them, for two choic
 their bounds into the run's folder as ``certificate.png``.
 """
 
-import argparse
 import dataclasses
 import math
 import sys
@@ -22,6 +21,7 @@ from matplotlib.figure import Figure
 from rosbags.typesys import Stores, get_typestore
 
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters, input_parameters, sensor_scales
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.topics import DISTURBANCE, PARAMETER_EVENTS
 from hdd_servo_ros.messages.units import Units
@@ -193,7 +193,7 @@ def draw(report: Report, path: Path) -> None:
 @command('stability_certificate', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print and draw the certificate of a run; exit code 2 if there is none to give."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='stability_certificate',
         description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
         'controller; the picture is certificate.png in the run folder.',

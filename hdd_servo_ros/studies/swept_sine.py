@@ -7,7 +7,6 @@ Writes `response.csv` and `response.png` into the run's folder anew, the latter 
 measurement (fig. 5.3), and prints the table of true and identified gain and modes.
 """
 
-import argparse
 import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from hdd_servo_ros.bench.response import FrequencyResponse, held
 from hdd_servo_ros.drive import transfer
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.bode import bode
@@ -88,7 +88,7 @@ def _deviation(found: float | None, true: float, digits: int) -> str:
 @command('swept_sine', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify one run; exit code 3 if it is not a sweep or cannot be read, 1 if a file cannot be written."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='swept_sine',
         description='Compute the response of a recorded sweep from its bag alone (response.csv and response.png in the '
         'run folder), and compare what two methods identify from it with the true drive.',

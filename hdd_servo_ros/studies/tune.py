@@ -51,6 +51,7 @@ from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
@@ -85,7 +86,7 @@ def _print_section(node: str, gains: Mapping[str, object]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Tune, print the parameters and what they do; 0 done, 2 wrong arguments or parameters, 130 interrupted."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='tune',
         description='Tune the adaptive NN and the PID controller for a drive by one rule, the largest gains with a '
         f'peak sensitivity Ms <= {MAX_SENSITIVITY:g}; print their sections of a parameter file, and what they do.',

@@ -1,11 +1,11 @@
 """`recover`: mend a run's bag and `run.yaml` after a crash."""
 
-import argparse
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.recording.recovery import BACKUP, Recovery
 
@@ -13,7 +13,7 @@ from hdd_servo_ros.recording.recovery import BACKUP, Recovery
 @command('recover', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='recover',
         description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
         epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was; a mended bag '

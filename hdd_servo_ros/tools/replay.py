@@ -1,6 +1,5 @@
 """`replay`: rerun a recorded run from what its folder says, and confirm that the bits are the same."""
 
-import argparse
 import os
 import sys
 import tempfile
@@ -11,6 +10,7 @@ from typing import Any
 from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, SENSORS
 from hdd_servo_ros.graph.recorded_nodes import kind_of_node
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, WRONG_ARGUMENTS, command, reading
 from hdd_servo_ros.messages.outcome import RUNNING
 from hdd_servo_ros.messages.shown import shown
@@ -270,7 +270,7 @@ def replay(run: Path, output: Path, *, without_ros: bool, trusted: bool = False)
 @command('replay', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Rerun a run; exit code 0 if the bits are the same, 1 if not, 3 if it cannot be rerun."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='replay',
         description='Rerun a recorded run from its run.yaml and the changes in its bag, and compare the bits.',
         epilog='Exit code: 0 the bits are the same, 1 they are not, 2 wrong arguments, 3 the run cannot be read or '

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import EPILOG, UNREADABLE, command, reading
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.report import compare_runs, comparison_table, refuse_different_units, report_run
@@ -64,7 +65,7 @@ def _seconds(text: str) -> float:
 @command('report', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Report runs; exit code 0, or 3 if one cannot be read or, with ``--by-source``, run again."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='report',
         description='Metrics, a picture (report.png) and a page (report.html) of each run, from its bag alone; '
         'of several runs also one table and overlay (comparison.png, comparison.html).',

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS, command
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.reporting.live_view import LiveView, lighten
@@ -192,7 +193,7 @@ class ViewError(Exception):
 
 
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='scope',
         description='Show the signals of a run while it goes on: in a window, or without a display in the browser.',
         epilog='Waits for a run, ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',

@@ -122,3 +122,13 @@ def test_a_bag_that_is_no_run_is_refused(tmp_path, arguments, match):
 def test_no_bag(tmp_path):
     with pytest.raises(FileNotFoundError, match='neither a run folder nor a closed bag'):
         Run.open(tmp_path)
+
+
+def test_what_is_no_number_is_shown_in_a_few_bytes(tmp_path):
+    """A drive with a long name, which is in each message."""
+    changed = {('/ldv', 3): VectorCodec('x' * 300).pack(TICKS.stamp(3), 3.0, 2.0, 3.0)}
+    difference = first_difference(bag(tmp_path / 'a'), bag(tmp_path / 'b', changes=changed), labels=('the one', 'it'))
+    assert difference is not None
+    assert difference.startswith('ldv differs first at tick 3: bytes from 12 on: ')
+    assert len(difference) < 200
+    assert '... of ' in difference

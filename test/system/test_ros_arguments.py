@@ -22,6 +22,11 @@ MEANT = {
 }
 
 REFUSED = {
+    'configuration of logs': (['--log-config-file', '/nonexistent'], '/nonexistent'),
+    'quality of service': (
+        ['-p', 'qos_overrides./clock.publisher.depth:=5'],
+        'the quality of service of the topics is fixed, since a run is to lose no message',
+    ),
     'of one node': (['-r', 'reference_generator:reference:=ref2'], 'all nodes are to know it by one'),
     'empty': (['-r', 'reference:='], "-r 'reference:=' is not"),
     'two topics': (['-r', 'reference:=head'], 'the same name /head'),
