@@ -29,7 +29,7 @@ SOURCES = {
     for path in (ROOT / folder).rglob('*.py')
 } | {path.name for path in ROOT.glob('*.py')}
 FOLDERS_OF_RUNS = ('runs/', 'RUN/', 'bag/')
-OWN_TEST = ('write-your-own-controller',)
+OWN_TEST = ('write-your-own-controller', 'drive-of-your-own')
 """Documents whose commands have a test of their own."""
 BLOCKS = [
     pytest.param(block, id=f'{document.stem}-{number}')
