@@ -10,7 +10,6 @@ from typing import Any
 
 from hdd_servo_ros.messages.exit_codes import UNREADABLE
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED, RECOVERED, RUNNING
-from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CLOCK, PARAMETER_EVENTS, RECORDER
 from hdd_servo_ros.recording.bag_columns import WRONG_DIGEST, BagError
@@ -19,7 +18,7 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.disk import FULL
 from hdd_servo_ros.recording.mcap_checks import WRONG_DATA
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.recording.run_folder import STATUSES, read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.recording.run_folder import read_right_entries, rewrite_run_yaml
 from hdd_servo_ros.recording.run_recorder import bag_metadata, queue_depth
 from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_files, complete_ticks, salvage
 from hdd_servo_ros.recording.salvaged_messages import Message
@@ -104,10 +103,13 @@ class Recovery:
 
     def _read_run_yaml(self) -> dict[str, Any]:
         try:
-            return read_run_yaml(self.run, check_status=False)
+            content, faults = read_right_entries(self.run)
         except OSError as error:
             self._said_fault = str(error)
             return {}
+        if faults:
+            self._said_fault = f'run.yaml: {"; ".join(faults)}'
+        return content
 
     def _is_given_up(self) -> bool:
         """Return whether an earlier recovery has found that no tick is left, and moved the bag away."""
@@ -195,13 +197,15 @@ class Recovery:
             left = len(self._salvage.messages) - kept
         else:
             kept, left = self._whole_run.message_count, 0
-        said, reason = self._said.get('status', RUNNING), str(self._said.get('reason', ''))
-        status = said if said in STATUSES else RUNNING
+        status, reason = self._said.get('status', RUNNING), self._said.get('reason', '')
         faults = [self._bag_fault] if self._bag_fault else []
         if self._salvage.fault:
             faults.append(self._salvage.fault)
+        if self._said_fault:
+            faults.append(self._said_fault)
         if status == RUNNING:
-            faults.append(self._said_fault or self._status_fault())
+            if not self._said_fault:
+                faults.append(self._status_fault())
         elif ticks - 1 != (self._said.get('last_tick') or 0):
             faults.append(f'run.yaml says {self._said.get("last_tick")} for the last tick, the bag holds {ticks - 1}')
             status = RUNNING if status == FINISHED else status
@@ -215,8 +219,6 @@ class Recovery:
     def _status_fault(self) -> str:
         if 'status' not in self._said:
             return 'run.yaml does not say how the run ended: it has no status'
-        if self._said['status'] != RUNNING:
-            return f'run.yaml says {shown(self._said["status"], 40)} for the status, none of {", ".join(STATUSES)}'
         return 'run.yaml says that the run is still running'
 
     @property

@@ -28,10 +28,20 @@ from hdd_servo_ros.version import __version__
 
 _KINDS: dict[str, type | tuple[type, ...]] = {
     'status': str,
+    'reason': str,
     'last_tick': (int, type(None)),
+    'last_tick_planned': (int, type(None)),
+    'controller': str,
+    'controller_class': str,
+    'frame_id': str,
+    'length_unit': str,
+    'control_unit': str,
     'sample_time': float,
     'topics': dict,
+    'topics_left_out': dict,
     'nodes': dict,
+    'versions': dict,
+    'git_revision': str,
 }
 """Types of what readers rely on."""
 _KINDS_OF_NODE: dict[str, type] = {'inputs': list, 'outputs': list, 'parameters': dict}
@@ -160,23 +170,33 @@ def _temporary(directory: Path) -> Path:
     return directory / 'run.yaml.tmp'
 
 
-def read_run_yaml(directory: Path, *, check_status: bool = True) -> dict[str, Any]:
+def read_run_yaml(directory: Path) -> dict[str, Any]:
     """
     Return the content of a run folder's ``run.yaml``.
-
-    Parameters
-    ----------
-    directory
-        The run folder.
-    check_status
-        Whether its status must be one that there is; `recover` mends another.
 
     Raises
     ------
     FileNotFoundError
         If the folder holds none.
     DescriptionError
-        If it holds something else under that name.
+        If it holds something else under that name, or an entry is not what readers rely on.
+    """
+    content, faults = read_right_entries(directory)
+    for fault in faults:
+        raise DescriptionError(f'{directory / "run.yaml"} does not describe a run: {fault}')
+    return content
+
+
+def read_right_entries(directory: Path) -> tuple[dict[str, Any], list[str]]:
+    """
+    Return the entries of a run folder's ``run.yaml`` that are what readers rely on, and what is wrong with the others.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds none.
+    DescriptionError
+        If it has no entries.
     """
     path = directory / 'run.yaml'
     if not path.is_file():
@@ -187,30 +207,42 @@ def read_run_yaml(directory: Path, *, check_status: bool = True) -> dict[str, An
         raise DescriptionError(f'{path} cannot be read: {getattr(error, "strerror", None) or error}') from None
     if not isinstance(content, dict):
         raise DescriptionError(f'{path} does not describe a run: it holds {shown(content, 40)}')
-    for key, kinds in _KINDS.items():
-        if key in content and not isinstance(content[key], kinds):
-            raise DescriptionError(f'{path} does not describe a run: {key} is {shown(content[key], 40)}')
-    if check_status and content.get('status', FINISHED) not in STATUSES:
-        raise DescriptionError(f'{path} does not describe a run: status is {shown(content["status"], 40)}')
-    for name, node in content.get('nodes', {}).items():
-        _check_node(path, name, node)
-    topics = content.get('topics', {})
-    if not all(isinstance(name, str) for pair in topics.items() for name in pair):
-        raise DescriptionError(f'{path} does not describe a run: topics is {shown(topics, 40)}')
-    try:
-        sample_time_to_nanoseconds(content.get('sample_time', 1.0))
-    except (ValueError, OverflowError) as error:
-        raise DescriptionError(f'{path} does not describe a run: {error}') from None
-    return content
+    faults = {key: fault for key, value in content.items() if (fault := _fault_of(key, value))}
+    return {key: value for key, value in content.items() if key not in faults}, list(faults.values())
 
 
-def _check_node(path: Path, name: object, node: object) -> None:
-    """Check what readers rely on in the description of a node."""
+def _fault_of(key: object, value: Any) -> str:
+    """Return what is wrong with an entry of run.yaml, empty if nothing is; of others than these nobody knows."""
+    if not isinstance(key, str):
+        return f'{shown(key, 40)} is no name'
+    if key not in _KINDS:
+        return ''
+    fault = f'{key} is {shown(value, 40)}'
+    if not isinstance(value, _KINDS[key]) or isinstance(value, bool):
+        return fault
+    if key == 'status' and value not in STATUSES:
+        return f'{fault}, none of {", ".join(STATUSES)}'
+    if key in ('topics', 'topics_left_out') and not all(
+        isinstance(name, str) for pair in value.items() for name in pair
+    ):
+        return fault
+    if key == 'nodes':
+        return next(filter(None, (_fault_of_node(name, node) for name, node in value.items())), '')
+    if key == 'sample_time':
+        try:
+            sample_time_to_nanoseconds(value)
+        except (ValueError, OverflowError) as error:
+            return str(error)
+    return ''
+
+
+def _fault_of_node(name: object, node: object) -> str:
     if not isinstance(name, str) or not isinstance(node, dict):
-        raise DescriptionError(f'{path} does not describe a run: nodes: {shown(name, 40)} is {shown(node, 40)}')
+        return f'nodes: {shown(name, 40)} is {shown(node, 40)}'
     for key, kind in _KINDS_OF_NODE.items():
         if key in node and not isinstance(node[key], kind):
-            raise DescriptionError(f'{path} does not describe a run: {key} of {name} is {shown(node[key], 40)}')
+            return f'{key} of {name} is {shown(node[key], 40)}'
+    return ''
 
 
 def versions() -> dict[str, str]:

@@ -266,7 +266,7 @@ def test_random_bytes_are_no_bag(tmp_path):
 @pytest.mark.parametrize(
     ('change', 'fault'),
     [
-        ({'status': 'frob'}, "run.yaml says 'frob' for the status, none of running, finished"),
+        ({'status': 'frob'}, "run.yaml: status is 'frob', none of running, finished"),
         ({}, 'run.yaml does not say how the run ended: it has no status'),
         ({'status': 'running'}, 'run.yaml says that the run is still running'),
     ],
@@ -280,6 +280,22 @@ def test_what_run_yaml_says_of_the_end_is_told_as_it_is(runs, tmp_path, capsys, 
     assert fault in capsys.readouterr().out
     assert read_run_yaml(run)['nodes'] == said['nodes']
     assert_mended(run, runs['mcap'], LAST_TICK)
+
+
+@pytest.mark.parametrize('entry', ['versions', 'controller', 'frame_id', 'topics_left_out', 'reason', 'git_revision'])
+def test_a_wrong_entry_of_run_yaml_costs_that_alone(runs, tmp_path, capsys, entry):
+    run = tmp_path / 'run'
+    shutil.copytree(runs['mcap'], run)
+    said = read_run_yaml(run)
+    (run / 'run.yaml').write_text(yaml.safe_dump({**said, entry: [[1], {'a': 2}]}))
+    for command in (report, replay):
+        assert command([str(run)]) == 3
+        assert f'run.yaml does not describe a run: {entry} is [[1], ' in capsys.readouterr().err
+    assert recover([str(run)]) == 0
+    assert f'recover: run.yaml: {entry} is ' in capsys.readouterr().out
+    mended = read_run_yaml(run)
+    assert (mended['status'], mended['last_tick']) == ('finished', LAST_TICK)
+    assert mended['nodes'] == said['nodes']
 
 
 def test_an_alias_bomb_in_run_yaml_is_refused_before_it_grows(runs, tmp_path, capsys):
