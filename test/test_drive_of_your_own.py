@@ -47,6 +47,6 @@ def test_the_page_holds_what_it_says(bench):
     assert identified['gain'] == pytest.approx(3e7, rel=0.01)
     assert identified['resonance.frequencies'] == pytest.approx([4200.0, 9100.0], rel=0.001)
     assert identified['resonance.damping_ratios'] == pytest.approx([0.015, 0.02], rel=0.02)
-    run = Run.open(bench.directory / 'runs' / 'tuned')
-    assert run.frame_id == 'my_drive'
-    assert abs(run.error[run.time > 0.2]).max() < 0.3
+    tuned = Run.open(bench.directory / 'runs' / 'tuned')
+    assert tuned.frame_id == 'my_drive'
+    assert abs(tuned.error[tuned.time > 0.2]).max() < 0.3

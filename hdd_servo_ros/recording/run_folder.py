@@ -218,7 +218,8 @@ def _fault_of(key: object, value: Any) -> str:
     if key not in _KINDS:
         return ''
     fault = f'{key} is {shown(value, 40)}'
-    if not isinstance(value, _KINDS[key]) or isinstance(value, bool):
+    kinds: Any = _KINDS[key]
+    if not isinstance(value, kinds) or isinstance(value, bool):
         return fault
     if key == 'status' and value not in STATUSES:
         return f'{fault}, none of {", ".join(STATUSES)}'
