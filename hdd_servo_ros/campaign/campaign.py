@@ -30,6 +30,7 @@ from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.messages.exit_codes import one_line
 from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.plain_yaml import read_yaml
 from hdd_servo_ros.parameters.files import ArgumentError, did_you_mean
 from hdd_servo_ros.recording.run_folder import git_revision, versions
 from hdd_servo_ros.reporting.verdict import DIVERGED
@@ -234,7 +235,7 @@ class Campaign:
         """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError if another campaign is there."""
         path, digest = folder / 'campaign.yaml', self.plan.digest
         if path.exists():
-            found = yaml.safe_load(path.read_text('utf8'))
+            found = read_yaml(path.read_text('utf8'))
             if not isinstance(found, dict) or found.get('digest') != digest:
                 raise ArgumentError(f'{folder} holds another campaign; remove it, or give another folder by --output')
         elif any(folder.iterdir()):

@@ -18,6 +18,7 @@ from hdd_servo_ros.campaign.sampling import (
     shares,
     values_of_range,
 )
+from hdd_servo_ros.messages.plain_yaml import read_yaml
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.parameters.ros_yaml import scalar
 
@@ -139,7 +140,7 @@ def read_spec(path: Path) -> Spec:
         If it cannot be read, or an entry is not allowed; names the file and the entry.
     """
     try:
-        content = yaml.safe_load(path.read_text('utf8'))
+        content = read_yaml(path.read_text('utf8'))
     except OSError as error:
         raise ArgumentError(f'specification {path}: {error.strerror or error}') from None
     except (yaml.YAMLError, ValueError) as error:

@@ -20,6 +20,7 @@ import yaml
 
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, one_line
 from hdd_servo_ros.messages.outcome import RUNNING
+from hdd_servo_ros.messages.plain_yaml import read_yaml
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.recording.disk import allocate, sync_folder, write_durably
@@ -171,7 +172,7 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(f'{directory} is not a run folder: it has no run.yaml')
     try:
-        content = yaml.safe_load(path.read_text('utf8'))
+        content = read_yaml(path.read_text('utf8'))
     except (yaml.YAMLError, OSError, ValueError, RecursionError, OverflowError) as error:
         raise DescriptionError(f'{path} cannot be read: {one_line(error)}') from None
     if not isinstance(content, dict):
