@@ -1,6 +1,5 @@
 """Help texts of the executables, from the parameters' declarations; no ROS import."""
 
-import argparse
 from collections.abc import Sequence
 
 from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, purpose
@@ -11,6 +10,11 @@ COMPILING = 'compiling the drive and the controllers, once; this takes some twen
 
 def parse_help(name: str, arguments: Sequence[str]) -> None:
     """Answer ``--help``, and refuse arguments that are none of ROS's; exits the process in both cases."""
+    if not arguments:
+        return
+    # Late: most runs have no such arguments.
+    import argparse
+
     parser = argparse.ArgumentParser(
         prog=name,
         description=purpose(name),

@@ -14,25 +14,25 @@ import contextlib
 import dataclasses
 import mmap
 import os
-import sqlite3
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.exit_codes import UNREADABLE
+from hdd_servo_ros.messages.plain_yaml import read_yaml
 from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, read_digests
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
 from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
-from hdd_servo_ros.recording.salvage import Salvage, salvage
-from hdd_servo_ros.recording.sqlite_reading import database_to_read
 
-_YamlLoader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+if TYPE_CHECKING:
+    from hdd_servo_ros.recording.salvage import Salvage
+
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
 _CHANNEL, _MESSAGE, _CHUNK_INDEX = 0x04, 0x05, 0x08
 _FOOTER_SIZE = 37
@@ -116,7 +116,7 @@ class Bag:
         self.path = path
         try:
             text = (path / 'metadata.yaml').read_text('utf8')
-            metadata = yaml.load(text, _YamlLoader)['rosbag2_bagfile_information']
+            metadata = read_yaml(text)['rosbag2_bagfile_information']
             listed = metadata['topics_with_message_count']
             topics = [(topic['topic_metadata'], topic['message_count']) for topic in listed]
             self.types: dict[str, str] = {topic['name']: topic['type'] for topic, _ in topics}
@@ -237,6 +237,9 @@ class Bag:
 
     def _walk(self, topic: str) -> list[Column] | None:
         """Read MCAP files from the start, without their indexes; return None if they hold what that cannot read."""
+        # Late: few bags have no index.
+        from hdd_servo_ros.recording.salvage import salvage
+
         for file in self._files:
             if file not in self._walked:
                 try:
@@ -336,6 +339,11 @@ def _digest_of(parts: Sequence[Column]) -> str:
 
 
 def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
+    # Late: most bags are MCAP.
+    import sqlite3
+
+    from hdd_servo_ros.recording.sqlite_reading import database_to_read
+
     try:
         with database_to_read(path) as address, contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
             # By id, as they were written.

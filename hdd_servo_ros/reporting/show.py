@@ -1,21 +1,22 @@
 """What `rig` and `simulate` do once a run is on disk."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdd_servo_ros.bench.response import read_csv
-from hdd_servo_ros.messages.scope_blocks import make_block
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import follows_reference
+from hdd_servo_ros.reporting.evaluation import follows_reference, may_have_seeks
 from hdd_servo_ros.reporting.long_runs import is_very_long
-from hdd_servo_ros.reporting.panel import Panel
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
-from hdd_servo_ros.reporting.seek_report import seek_line
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.reporting.verdict import verdict_of
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.reporting.panel import Panel
 
 _BINS_DRAWN = 5000
 """Bins of the picture of such a run."""
@@ -29,9 +30,13 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory, verdict_of(run)))
-    seeks = '' if is_very_long(run) else seek_line(run)
-    if seeks:
-        print(f'{"seeks":>16}  {seeks}')
+    if may_have_seeks(run) and not is_very_long(run):
+        # Late: most runs have none.
+        from hdd_servo_ros.reporting.seek_report import seek_line
+
+        seeks = seek_line(run)
+        if seeks:
+            print(f'{"seeks":>16}  {seeks}')
     low_margin = low_margin_of(run)
     if low_margin:
         print(f'{"margin":>16}  {low_margin}')
@@ -54,8 +59,9 @@ def draw_run(run: RecordedRun, path: Path) -> bool:
     return bool(panels)
 
 
-def _panels_of_blocks(run: RecordedRun) -> list[Panel]:
+def _panels_of_blocks(run: RecordedRun) -> 'list[Panel]':
     """Return the diagrams of a run over its time by the extremes of every some hundred ticks, read in pieces."""
+    from hdd_servo_ros.messages.scope_blocks import make_block
     from hdd_servo_ros.reporting.live_view import BlockSignals
     from hdd_servo_ros.reporting.loop_panels import loop_panels
 

@@ -6,6 +6,7 @@ import math
 from hdd_servo_ros.messages.errors import NOT_FINITE
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.evaluation import may_have_seeks
 from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
@@ -114,7 +115,9 @@ def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
     A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``.
     """
     found = verdict(sums_of(run, after), run.reason)
-    if found is None or not (found.tracks or found.text == DOES_NOT_TRACK) or is_very_long(run):
+    if found is None or not (found.tracks or found.text == DOES_NOT_TRACK):
+        return found
+    if is_very_long(run) or not may_have_seeks(run):
         return found
     # Late: it needs more than a verdict does otherwise.
     from hdd_servo_ros.reporting.seek_report import has_seeks, lost_seeks
