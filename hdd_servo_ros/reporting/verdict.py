@@ -10,6 +10,7 @@ from hdd_servo_ros.reporting.evaluation import may_have_seeks
 from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
+TRACKS, ARRIVES = 'tracks', 'arrives'
 DOES_NOT_TRACK = 'does not track'
 DIVERGED = 'diverged'
 """The verdict of a run whose error grew without bounds."""
@@ -43,12 +44,17 @@ class Verdict:
     @property
     def in_table(self) -> str:
         """The verdict in a table, marked where the run does not track."""
-        return self.text if self.tracks else f'! {self.text}'
+        return in_table(self.text)
 
     @property
     def in_words(self) -> str:
         """The verdict with its criterion."""
         return f'{self.text} ({self.detail})' if self.detail else self.text
+
+
+def in_table(text: str) -> str:
+    """Return the text of a verdict as tables have it, marked where the run does not track; empty for no verdict."""
+    return text if text in ('', TRACKS, ARRIVES) else f'! {text}'
 
 
 def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
@@ -99,7 +105,7 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     if scale == 0.0:
         return None
     if sums.rms_error < TRACKING_SHARE * scale:
-        return Verdict('tracks', tracks=True)
+        return Verdict(TRACKS, tracks=True)
     kind = 'rms about its mean' if moved else "distance from the head's first position"
     return Verdict(
         DOES_NOT_TRACK,
@@ -125,4 +131,4 @@ def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
     if not has_seeks(run):
         return found
     lost = lost_seeks(run)
-    return Verdict('does not arrive', detail=lost) if lost else Verdict('arrives', tracks=True)
+    return Verdict('does not arrive', detail=lost) if lost else Verdict(ARRIVES, tracks=True)
