@@ -1,8 +1,8 @@
 """
 What a worker process does with signals: it leaves them to its parent, and ends when this one asks for it or has ended.
 
-Ctrl-C in a terminal reaches every process of a command; only the parent may decide what becomes of the work. It asks a
-worker to end by :data:`ASKED_TO_END`: what is under way is interrupted, and nothing more is begun.
+Ctrl-C in a terminal, and its end, reach every process of a command; only the parent may decide what becomes of the
+work. It asks a worker to end by :data:`ASKED_TO_END`: what is under way is interrupted, and nothing more is begun.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from types import FrameType
 from typing import Any
 
-ASKED_TO_END = signal.SIGHUP
+ASKED_TO_END = signal.SIGUSR1
 """SIGTERM ends a worker at once: the executor sends it when another worker was killed, and may have left a lock."""
 _PR_SET_PDEATHSIG = 1
 
@@ -37,7 +37,7 @@ def start(parent: int, pids: Any) -> None:
         Queue that gets this process's own.
     """
     # Blocked and not ignored: a run that handles signals, as `simulate` does, must not receive it either.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(ASKED_TO_END, _end)
     _State.is_working = _State.is_asked = False
@@ -81,11 +81,19 @@ def _send(pids: Iterable[int], number: int) -> None:
 
 def end_if_signaled(exit_code: int) -> None:
     """End the worker if a run that it has made was ended by a signal, by its exit code: it was meant for the worker."""
+    if _State.is_asked:
+        raise KeyboardInterrupt
     if exit_code > 128:
         signal.raise_signal(exit_code - 128)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     _State.is_asked = True
-    if _State.is_working:
+    if not _State.is_working:
+        return
+    # A run that is under way closes its bag.
+    of_the_run = signal.getsignal(signal.SIGTERM)
+    if callable(of_the_run):
+        of_the_run(signal.SIGTERM, frame)
+    else:
         raise KeyboardInterrupt

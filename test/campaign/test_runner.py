@@ -11,8 +11,9 @@ import pytest
 
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.runner import StudyError, run_cases
-from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.messages.outcome import FINISHED, INTERRUPTED
 from hdd_servo_ros.recording.compare_bags import main as compare_bags
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +27,7 @@ def case(name, duration):
     return Case(name, 'pid', ('seagate_7200_10.yaml',), {'deterministic_timer:duration': duration})
 
 if __name__ == '__main__':
-    run_cases([case('long', 20.0), case('short', 0.1), case('other', 20.0)], Path('out'), without_ros=True)
+    run_cases([case('long', 60.0), case('other', 60.0), case('short', 0.1)], Path('out'), without_ros=True)
 """
 KILLER = """
 import dataclasses
@@ -61,7 +62,12 @@ def study(tmp_path):
     (tmp_path / 'study.py').write_text(STUDY)
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
     with subprocess.Popen(
-        [sys.executable, 'study.py'], cwd=tmp_path, env=environment, start_new_session=True, text=True
+        [sys.executable, 'study.py'],
+        cwd=tmp_path,
+        env=environment,
+        start_new_session=True,
+        # Tests that run in the background of a shell script inherit an ignored SIGINT.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         yield process
         for pid in of_session(process.pid):
@@ -99,10 +105,35 @@ def test_runs_whose_worker_is_killed_are_made_again(study, tmp_path):
     os.kill(workers[0], signal.SIGKILL)
     assert study.wait(LONG) == 0
     assert not of_session(study.pid)
-    names = ('long', 'short', 'other')
+    names = ('long', 'other', 'short')
     assert [read_run_yaml(out / name)['status'] for name in names] == [FINISHED] * 3
     assert sorted(path.name for path in out.iterdir()) == sorted(names)
     assert compare_bags([str(out / 'long'), str(out / 'other')]) == 0
+
+
+def test_workers_leave_signals_of_the_terminal_to_their_parent(study, tmp_path):
+    """Such as when it is started by nohup."""
+    out = tmp_path / 'out'
+    wait_until(lambda: has_bag(out / 'long') and has_bag(out / 'other'))
+    for pid in of_session(study.pid):
+        if pid != study.pid:
+            os.kill(pid, signal.SIGINT)
+            os.kill(pid, signal.SIGHUP)
+    assert study.wait(LONG) == 0
+    assert [read_run_yaml(out / name)['status'] for name in ('long', 'short', 'other')] == [FINISHED] * 3
+
+
+def test_an_interrupted_study_closes_its_bags(study, tmp_path):
+    out = tmp_path / 'out'
+    wait_until(lambda: has_bag(out / 'long') and has_bag(out / 'other'))
+    study.send_signal(signal.SIGINT)
+    assert study.wait(LONG) != 0
+    assert not of_session(study.pid)
+    for name in ('long', 'other'):
+        description = read_run_yaml(out / name)
+        assert description['status'] == INTERRUPTED
+        assert RecordedRun.open(out / name).last_tick == description['last_tick'] > 0
+    assert not (out / 'short').exists()
 
 
 def test_a_killed_study_leaves_no_process_behind(study, tmp_path):
