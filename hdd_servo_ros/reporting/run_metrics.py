@@ -1,5 +1,7 @@
 """The metrics of a run, from its bag."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from hdd_servo_ros.analysis.metrics import (
@@ -65,7 +67,12 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     return lines
 
 
-def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
+_SPECTRUM = 'tmr_of_spectrum'
+_SENSITIVITY = ('peak_sensitivity', 'largest_peak_sensitivity')
+"""Metrics that take longest to compute."""
+
+
+def run_metrics(run: RecordedRun, after: float | None = None, only: Collection[str] | None = None) -> list[Metric]:
     """
     Return the metrics of a run; those that its reference or its topics do not allow are left out.
 
@@ -75,6 +82,8 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         The run.
     after
         Time before which nothing counts [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    only
+        Names of those that are wanted; None for all.
 
     Raises
     ------
@@ -86,14 +95,19 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
     found: list[Metric] = []
     if follows_reference(run):
-        found += _tracking(run, start)
+        found += _tracking(run, start, spectrum=only is None or _SPECTRUM in only)
         if is_stepwise(run.desired_position):
             found += _steps(run)
         found += track_metrics(run, start)
         found += seek_metrics(run)
     if 'control' in run:
         found += _control(run, start)
-    return found + _impacts(run) + _sensitivity(run)
+    found += _impacts(run)
+    if only is None:
+        return found + _sensitivity(run)
+    if any(name in only for name in _SENSITIVITY):
+        found += _sensitivity(run)
+    return [metric for metric in found if metric.name in only]
 
 
 def _impacts(run: RecordedRun) -> list[Metric]:
@@ -121,7 +135,7 @@ def _sensitivity(run: RecordedRun) -> list[Metric]:
     ]
 
 
-def _tracking(run: RecordedRun, start: int) -> list[Metric]:
+def _tracking(run: RecordedRun, start: int, *, spectrum: bool) -> list[Metric]:
     unit, factor = run.error_unit, run.error_factor
     control = run.command if 'control' in run else np.zeros(len(run.ticks))
     tracking = tracking_metrics(
@@ -134,7 +148,7 @@ def _tracking(run: RecordedRun, start: int) -> list[Metric]:
         Metric('mean_error', 'mean error', tracking.mean_error, unit),
         Metric('tmr', 'TMR, 3 sigma', tracking.tmr, unit),
     ]
-    if len(error) > 2:
+    if spectrum and len(error) > 2:
         tmr = misregistration_from_spectrum(*power_spectral_density(error, run.sample_time))
         found.append(Metric('tmr_of_spectrum', 'TMR from the spectrum', tmr, unit))
     period = reference_period(run)

@@ -144,6 +144,17 @@ def test_a_campaign_goes_on_where_it_was_killed(table, tmp_path):
     assert len(found.splitlines()) == 16
 
 
+def test_a_metric_is_the_same_whatever_else_is_asked_for(table):
+    names = ['tmr_of_spectrum', 'peak_sensitivity', 'control_loop_area', 'rms_error']
+    found = Campaign({**SPEC, 'metrics': names}).run(workers=2)
+    assert set(found.columns[found.columns.index('last_tick') + 1 : -1]) == set(names)
+    for name in (*names, 'verdict', 'digest'):
+        assert found[name].tolist() == table[name].tolist()
+    alone = Campaign({**SPEC, 'metrics': ['rms_error']}).run(workers=2)
+    assert alone['rms_error'].tolist() == table['rms_error'].tolist()
+    assert 'peak_sensitivity' not in alone
+
+
 def test_a_killed_campaign_goes_on(tmp_path):
     spec = {**SPEC, 'set': {'deterministic_timer:duration': 0.2}, 'seeds': 20}
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(spec))
