@@ -20,6 +20,7 @@ from hdd_servo_ros.reporting.evaluation import (
     may_have_seeks,
     waveform_of,
 )
+from hdd_servo_ros.reporting.long_runs import begins_within, stretch_of
 from hdd_servo_ros.reporting.run_sensitivity import PLANT, SENSOR, parameters_at_start
 from hdd_servo_ros.reporting.track_of_run import track_pitch
 
@@ -86,6 +87,15 @@ def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
     return found.seeks
 
 
+def part_with_seeks(run: RecordedRun) -> RecordedRun:
+    """
+    Return what of a run is searched for seeks: all of it, of a long one the last stretch.
+
+    See :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`. A long run that has no seeks is not read for that.
+    """
+    return stretch_of(run) if may_have_seeks(run) else run
+
+
 def _search(run: RecordedRun) -> list[Seek]:
     if not may_have_seeks(run):
         return []
@@ -95,6 +105,9 @@ def _search(run: RecordedRun) -> list[Seek]:
     elif not is_stepwise(run.desired_position):
         return []
     seeks = find_seeks(run.desired_position, run.reference.velocity, along_trajectory)
+    if begins_within(run):
+        # One that is under way at the first row has begun before.
+        return seeks[1:] if seeks and run.reference.velocity[0] != 0.0 else seeks
     first, head = float(run.desired_position[0]), float(run.position[0])
     pitch = track_pitch(run)
     if pitch is not None and abs(first - head) > WRITE_LIMIT * pitch and not (seeks and seeks[0].row == 0):
@@ -166,6 +179,10 @@ def responses_of(
             starts = [seek.row for seek in seeks[1:]]
             replaced = {seek.row for seek, start in zip(seeks, starts, strict=False) if modes[start - 1] == SEEK}
             responses = [response for response in responses if response.seek.row not in replaced]
+        if begins_within(run):
+            responses = [
+                dataclasses.replace(response, time=float(run.time[response.seek.row])) for response in responses
+            ]
         found.responses[key] = responses
     return found.responses[key]
 

@@ -1,25 +1,15 @@
 """What `rig` and `simulate` do once a run is on disk."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from hdd_servo_ros.bench.response import read_csv
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import follows_reference, may_have_seeks
-from hdd_servo_ros.reporting.long_runs import is_very_long
+from hdd_servo_ros.reporting.evaluation import may_have_seeks
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.reporting.verdict import verdict_of
-
-if TYPE_CHECKING:
-    from hdd_servo_ros.reporting.panel import Panel
-
-_BINS_DRAWN = 5000
-"""Bins of the picture of such a run."""
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
@@ -30,11 +20,12 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory, verdict_of(run)))
-    if may_have_seeks(run) and not is_very_long(run):
+    if may_have_seeks(run):
         # Late: most runs have none.
         from hdd_servo_ros.reporting.seek_report import seek_line
+        from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 
-        seeks = seek_line(run)
+        seeks = seek_line(part_with_seeks(run))
         if seeks:
             print(f'{"seeks":>16}  {seeks}')
     low_margin = low_margin_of(run)
@@ -53,22 +44,7 @@ def draw_run(run: RecordedRun, path: Path) -> bool:
     from hdd_servo_ros.reporting.run_panels import panels_over_time
 
     title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
-    panels = _panels_of_blocks(run) if is_very_long(run) else panels_over_time(run)
+    panels = panels_over_time(run)
     if panels:
         write_picture(panels, title, path)
     return bool(panels)
-
-
-def _panels_of_blocks(run: RecordedRun) -> 'list[Panel]':
-    """Return the diagrams of a run over its time by the extremes of every some hundred ticks, read in pieces."""
-    from hdd_servo_ros.messages.scope_blocks import make_block
-    from hdd_servo_ros.reporting.live_view import BlockSignals
-    from hdd_servo_ros.reporting.loop_panels import loop_panels
-
-    if not follows_reference(run):
-        return []
-    blocks = [
-        make_block(piece, max(1, round(_BINS_DRAWN * len(piece.ticks) / run.last_tick))) for piece in run.pieces()
-    ]
-    rows = np.concatenate([block.rows for block in blocks])
-    return loop_panels(BlockSignals(blocks[0].names, rows, run.units), follows=True)

@@ -7,7 +7,6 @@ from hdd_servo_ros.messages.errors import NOT_FINITE
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import may_have_seeks
-from hdd_servo_ros.reporting.long_runs import is_very_long
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
 TRACKS, ARRIVES = 'tracks', 'arrives'
@@ -118,17 +117,20 @@ def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
     """
     Judge a recorded run; ``after`` is the time before which errors do not count [s], None for the usual one.
 
-    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``.
+    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``. Of a
+    long run those of its last stretch count; see :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
     found = verdict(sums_of(run, after), run.reason)
     if found is None or not (found.tracks or found.text == DOES_NOT_TRACK):
         return found
-    if is_very_long(run) or not may_have_seeks(run):
+    if not may_have_seeks(run):
         return found
     # Late: it needs more than a verdict does otherwise.
     from hdd_servo_ros.reporting.seek_report import has_seeks, lost_seeks
+    from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 
-    if not has_seeks(run):
+    part = part_with_seeks(run)
+    if not has_seeks(part):
         return found
-    lost = lost_seeks(run)
+    lost = lost_seeks(part)
     return Verdict('does not arrive', detail=lost) if lost else Verdict(ARRIVES, tracks=True)
