@@ -133,6 +133,7 @@ def test_what_is_from_a_stretch_is_said(runs, long, tmp_path):
 def test_the_seeks_of_a_stretch_are_seeks_of_the_run(runs, long):
     whole = RecordedRun.open(runs['seeking'])
     tolerance = tolerance_of(whole)
+    assert tolerance is not None
     expected = {round(response.time / whole.sample_time): response for response in responses_of(whole, tolerance)}
     long(4001)
     part = part_with_seeks(RecordedRun.open(runs['seeking']))
