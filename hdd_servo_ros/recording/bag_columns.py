@@ -18,7 +18,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -31,6 +31,8 @@ from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
 from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
 
 if TYPE_CHECKING:
+    import sqlite3
+
     from hdd_servo_ros.recording.salvage import Salvage
 
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
@@ -369,7 +371,9 @@ def _add_to_digest(digest: TopicDigest, part: Column) -> None:
     digest.add(part.times, b''.join(part.payloads) if isinstance(part.payloads, list) else part.payloads)
 
 
-def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
+@contextlib.contextmanager
+def _database(path: Path) -> Iterator['sqlite3.Connection']:
+    """Open an sqlite3 file for reading; its errors become a :class:`BagError`."""
     # Late: most bags are MCAP.
     import sqlite3
 
@@ -377,15 +381,19 @@ def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
 
     try:
         with database_to_read(path) as address, contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
-            # By id, as they were written.
-            rows = connection.execute(
-                'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) '
-                'ORDER BY id',
-                (topic,),
-            ).fetchall()
-            _check_rows(path, topic, rows)
+            yield connection
     except (sqlite3.Error, OSError, OverflowError) as error:
         raise BagError(f'{path}: {error}') from None
+
+
+def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
+    with _database(path) as database:
+        # By id, as they were written.
+        rows = database.execute(
+            'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) ORDER BY id',
+            (topic,),
+        ).fetchall()
+        _check_rows(path, topic, rows)
     return _column([time for time, _ in rows], [payload for _, payload in rows])
 
 
@@ -396,29 +404,26 @@ def _check_rows(path: Path, topic: str, rows: Sequence[tuple[Any, Any]]) -> None
 
 def _sqlite3_pieces(path: Path, topics: Sequence[str], since: int) -> Iterator[dict[str, Column]]:
     """Iterate over the messages of some topics in the order in which they were written, some thousand at once."""
-    try:
-        with database_to_read(path) as address, contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
-            names = dict(connection.execute('SELECT id, name FROM topics'))
-            wanted = [number for number, name in names.items() if name in topics]
-            places = ', '.join('?' * len(wanted))
-            # By the index over the time, which else would put the rows in another order than that of writing.
-            begin = connection.execute('SELECT min(id) FROM messages WHERE timestamp >= ?', (since,)) if since else None
-            first = 0 if begin is None else begin.fetchone()[0] or 0
-            cursor = connection.execute(
-                f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) '
-                'AND id >= ? AND +timestamp >= ? ORDER BY id',
-                (*wanted, first, since),
-            )
-            while rows := cursor.fetchmany(_ROWS_AT_ONCE):
-                piece = {}
-                for number in wanted:
-                    own = [(time, payload) for topic, time, payload in rows if topic == number]
-                    _check_rows(path, names[number], own)
-                    if own:
-                        piece[names[number]] = _column([time for time, _ in own], [payload for _, payload in own])
-                yield piece
-    except (sqlite3.Error, OSError, OverflowError) as error:
-        raise BagError(f'{path}: {error}') from None
+    with _database(path) as database:
+        names = dict(database.execute('SELECT id, name FROM topics'))
+        wanted = [number for number, name in names.items() if name in topics]
+        places = ', '.join('?' * len(wanted))
+        # By the index over the time, which else would put the rows in another order than that of writing.
+        begin = database.execute('SELECT min(id) FROM messages WHERE timestamp >= ?', (since,)) if since else None
+        first = 0 if begin is None else begin.fetchone()[0] or 0
+        cursor = database.execute(
+            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) '
+            'AND id >= ? AND +timestamp >= ? ORDER BY id',
+            (*wanted, first, since),
+        )
+        while rows := cursor.fetchmany(_ROWS_AT_ONCE):
+            piece = {}
+            for number in wanted:
+                own = [(time, payload) for topic, time, payload in rows if topic == number]
+                _check_rows(path, names[number], own)
+                if own:
+                    piece[names[number]] = _column([time for time, _ in own], [payload for _, payload in own])
+            yield piece
 
 
 def _read_mcap(path: Path, topic: str, checked: _Checked) -> Column:
