@@ -10,7 +10,8 @@ MOST_GROWTH = 40.0
 TICKS = 20_000, 100_000
 # Runs are long from fewer ticks on, and their diagrams have fewer points, so that short ones do.
 REPORT = """
-import resource, sys
+import sys
+from pathlib import Path
 from hdd_servo_ros.recording import recorded_run
 from hdd_servo_ros.reporting import long_figures, long_runs, loop_panels, run_panels
 from hdd_servo_ros.tools.report import main
@@ -18,7 +19,9 @@ if sys.argv[1] == 'in pieces':
     recorded_run.LONG_RUN = long_runs.STRETCH = 4096
     long_figures.BUCKETS = loop_panels.BUCKETS = run_panels.BUCKETS = 100
 assert main([*sys.argv[3:], '--output', sys.argv[2]]) == 0
-print('memory', 1024e-6 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+# Not the resource module's figure, which may be that of the process that started this one.
+status = dict(line.split(':', 1) for line in Path('/proc/self/status').read_text().splitlines())
+print('memory', 1024e-6 * float(status['VmHWM'].split()[0]))
 """
 
 
