@@ -2,7 +2,7 @@
 Measure, print the raw figures, and write the table of ``docs/performance.md``.
 
 ``python -m benchmarks [--quick] [--no-write]``; every figure is the median of several runs that alternate with what
-they are compared with, so that a slow minute of the machine strikes both.
+they are compared with, so that a slow minute of the machine strikes both. Those of campaigns are the best of them.
 """
 
 import argparse
@@ -139,7 +139,7 @@ def main():
         *bag_rows(bags),
     ]
     lines = [
-        f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs, '
+        f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs but for campaigns, '
         f'{ticks} ticks of 0.1 ms (stock: {ticks // 10}).',
         '',
         '| what | real-time factor | asked for | beside it |',

@@ -43,6 +43,7 @@ def run_campaign(ticks=HOUR, rig_ticks=RIG, folder=None):
         directory = Path(made)
         long = directory / 'long'
         _measure(result, 'simulate with its summary', 'hdd_servo_ros.simulation.simulate', *_arguments(long, ticks))
+        _measure(result, 'report', 'hdd_servo_ros.tools.report', long)
         _measure(result, 'recover', 'hdd_servo_ros.tools.recover', long, '--dry-run')
         if rig_ticks:
             rig = directory / 'rig'

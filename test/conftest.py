@@ -14,12 +14,12 @@ import pytest
 import yaml
 from hypothesis import settings
 
-from hdd_servo_ros.campaign.run_server import RunServer, ServedRun
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.testing.domain import take_domain
+from test.process_copies import Copies, Copy
 
 # The first example compiles kernels; no test asserts a time. Derandomized, so that a failure is everybody's.
 settings.register_profile('bench', deadline=None, derandomize=True)
@@ -33,7 +33,7 @@ NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 class Process:
     """One executable of the package, running."""
 
-    def __init__(self, name: str, popen: subprocess.Popen[bytes] | ServedRun, log: Path) -> None:
+    def __init__(self, name: str, popen: subprocess.Popen[bytes] | Copy, log: Path) -> None:
         self.name = name
         self.popen = popen
         self._log = log
@@ -68,16 +68,16 @@ class Interpreters:
 
     def __init__(self) -> None:
         self._environment = with_package(os.environ)
-        self._server: RunServer | None = None
+        self._server: Copies | None = None
 
     def start(
         self, arguments: Sequence[str], directory: Path, environment: Mapping[str, str], log: Path, errors: Path | None
-    ) -> ServedRun | None:
+    ) -> Copy | None:
         """Start ``python ARGUMENTS``; return None if it takes a new interpreter to do that."""
         if arguments[0] == '-c' or self._inherited(environment) != self._inherited(self._environment):
             return None
         if self._server is None:
-            self._server = RunServer(self._environment, [str(Path(__file__).with_name('process_server.py'))])
+            self._server = Copies(self._environment)
         paths = {'directory': str(directory), 'log': str(log), 'errors': None if errors is None else str(errors)}
         return self._server.request({'arguments': arguments, 'environment': environment, **paths})
 
@@ -148,7 +148,7 @@ class Bench:
         return self.directory / f'{len(self.processes)}-{name}.log'
 
     def _start(self, name: str, arguments: Sequence[str], log: Path, errors: Path | None) -> Process:
-        popen: subprocess.Popen[bytes] | ServedRun | None = None
+        popen: subprocess.Popen[bytes] | Copy | None = None
         if self.interpreters is not None:
             popen = self.interpreters.start(arguments, self.directory, self.environment, log, errors)
         if popen is None:

@@ -5,23 +5,101 @@ The processes of the tests as copies of one, in which all that the executables n
 command line, folder, variables and output: only the imports are there beforehand, and what remains at the end is not
 taken apart piece by piece. Tests of those two use new interpreters.
 
-A request is ``{"arguments": [...], "directory": ..., "environment": {...}, "log": FILE, "errors": FILE or null}``.
+The server reads a JSON object per line, ``{"arguments": [...], "directory": ..., "environment": {...}, "log": FILE,
+"errors": FILE or null}``, and answers ``started PID``; when a copy ends it writes ``ended PID CODE``, with a negative
+code for a signal. At the end of its input it ends the copies, then itself.
 """
 
 import atexit
+import gc
 import importlib
+import json
 import os
 import runpy
+import select
 import signal
 import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
 
-from hdd_servo_ros.campaign.run_server import serve
+_ASKED_TO_END = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Server:
+    """
+    What the server's process does.
+
+    Parameters
+    ----------
+    requests, answers
+        Its input and output.
+    run
+        Called with the request in the forked process, whose output is in the request's log; it does not return.
+    """
+
+    def __init__(self, requests: IO[bytes], answers: IO[bytes], run: Callable[[Mapping[str, Any]], NoReturn]) -> None:
+        self._requests, self._answers, self._run = requests, answers, run
+        self._running: set[int] = set()
+        self._woken, self._wake = os.pipe()
+        os.set_blocking(self._wake, False)
+        signal.set_wakeup_fd(self._wake, warn_on_full_buffer=False)
+        self._handlers = {signal.SIGCHLD: signal.signal(signal.SIGCHLD, lambda number, frame: None)}
+        # Ctrl-C in a terminal reaches every process: the copies end by themselves, and the tests end the server.
+        for number in _ASKED_TO_END:
+            self._handlers[number] = signal.signal(number, signal.SIG_IGN)
+
+    def serve(self) -> None:
+        """Start the requested copies until the end of the input."""
+        unread = b''
+        while True:
+            ready = select.select([self._requests.fileno(), self._woken], [], [])[0]
+            if self._woken in ready:
+                os.read(self._woken, 4096)
+                self._reap()
+            if self._requests.fileno() in ready:
+                read = os.read(self._requests.fileno(), 65536)
+                if not read:
+                    break
+                *lines, unread = (unread + read).split(b'\n')
+                for line in lines:
+                    self._start(json.loads(line))
+        for pid in self._running:
+            os.kill(pid, signal.SIGTERM)
+        for pid in self._running:
+            os.waitpid(pid, 0)
+
+    def _start(self, request: Mapping[str, Any]) -> None:
+        pid = os.fork()
+        if pid == 0:
+            # The reader of the answers detects the server's end by the end of this pipe.
+            os.close(self._answers.fileno())
+            signal.set_wakeup_fd(-1)
+            # As a new interpreter would find them: whoever starts processes in the background has SIGINT ignored.
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+            log = os.open(str(request['log']), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+            nothing = os.open(os.devnull, os.O_RDONLY)
+            for own, taken in ((nothing, 0), (log, 1), (log, 2)):
+                os.dup2(own, taken)
+            self._run(request)
+        self._running.add(pid)
+        self._say(f'started {pid}')
+
+    def _reap(self) -> None:
+        while self._running:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+            if pid == 0:
+                return
+            self._running.remove(pid)
+            self._say(f'ended {pid} {os.waitstatus_to_exitcode(status)}')
+
+    def _say(self, line: str) -> None:
+        self._answers.write(line.encode() + b'\n')
+        self._answers.flush()
 
 
 def prepare() -> None:
@@ -88,6 +166,16 @@ def exit_code(given: object) -> int:
         return given
     print(given, file=sys.stderr)
     return 1
+
+
+def serve(prepare: Callable[[], None], run: Callable[[Mapping[str, Any]], NoReturn]) -> None:
+    """Prepare, and serve what comes by the standard input; see :class:`Server`."""
+    answers = os.fdopen(os.dup(1), 'wb')
+    # What is printed by the imports must not be read as an answer.
+    os.dup2(2, 1)
+    prepare()
+    gc.freeze()
+    Server(sys.stdin.buffer, answers, run).serve()
 
 
 if __name__ == '__main__':

@@ -10,8 +10,11 @@ from hdd_servo_ros.analysis.misregistration import standard_deviation
 
 Array = NDArray[np.float64]
 
+RESOLUTION = 5.0
+"""Distance of the lines of a cumulative spectrum, unless another one is asked for [Hz]."""
 
-def cumulative_spectrum(signal: ArrayLike, sample_time: float, resolution: float = 5.0) -> tuple[Array, Array]:
+
+def cumulative_spectrum(signal: ArrayLike, sample_time: float, resolution: float = RESOLUTION) -> tuple[Array, Array]:
     """
     Return frequencies [Hz] and the root of the power below each, in the signal's unit.
 
@@ -35,11 +38,15 @@ def cumulative_spectrum(signal: ArrayLike, sample_time: float, resolution: float
     y = np.asarray(signal, dtype=np.float64)
     if len(y) < 4:
         raise ValueError(f'a spectrum needs at least 4 samples, and there are {len(y)}')
-    segment = min(len(y), max(4, round(1.0 / (resolution * sample_time))))
-    frequencies, density = power_spectral_density(y, sample_time, segment)
+    frequencies, density = power_spectral_density(y, sample_time, segment_of(len(y), sample_time, resolution))
     # The lines at 0 and, where there is one, at the Nyquist frequency are already those of a one-sided density.
     power = np.cumsum(density[1:]) * float(frequencies[1] - frequencies[0])
     return frequencies[1:], np.sqrt(power)
+
+
+def segment_of(samples: int, sample_time: float, resolution: float) -> int:
+    """Return the samples of a segment for lines that are so far apart [Hz], in a record of some samples."""
+    return min(samples, max(4, round(1.0 / (resolution * sample_time))))
 
 
 def error_by_source(complete: ArrayLike, without: Mapping[str, ArrayLike]) -> dict[str, float]:
@@ -68,9 +75,16 @@ def error_by_source(complete: ArrayLike, without: Mapping[str, ArrayLike]) -> di
     ValueError
         If a source is named ``rest``.
     """
+    return shares_by_source(
+        standard_deviation(complete), {name: standard_deviation(error) for name, error in without.items()}
+    )
+
+
+def shares_by_source(complete: float, without: Mapping[str, float]) -> dict[str, float]:
+    """Return what :func:`error_by_source` does, from the standard deviations of the errors."""
     if 'rest' in without:
         raise ValueError("a source cannot be named 'rest', which is what no source accounts for")
-    variance = standard_deviation(complete) ** 2
-    shares = {name: variance - standard_deviation(error) ** 2 for name, error in without.items()}
+    variance = complete**2
+    shares = {name: variance - deviation**2 for name, deviation in without.items()}
     shares['rest'] = variance - sum(shares.values())
     return {name: 3.0 * float(np.copysign(np.sqrt(abs(share)), share)) for name, share in shares.items()}

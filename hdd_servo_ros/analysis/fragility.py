@@ -49,11 +49,25 @@ class LoopSurroundings:
     @functools.cached_property
     def margins(self) -> LoopMargins:
         """The linear loop around this drive."""
-        return LoopMargins(self.plant, self.sample_time, self.sensor, self.scales, self.observer)
+        # No margin depends on the seed, which differs from run to run of a campaign.
+        sensor = None if self.sensor is None else dataclasses.replace(self.sensor, seed=0)
+        return _margins(self.plant, self.sample_time, sensor, self.scales, self.observer)
 
     def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:
         """Return the loop with an adaptive NN controller whose estimates are frozen; ``delay`` replaces the own one."""
         return FrozenLoop(self.margins, controller, self.delay if delay is None else delay)
+
+
+@functools.lru_cache(4)
+def _margins(
+    plant: PlantParameters,
+    sample_time: float,
+    sensor: LdvParameters | None,
+    scales: SensorScales | None,
+    observer: ObserverParameters | None,
+) -> LoopMargins:
+    """Return the linear loop around a drive; runs that differ in the controller alone share it."""
+    return LoopMargins(plant, sample_time, sensor, scales, observer)
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:

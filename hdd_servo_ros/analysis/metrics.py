@@ -129,14 +129,26 @@ def amplitude_spectrum(
     resolution
         Distance of the lines [Hz]; a record shorter than its inverse has the lines that it can have.
     """
+    y = np.asarray(signal, dtype=np.float64)
+    frequencies, power = amplitude_power(y, sample_time, amplitude_segment(len(y), sample_time, resolution))
+    return frequencies, np.sqrt(2.0 * power)
+
+
+def amplitude_segment(samples: int, sample_time: float, resolution: float = 1.0) -> int:
+    """Return the samples of a segment of :func:`amplitude_spectrum`, in a record of some samples."""
+    return min(samples, max(2, round(1.0 / (resolution * sample_time))))
+
+
+def amplitude_power(
+    signal: NDArray[np.float64], sample_time: float, segment: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies [Hz] and half the square of what :func:`amplitude_spectrum` gives, by segments of a length."""
     from scipy.signal import welch
 
-    y = np.asarray(signal, dtype=np.float64)
-    segment = min(len(y), max(2, round(1.0 / (resolution * sample_time))))
     frequencies, power = welch(
-        y, fs=1.0 / sample_time, window='flattop', nperseg=segment, detrend='constant', scaling='spectrum'
+        signal, fs=1.0 / sample_time, window='flattop', nperseg=segment, detrend='constant', scaling='spectrum'
     )
-    return frequencies, np.sqrt(2.0 * power)
+    return frequencies, power
 
 
 @dataclasses.dataclass(frozen=True)

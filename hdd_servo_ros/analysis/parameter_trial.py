@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
-from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.control.controller import Controller, KnowsOutputLimit
@@ -327,6 +325,8 @@ class ControllerTrial:
             refuse_other_units('seek.method', parameters, self.drive)
         if not parameters.is_used:
             return None
+        from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
+
         limit = math.inf if self.drive is None else self.drive.control_limit
         dsp = Dsp(sets[ControllerOutputParameters].dsp, self.sample_time, limit)
         surroundings = seek_surroundings(parameters, lambda: self._law(sets), self.sample_time, dsp, self.scales, None)
@@ -338,6 +338,8 @@ class ControllerTrial:
             refuse_other_units('runout.method', parameters, self.drive)
         if not parameters.is_used:
             return None
+        from hdd_servo_ros.analysis.feedforward_path import runout_path
+
         path = runout_path(
             parameters,
             self._law(sets),
@@ -354,6 +356,8 @@ class ControllerTrial:
             refuse_other_units('feedforward.method', parameters, self.drive)
         if not parameters.is_used or self.accelerometer is None:
             return None
+        from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+
         knowledge = feedforward_knowledge(
             parameters,
             self._law(sets),

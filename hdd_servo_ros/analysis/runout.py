@@ -36,6 +36,18 @@ class RunoutParts:
     non_repeatable_peak_to_peak: float
     non_repeatable_three_sigma: float
 
+    def scaled(self, factor: float) -> 'RunoutParts':
+        """Return the same in another unit, by the factor to it."""
+        return RunoutParts(
+            self.sectors,
+            self.revolutions,
+            factor * self.repeatable,
+            factor * self.repeatable_peak_to_peak,
+            factor * self.repeatable_three_sigma,
+            factor * self.non_repeatable_peak_to_peak,
+            factor * self.non_repeatable_three_sigma,
+        )
+
 
 def runout_parts(error: ArrayLike, sectors: int) -> RunoutParts:
     """

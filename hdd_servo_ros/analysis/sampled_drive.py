@@ -18,6 +18,10 @@ from hdd_servo_ros.numerics.records import record
 
 Array = NDArray[np.float64]
 
+_INDEX = {name: field[1] // 8 for name, field in (PLANT_STATE.fields or {}).items()}
+_BODY = [_INDEX[name] for name in ('position', 'velocity', 'amplifier', 'coil', 'mean_friction')]
+"""Where the states of body, driver and contact are among the numbers of ``PLANT_STATE``."""
+
 SPRING_MODELS = ('tangential_stiffness', 'complete', 'dahl', 'lugre', 'lugre_position', 'rbf_network')
 """Friction models whose contact yields at rest; the others hold the body at rest, or have no friction there."""
 NOT_VISCOUS_MODELS = ('none', 'stiction', 'tangential_stiffness', 'coulomb', 'drag', 'dahl', 'rbf_network')
@@ -75,9 +79,12 @@ def has_presliding_spring(friction: FrictionParameters) -> bool:
     return friction.model in SPRING_MODELS
 
 
+@functools.lru_cache(16)
 def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) -> SampledDrive:
     """
     Linearise the drive as it is integrated from tick to tick.
+
+    Those of the last few drives are kept: the runs of a campaign, and the parts of one run, share them.
 
     Parameters
     ----------
@@ -161,7 +168,7 @@ def _linearised(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
     ):
         kick = np.zeros_like(rest)
         for name in names:
-            record(kick, PLANT_STATE)[name] = step
+            kick[_INDEX[name]] = step
         kicks.append((kick, np.zeros_like(plant.motion), 0.0, step))
     # The modes are linear, so the size of their step does not matter.
     for index in np.ndindex(plant.motion.shape):
@@ -175,9 +182,8 @@ def _linearised(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
         plant.state[:], plant.motion[:] = state, motion
         now = np.array(plant.output()[:2])
         plant.step(1, u)
-        later = record(plant.state, PLANT_STATE)
-        body = [later.position, later.velocity, later.amplifier, later.coil, later.mean_friction]
-        return now, np.concatenate([body, plant.motion.ravel()])
+        # A record of each state would take longer than the step.
+        return now, np.concatenate([plant.state[_BODY], plant.motion.ravel()])
 
     columns, shown = [], []
     for kick, motion, voltage, step in kicks:

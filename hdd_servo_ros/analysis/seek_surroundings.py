@@ -3,15 +3,13 @@
 import math
 from collections.abc import Callable
 
-import numpy as np
-
 from hdd_servo_ros.analysis.initial_values import RigidDrive, initial_value_gains
 from hdd_servo_ros.analysis.seek_plans import seek_plans
 from hdd_servo_ros.bench.dsp import Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.controller import Controller
 from hdd_servo_ros.control.observer import Observer, ObserverParameters
-from hdd_servo_ros.control.seek import Seek, SeekPlans, SeekSurroundings
+from hdd_servo_ros.control.seek import SeekSurroundings, no_plans
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 
@@ -58,13 +56,3 @@ def seek_surroundings(
     gains = initial_value_gains(make_controller, drive, fade_time, sample_time, dsp=dsp.parameters, sensor=scales)
     bias_gains = (gains.error, gains.velocity, gains.gap)
     return SeekSurroundings(no_plans(), delay, limit, dsp.limit, bias_gains, constants)
-
-
-def no_plans() -> SeekPlans:
-    """Return plans for a method that has none, and a model that does not move."""
-    return SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
-
-
-def no_seek(sample_time: float) -> Seek:
-    """Return a seek part that stands for none."""
-    return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(no_plans()))

@@ -222,10 +222,10 @@ def fill_ldv_deviates(constants: NDArray[np.float64], first_tick: int, deviates:
     constants
         Laid out as ``LDV``.
     first_tick
-        The tick of the first row.
+        The first tick.
     deviates
-        Takes the deviate of the displacement and of the velocity output of each tick, shape (n, 2); left as it is if
-        the outputs carry no noise.
+        Takes the deviate of the displacement and of the velocity output of each tick, one after the other, shape
+        (2 n,); left as it is if the outputs carry no noise.
     """
     c = record(constants, LDV)
     if c.has_noise != 0.0:

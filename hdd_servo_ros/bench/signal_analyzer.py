@@ -202,13 +202,14 @@ def _replay(
     ldv: NDArray[np.float64],
     displacement_scale: float,
     velocity_scale: float,
+    first_tick: int,
     control: NDArray[np.float64],
 ) -> None:
     """Step through recorded outputs of the vibrometer, shape (n, 2 or more), and write the excitation, shape (n,)."""
     for tick in range(len(ldv)):
         x, v = ldv[tick, 0], ldv[tick, 1]
         # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
-        inputs = (tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
+        inputs = (first_tick + tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
         control[tick] = signal_analyzer_step(constants, points, state, correlations, results, estimates, *inputs)[0]
 
 
@@ -288,16 +289,20 @@ class SignalAnalyzer:
         """Return u, u again, and 0 for its feedback part [V]; the reference plays no part."""
         return signal_analyzer_step(*self.arrays, *inputs)
 
-    def replay(self, ldv: NDArray[np.float64], displacement_scale: float, velocity_scale: float) -> NDArray[np.float64]:
+    def replay(
+        self, ldv: NDArray[np.float64], displacement_scale: float, velocity_scale: float, first_tick: int = 0
+    ) -> NDArray[np.float64]:
         """
         Measure from recorded outputs of the vibrometer.
 
         Parameters
         ----------
         ldv
-            Displacement and velocity output at every tick from 0 on [V], shape (n, 2 or more).
+            Displacement and velocity output at every tick from ``first_tick`` on [V], shape (n, 2 or more).
         displacement_scale, velocity_scale
             The vibrometer's scales [um/V], [um/s/V].
+        first_tick
+            The first tick: 0, or the one behind those that were measured last.
 
         Returns
         -------
@@ -305,7 +310,7 @@ class SignalAnalyzer:
             The excitation at these ticks [V], shape (n,).
         """
         control: NDArray[np.float64] = np.empty(len(ldv))
-        _replay(*self.arrays, ldv, displacement_scale, velocity_scale, control)
+        _replay(*self.arrays, ldv, displacement_scale, velocity_scale, first_tick, control)
         return control
 
     def fault(self) -> str:

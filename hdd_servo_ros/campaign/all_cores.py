@@ -1,13 +1,20 @@
-"""Work on all cores, in processes that leave signals to their parent; a process that is killed loses no work."""
+"""
+Work on all cores, in processes that leave signals to their parent; a process that is killed loses no work.
+
+The one pool of this package: campaigns, the recorded runs of studies without ROS, and their figures are made by it.
+"""
 
 import collections
 import concurrent.futures
 import contextlib
 import functools
+import multiprocessing
 import os
-import signal
+import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
+
+from hdd_servo_ros.campaign import worker
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
@@ -18,6 +25,10 @@ ATTEMPTS = 4
 """Attempts of an item whose process is killed each time."""
 _AHEAD = 3
 """Items per worker that are handed over at a time, so that none waits and memory does not grow with their number."""
+_PATIENCE = 10.0
+"""How long workers may take to end before they are killed [s]."""
+_PERIOD = 0.2
+"""How often whoever watches is called [s]."""
 
 
 class WorkerKilled(RuntimeError):
@@ -34,7 +45,31 @@ def cores() -> int:
 
 def processes(workers: int) -> concurrent.futures.Executor:
     """Return an executor with so many processes, which leave signals to this one."""
-    return concurrent.futures.ProcessPoolExecutor(workers, initializer=_leave_signals_to_the_parent)
+    return _Processes(workers)
+
+
+class _Processes(concurrent.futures.ProcessPoolExecutor):
+    """Processes forked from this one, so that they have what is imported and compiled here."""
+
+    def __init__(self, workers: int) -> None:
+        context = multiprocessing.get_context('fork')
+        self._pids = context.SimpleQueue()
+        super().__init__(workers, mp_context=context, initializer=worker.start, initargs=(os.getpid(), self._pids))
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> 'concurrent.futures.Future[Any]':
+        return super().submit(worker.work, fn, *args, **kwargs)
+
+    def give_up(self) -> None:
+        """Do no more work, have what is under way interrupted, and wait until the processes have ended."""
+        asked = worker.ask_to_end(self._pids)
+        # Such as a controller from outside whose step never returns.
+        killer = threading.Timer(_PATIENCE, worker.kill, [asked])
+        killer.daemon = True
+        killer.start()
+        try:
+            self.shutdown(wait=True, cancel_futures=True)
+        finally:
+            killer.cancel()
 
 
 class _Attempt(Generic[Item]):
@@ -49,6 +84,7 @@ def completed(
     items: Iterable[Item],
     workers: int,
     make_executor: Callable[[int], concurrent.futures.Executor] = processes,
+    watch: Callable[[], None] | None = None,
 ) -> Generator[tuple[int, Item, Result | Exception], None, None]:
     """
     Yield the index, the item, and what a function returns or raises for it, as they are completed.
@@ -66,6 +102,8 @@ def completed(
         How many work at a time.
     make_executor
         Returns what they are submitted to.
+    watch
+        Called a few times per second meanwhile.
     """
     waiting = ((_Attempt(index, item)) for index, item in enumerate(items))
     again: collections.deque[_Attempt[Item]] = collections.deque()
@@ -93,7 +131,7 @@ def completed(
                 if not in_flight:
                     is_done = True
                     return
-                done, _ = concurrent.futures.wait(in_flight, return_when=concurrent.futures.FIRST_COMPLETED)
+                done = _first_done(in_flight, watch)
                 for future in done:
                     error = future.exception()
                     if isinstance(error, concurrent.futures.BrokenExecutor):
@@ -113,8 +151,25 @@ def completed(
                     yield attempt.index, attempt.item, WorkerKilled()
                 else:
                     again.append(attempt)
+        except BaseException:
+            # The work is given up, by an error or since nobody wants its results any more.
+            if isinstance(executor, _Processes):
+                executor.give_up()
+            raise
         finally:
             executor.shutdown(wait=is_done, cancel_futures=True)
+
+
+def _first_done(
+    in_flight: Iterable['concurrent.futures.Future[Result]'], watch: Callable[[], None] | None
+) -> 'set[concurrent.futures.Future[Result]]':
+    while True:
+        timeout = None if watch is None else _PERIOD
+        done, _ = concurrent.futures.wait(in_flight, timeout, return_when=concurrent.futures.FIRST_COMPLETED)
+        if watch is not None:
+            watch()
+        if done:
+            return done
 
 
 def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksize: int = 1) -> Iterator[Result]:
@@ -145,8 +200,3 @@ def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksiz
 
 def _each(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
     return [work(item) for item in items]
-
-
-def _leave_signals_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -5,16 +5,18 @@ import contextlib
 import functools
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from tqdm import tqdm
 
 from hdd_servo_ros.campaign import all_cores
+from hdd_servo_ros.campaign.changes import changes, contents_of
 from hdd_servo_ros.campaign.folder import StudyError, alone_in, make_folder
 from hdd_servo_ros.campaign.journal import Journal
+from hdd_servo_ros.campaign.kept_runs import KeptRun, keep_run
 from hdd_servo_ros.campaign.measuring import (
     Result,
     failed_result,
@@ -22,7 +24,6 @@ from hdd_servo_ros.campaign.measuring import (
     measure_run,
     own_metric,
     prepare,
-    record_run,
 )
 from hdd_servo_ros.campaign.planning import CampaignRun, Plan
 from hdd_servo_ros.campaign.spec import ALL, Spec, file_name, read_spec, spec_of
@@ -40,6 +41,7 @@ class _UnknownMetric(ArgumentError):
     """A metric that no run has."""
 
 
+Item = TypeVar('Item')
 MakeExecutor = Callable[[int], concurrent.futures.Executor]
 """Returns what runs are submitted to, for a number of workers."""
 
@@ -221,15 +223,19 @@ class Campaign:
 
     def _record_kept(self, table: Table, folder: Path, crew: '_Crew') -> None:
         """Record the runs that are kept; a recording differs in nothing from the run that was measured."""
-        digests = table['digest']
-        due = [self.plan[number] for number in self._kept(table) if digests[number]]
-        due = [run for run in due if not (folder / 'runs' / run_name(run) / 'run.yaml').exists()]
-        record = functools.partial(_record_in, folder / 'runs')
-        for run, digest in crew.completed(record, due, len(due), 'recorded'):
-            if isinstance(digest, Exception):
-                raise StudyError(f'run {run.number} cannot be recorded: {one_line(digest)}') from digest
-            if digest != digests[run.number]:
-                raise StudyError(f'run {run.number}: its recording has other signals than the run that was measured')
+        status, digests = table['status'], table['digest']
+        # A run without a digest has no signals.
+        due = [
+            KeptRun(self.plan[number], str(status[number]), str(digests[number]))
+            for number in self._kept(table)
+            if digests[number]
+        ]
+        keep = functools.partial(keep_run, folder / 'runs')
+        for kept, error in crew.completed(keep, due, len(due), 'recorded'):
+            if isinstance(error, StudyError):
+                raise error
+            if isinstance(error, Exception):
+                raise StudyError(f'run {kept.run.number} cannot be recorded: {one_line(error)}') from error
 
     def _describe(self, folder: Path, status: str, table: Table | None = None) -> None:
         """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError if another campaign is there."""
@@ -240,7 +246,13 @@ class Campaign:
             except YamlError as error:
                 raise ArgumentError(f'{path} cannot be read: {error}') from None
             if not isinstance(found, dict) or found.get('digest') != digest:
-                raise ArgumentError(f'{folder} holds another campaign; remove it, or give another folder by --output')
+                what = changes(
+                    found.get('contents') if isinstance(found, dict) else None, self._bases_in(folder), self.plan
+                )
+                raise ArgumentError(
+                    f'{folder} holds another campaign{f": {what}" if what else ""}; remove it, or give another folder '
+                    'by --output'
+                )
         elif any(folder.iterdir()):
             raise ArgumentError(f'{folder} is not empty and holds no campaign; give another folder by --output')
         (folder / 'parameters').mkdir(exist_ok=True)
@@ -250,10 +262,7 @@ class Campaign:
             'name': self.spec.name,
             'status': status,
             'runs': len(self),
-            'controllers': [controller.name for controller in self.spec.controllers],
-            'varied': list(self.plan.varied),
-            'seeds': [seed for seed in self.spec.seeds if seed is not None],
-            'metrics': list(self.spec.metrics),
+            'contents': contents_of(self.plan),
             'keep': self.spec.keep,
             'digest': digest,
             'versions': versions(),
@@ -266,20 +275,15 @@ class Campaign:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), 'utf8')
         temporary.replace(path)
 
+    def _bases_in(self, folder: Path) -> dict[str, str]:
+        """Return the base parameter files of a folder, by the controllers of this campaign that have one there."""
+        files = {controller.name: base_file(folder, controller.name) for controller in self.spec.controllers}
+        return {name: file.read_text('utf8', 'replace') for name, file in files.items() if file.is_file()}
+
 
 def base_file(folder: Path, controller: str) -> Path:
     """Return the parameter file of what all runs with a controller have in common."""
     return folder / 'parameters' / f'{file_name(controller)}.yaml'
-
-
-def run_name(run: CampaignRun) -> str:
-    """Return the name of the folder of a recorded run."""
-    return f'{run.number:06d}'
-
-
-def _record_in(directory: Path, run: CampaignRun) -> str:
-    directory.mkdir(exist_ok=True)
-    return record_run(directory / run_name(run), run)
 
 
 def _forget(folder: Path) -> None:
@@ -312,8 +316,8 @@ class _Crew:
         self._progress = progress
 
     def completed(
-        self, work: Callable[[CampaignRun], Any], runs: Any, total: int, what: str
-    ) -> Iterator[tuple[CampaignRun, Any]]:
+        self, work: Callable[[Item], Any], runs: Iterable[Item], total: int, what: str
+    ) -> Iterator[tuple[Item, Any]]:
         """Yield each run and what the work returns or raises for it, as they are completed."""
         if not total:
             return

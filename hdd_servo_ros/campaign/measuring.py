@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hdd_servo_ros.campaign.planning import CampaignRun
 from hdd_servo_ros.campaign.spec import ALL
+from hdd_servo_ros.campaign.worker import end_if_signaled
 from hdd_servo_ros.messages.exit_codes import described, one_line
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.parameters import ParameterError
@@ -127,9 +128,9 @@ def _measured(made: RunInMemory, number: int, metrics: Sequence[str], after: flo
     try:
         judged = verdict_of(made, after)
         text = '' if judged is None else judged.text
-        for metric in run_metrics(made, after) if len(made.ticks) else ():
-            if ALL in metrics or metric.name in metrics:
-                values[metric.name], units[metric.name] = float(metric.value), metric.unit
+        only = None if ALL in metrics else [name for name in metrics if not is_own(name)]
+        for metric in run_metrics(made, after, only) if len(made.ticks) else ():
+            values[metric.name], units[metric.name] = float(metric.value), metric.unit
     except ValueError as error:
         # Such as that nothing is after the transient.
         reasons.append(f'metrics: {one_line(error)}')
@@ -166,7 +167,8 @@ def record_run(directory: Path, run: CampaignRun) -> str:
 
     with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
         further = {'bag_recorder:run_dir': str(directory), 'deterministic_timer:record': True}
-        simulate(Simulation(run.arguments(further)), progress=False)
+        exit_code, _ = simulate(Simulation(run.arguments(further)), progress=False)
+    end_if_signaled(exit_code)
     return signals_digest(RecordedRun.open(directory))
 
 

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.campaign.campaign import Campaign, base_file, run_name
+from hdd_servo_ros.campaign.campaign import Campaign, base_file
+from hdd_servo_ros.campaign.kept_runs import run_name
 from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.outcome import FINISHED
 

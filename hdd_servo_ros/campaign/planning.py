@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from hdd_servo_ros.campaign.elements import element, list_and_index, with_elements
 from hdd_servo_ros.campaign.sampling import scaled
 from hdd_servo_ros.campaign.spec import CampaignController, Point, Spec
 from hdd_servo_ros.graph.catalogue import names_with_parameters
@@ -33,7 +34,10 @@ class CampaignRun:
     seed
         Of sensors and disturbances; None for those of the files.
     varied
-        The parameters that vary and their values in this run, under ``'node:parameter'``.
+        The parameters that vary and their values in this run, under ``'node:parameter'``, elements of lists under
+        ``'node:parameter[index]'``; of a whole list that is scaled, the factor.
+    lists
+        The lists that are scaled or of which elements vary, as this run has them, under ``'node:parameter'``.
     seeds
         The parameters that the seed sets.
     base
@@ -44,6 +48,7 @@ class CampaignRun:
     controller: str
     seed: int | None
     varied: Mapping[str, object]
+    lists: Mapping[str, tuple[object, ...]]
     seeds: tuple[str, ...]
     base: RosArguments
 
@@ -51,7 +56,9 @@ class CampaignRun:
     def settings(self) -> dict[str, object]:
         """All that this run sets beyond its base, under ``'node:parameter'``."""
         seed = {} if self.seed is None else dict.fromkeys(self.seeds, self.seed)
-        return {**self.varied, **seed}
+        whole = {key: value for key, value in self.varied.items() if list_and_index(key)[1] is None}
+        # Over a whole list's factor, too.
+        return {**whole, **self.lists, **seed}
 
     def arguments(self, further: Mapping[str, object] | None = None) -> RosArguments:
         """Return the run's parameters as `simulate` takes them, with ``further`` ones over them."""
@@ -122,11 +129,19 @@ class Plan:
 
     def _run(self, number: int, point: Point, controller: CampaignController, seed: int | None) -> CampaignRun:
         base = self._bases[controller.name]
-        varied = {
-            key: scaled(base.value(key), float(str(varied.value)), key) if varied.times_base else varied.value
-            for key, varied in point.items()
-        }
-        return CampaignRun(number, controller.name, seed, varied, base.seeds, base.arguments)
+        values: dict[str, object] = {}
+        lists: dict[str, tuple[object, ...]] = {}
+        for key, varied in point.items():
+            values[key] = varied.value
+            if varied.times_base:
+                value = scaled(base.value(key), float(str(varied.value)), key)
+                if isinstance(value, tuple):
+                    # The table has the factor, a number to sort and to draw by.
+                    lists[key] = value
+                else:
+                    values[key] = value
+        lists |= with_elements(base.values, values)
+        return CampaignRun(number, controller.name, seed, values, lists, base.seeds, base.arguments)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -152,12 +167,17 @@ class Plan:
         """Refuse parameters that no controller's run has."""
         known = sorted({key for base in self._bases.values() for key in base.values})
         for key in self.varied:
-            if key not in known:
-                node = key.partition(':')[0]
+            name, index = list_and_index(key)
+            if name not in known:
+                node = name.partition(':')[0]
                 if node not in names_with_parameters():
                     hint = did_you_mean(node, names_with_parameters())
                     raise ArgumentError(f'vary: {key}: no such node{hint}')
-                raise ArgumentError(f'vary: {key}: no run has such a parameter{did_you_mean(key, known)}')
+                raise ArgumentError(f'vary: {key}: no run has such a parameter{did_you_mean(name, known)}')
+            if index is not None:
+                for base in self._bases.values():
+                    if name in base.values:
+                        element(base.values[name], key, 'vary')
         for point in self.spec.points[:1]:
             for key in (key for key, varied in point.items() if varied.times_base):
                 for base in self._bases.values():
@@ -189,9 +209,10 @@ class _Base:
         )
 
     def value(self, key: str) -> Any:
-        """Return the base value of a parameter."""
-        if key not in self.values:
+        """Return the base value of a parameter, or of an element."""
+        name, index = list_and_index(key)
+        if name not in self.values:
             raise ArgumentError(
                 f'vary: {key}: times_base is not allowed: a controller of the campaign has no such value'
             )
-        return self.values[key]
+        return self.values[name] if index is None else element(self.values[name], key, 'vary')

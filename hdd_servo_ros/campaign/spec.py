@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from hdd_servo_ros.campaign.case import parameter_file
+from hdd_servo_ros.campaign.elements import check_notation, check_once
 from hdd_servo_ros.campaign.sampling import (
     DISTRIBUTIONS,
     PLANS,
@@ -18,6 +19,7 @@ from hdd_servo_ros.campaign.sampling import (
     shares,
     values_of_range,
 )
+from hdd_servo_ros.messages.plain_yaml import read_yaml
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.parameters.ros_yaml import scalar
 
@@ -29,7 +31,7 @@ _PLAN_KEYS = ('runs', 'plan', 'seed', 'draw')
 _WORST_KEYS = ('worst', 'of')
 
 Point = dict[str, 'Varied']
-"""What one run sets, under ``'node:parameter'``."""
+"""What one run sets, under ``'node:parameter'``, elements of lists under ``'node:parameter[index]'``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,7 +141,7 @@ def read_spec(path: Path) -> Spec:
         If it cannot be read, or an entry is not allowed; names the file and the entry.
     """
     try:
-        content = yaml.safe_load(path.read_text('utf8'))
+        content = read_yaml(path)
     except OSError as error:
         raise ArgumentError(f'specification {path}: {error.strerror or error}') from None
     except (yaml.YAMLError, ValueError) as error:
@@ -235,6 +237,7 @@ def _key(key: str, where: str) -> str:
     node, _, parameter = key.partition(':')
     if not node or not parameter:
         raise ArgumentError(f'{where}: {key!r} is not NODE:PARAMETER')
+    check_notation(key, where)
     return key
 
 
@@ -309,12 +312,14 @@ def _points(value: object) -> list[Point]:
     blocks = [list(_block(_mapping(block, 'vary'))) for block in value] if isinstance(value, list) else None
     if blocks is None:
         raise ArgumentError(f'vary: {value!r} is not a list of blocks')
-    points = []
+    points: list[Point] = []
     for chosen in itertools.product(*blocks):
         keys = [key for point in chosen for key in point]
         twice = next((key for key in keys if keys.count(key) > 1), None)
         if twice is not None:
             raise ArgumentError(f'vary: {twice} is in two blocks')
+        if not points:
+            check_once(keys, 'vary')
         points.append({key: varied for point in chosen for key, varied in point.items()})
     return points
 

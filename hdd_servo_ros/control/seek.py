@@ -301,3 +301,13 @@ class Seek:
         """
         added = seek_after_law(*self.arrays, u)
         return u + added, unsaturated + added, feedback
+
+
+def no_plans() -> SeekPlans:
+    """Return plans for a method that has none, and a model that does not move."""
+    return SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
+
+
+def no_seek(sample_time: float) -> Seek:
+    """Return a seek part that stands for none."""
+    return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(no_plans()))

@@ -1,6 +1,7 @@
 """Which topics each node reads and writes: the contract of the topics, asked by a node's name. No ROS import."""
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 
 from hdd_servo_ros.graph.catalogue import NODES
@@ -29,16 +30,19 @@ class TopicInput:
     delay: int = 0
 
 
+@functools.cache
 def inputs_of(node: str) -> tuple[TopicInput, ...]:
     """Return what a node of the catalogue reads in every run, in the contract's order."""
     return tuple(found for found in _all_inputs(node) if not found.topic.is_optional)
 
 
+@functools.cache
 def optional_inputs_of(node: str) -> tuple[TopicInput, ...]:
     """Return what a node of the catalogue reads in a run in which another node publishes it."""
     return tuple(found for found in _all_inputs(node) if found.topic.is_optional)
 
 
+@functools.cache
 def outputs_of(node: str) -> tuple[LoopTopic, ...]:
     """Return the topics that a node of the catalogue publishes, in the contract's order."""
     return tuple(topic for topic in TOPICS if topic.writer in _names(node))

@@ -1,17 +1,22 @@
 """Help texts of the executables, from the parameters' declarations; no ROS import."""
 
-import argparse
 from collections.abc import Sequence
 
 from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, purpose
 from hdd_servo_ros.graph.known_parameters import node_declarations
-from hdd_servo_ros.messages.command_line import CommandParser
 
 COMPILING = 'compiling the drive and the controllers, once; this takes some twenty seconds'
 
 
 def parse_help(name: str, arguments: Sequence[str]) -> None:
     """Answer ``--help``, and refuse arguments that are none of ROS's; exits the process in both cases."""
+    if not arguments:
+        return
+    # Late: most runs have no such arguments.
+    import argparse
+
+    from hdd_servo_ros.messages.command_line import CommandParser
+
     parser = CommandParser(
         prog=name,
         description=purpose(name),

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets
+from hdd_servo_ros.graph.catalogue import NODES, names_with_parameters, parameter_sets
 from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
 from hdd_servo_ros.parameters.files import QOS_IS_FIXED, QOS_OVERRIDES
 
@@ -39,18 +39,24 @@ def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
     """
     if not given:
         return
-    kinds = dict.fromkeys(kind for name in names_with_parameters() for kind in parameter_sets(name))
-    known = _names_in(tuple(kinds)).union(own)
-    for name, value in given.items():
+    for name in given:
         if name.startswith(QOS_OVERRIDES):
-            raise ParameterError(name, value, f'none: {QOS_IS_FIXED}')
-        if name not in known:
-            similar = difflib.get_close_matches(name, known, n=1)
-            hint = f'; did you mean {similar[0]}?' if similar else ''
-            raise ParameterError(name, value, f'no such parameter{hint}')
+            raise ParameterError(name, given[name], f'none: {QOS_IS_FIXED}')
+    known, missing = set(own), given.keys() - set(own)
+    # Nodes that are not in every run are imported only for names that the others do not have.
+    for node in sorted(names_with_parameters(), key=lambda name: name in NODES and bool(NODES[name].role)):
+        if not missing:
+            return
+        known |= _names_in(parameter_sets(node))
+        missing -= known
+    if missing:
+        name = next(name for name in given if name in missing)
+        similar = difflib.get_close_matches(name, known, n=1)
+        hint = f'; did you mean {similar[0]}?' if similar else ''
+        raise ParameterError(name, given[name], f'no such parameter{hint}')
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=64)
 def _names_in(kinds: tuple[type[Any], ...]) -> frozenset[str]:
     """Return the names of all parameters of these sets."""
     return frozenset(found.name for kind in kinds for found in declarations(kind))

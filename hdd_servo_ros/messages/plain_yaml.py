@@ -15,7 +15,7 @@ DEEPEST = 100
 """How deep lists and mappings may be nested."""
 MOST_REPEATED = 2**22
 """How much aliases may repeat [characters and elements]."""
-_LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 """That of libyaml, where PyYAML was built with it: ten times faster."""
 
 
@@ -46,7 +46,7 @@ def parse_yaml(text: str) -> Any:
     """Return the content of a YAML text; see :func:`read_yaml`."""
     try:
         _check_size(text)
-        return yaml.load(text, _LOADER)
+        return yaml.load(text, LOADER)
     except YamlError:
         raise
     except yaml.MarkedYAMLError as error:
@@ -64,7 +64,7 @@ def _check_size(text: str) -> None:
     sizes, anchors = [0], ['']
     size_of: dict[str, int] = {}
     repeated = 0
-    for event in yaml.parse(text, Loader=_LOADER):
+    for event in yaml.parse(text, Loader=LOADER):
         if isinstance(event, yaml.ScalarEvent):
             size = 1 + len(event.value)
             sizes[-1] += size

@@ -160,10 +160,11 @@ class TimedSignals(abc.ABC):
     def estimates(self) -> Mapping[str, Array]:
         """The controller's inner state by name, each of shape (n,); another name's KeyError lists those there are."""
         columns = zip(self.estimate_names, self[ESTIMATES.name].T, strict=True)
-        return _Estimates(columns, self._missing_estimate)
+        return _Estimates(columns, self._estimate_error())
 
-    def _missing_estimate(self, text: str) -> KeyError:
-        return KeyError(text)
+    def _estimate_error(self) -> Callable[[str], KeyError]:
+        """Return what makes the error of an estimate that is not there; it may not hold these signals themselves."""
+        return KeyError
 
     def _rows(self, topic: LoopTopic) -> SignalArray:
         return SignalArray.of(topic, self[topic.name])
@@ -280,7 +281,12 @@ class Signals(TimedSignals):
 
 
 class _Estimates(dict[str, Array]):
-    """Estimates by name."""
+    """
+    Estimates by name.
+
+    They are kept in the signals: if they held the signals in turn, the memory of a piece of a long run would be free
+    only when Python looks for such rings.
+    """
 
     def __init__(self, columns: Iterable[tuple[str, Array]], error: Callable[[str], KeyError]) -> None:
         super().__init__(columns)
@@ -397,3 +403,8 @@ class SignalRows(Signals):
     def __contains__(self, topic: str) -> bool:
         """Return whether there are rows of a topic."""
         return topic in self._arrays
+
+    @property
+    def topic_names(self) -> tuple[str, ...]:
+        """Names of the topics that there are rows of."""
+        return tuple(self._arrays)

@@ -7,10 +7,7 @@ from typing import Any
 import numpy as np
 
 from hdd_servo_ros.analysis import fragility
-from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
-from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
-from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
@@ -20,7 +17,7 @@ from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardPa
 from hdd_servo_ros.control.observer import ControllerObserverParameters, Observer, ObserverParameters
 from hdd_servo_ros.control.runout import RunoutCancellation
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
-from hdd_servo_ros.control.seek import Seek, SeekSurroundings
+from hdd_servo_ros.control.seek import Seek, SeekSurroundings, no_seek
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.drive.plant import PlantParameters
@@ -165,6 +162,8 @@ class ControllerNode(CatalogueNode):
         return self._seek.estimate_names
 
     def _surroundings_of_seek(self, seek: SeekParameters, sample_time: float) -> SeekSurroundings:
+        from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
+
         return seek_surroundings(
             seek,
             lambda: self._make(self.parameters[self._kind], sample_time),
@@ -211,12 +210,16 @@ class ControllerNode(CatalogueNode):
                 f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is refused: none, since '
                 f'there is no {BASE_SENSOR} in this run'
             )
+        from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+
         fresh, observer = self._fresh(sample_time)
         return feedforward_knowledge(
             parameters, fresh, self._dsp.parameters, self._accelerometer, sample_time, self._scales, observer
         )
 
     def _runout_path(self, parameters: RunoutParameters, sample_time: float) -> Any:
+        from hdd_servo_ros.analysis.feedforward_path import runout_path
+
         fresh, observer = self._fresh(sample_time)
         return runout_path(parameters, fresh, self._dsp.parameters, sample_time, self._scales, observer)
 
@@ -247,6 +250,8 @@ class ControllerNode(CatalogueNode):
         warnings = fragility.warnings(self._controller, self._loop)
         if self._runout is None:
             return warnings
+        from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
+
         return (
             *warnings,
             *speed_warnings(self._runout.parameters, self._disturbance),

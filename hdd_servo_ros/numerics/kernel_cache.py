@@ -4,7 +4,8 @@ The cache of compiled kernels: shared by all copies of the package and by proces
 Numba finds a cached kernel by the path of its source, so that each copy of the package compiles its own; and processes
 that start without a cache all compile the same. Here a kernel is found by its module and name in one folder
 (:mod:`~hdd_servo_ros.numerics.kernel_folder`), and the process that compiles it holds a lock that the others wait for.
-The files themselves are those of Numba: an index of signatures and processors per kernel, and a file of code for each.
+The files themselves are those of Numba: an index of signatures and processors per kernel, and a file of code for each,
+which is loaded in parts (:mod:`~hdd_servo_ros.numerics.outline`).
 """
 
 import contextlib
@@ -19,6 +20,7 @@ from typing import Any
 from numba.core import caching
 
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
+from hdd_servo_ros.numerics.outline import complete_when_linked, outlined
 
 WAITING = 'another process compiles the kernels; waiting for it'
 _NOTICE_AFTER = 1.0
@@ -59,6 +61,18 @@ class _KernelCacheImpl(_CacheImpl):  # type: ignore[misc]
         self._locator = _Locator(function)
         self._lineno = function.__code__.co_firstlineno
         self._filename_base = self.get_filename_base(f'{function.__module__}.{function.__qualname__}', sys.abiflags)
+
+    def reduce(self, cres: Any) -> Any:
+        """Return what is stored of a compiled kernel."""
+        return outlined(super().reduce(cres), cres.library)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the kernel of which that was stored."""
+        of_numba, bitcode = payload
+        found = super().rebuild(target_context, of_numba)
+        if bitcode is not None:
+            complete_when_linked(found.library, bitcode)
+        return found
 
 
 class KernelCache(_FunctionCache):  # type: ignore[misc]

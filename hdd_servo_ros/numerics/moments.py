@@ -71,6 +71,13 @@ class Moments:
         """Largest less smallest sample; 0 if there is none."""
         return self.highest - self.lowest if self.count else 0.0
 
+    @property
+    def mean(self) -> float:
+        """Mean; raises ValueError if there is no sample."""
+        if self._origin is None:
+            raise ValueError('no sample, no mean')
+        return self._origin + self._sum / self.count
+
     def rms_about(self, value: float | None = None) -> float:
         """Return the root mean square about a value, about the mean if None; it is not finite if the signal is not."""
         if self._origin is None:

@@ -213,14 +213,13 @@ def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
 
 
 @compiled
-def fill_normal_pairs(seed: int, stream: int, first_tick: int, pairs: NDArray[np.float64]) -> None:
+def fill_normal_pairs(seed: int, stream: int, first_tick: int, deviates: NDArray[np.float64]) -> None:
     """
-    Write what :func:`normal_pair` returns for consecutive ticks into the rows of ``pairs``, shape (n, 2).
+    Write what :func:`normal_pair` returns for consecutive ticks into ``deviates``, shape (2 n,), one after the other.
 
     Each of the two loops is simple enough for the compiler to work on several ticks at once.
     """
-    for row in range(len(pairs)):
-        pairs[row, 0], pairs[row, 1] = uniform_pair(seed, stream, first_tick + row)
-    deviates = pairs.reshape(-1)
+    for row in range(len(deviates) // 2):
+        deviates[2 * row], deviates[2 * row + 1] = uniform_pair(seed, stream, first_tick + row)
     for i in range(len(deviates)):
         deviates[i] = normal_quantile(deviates[i])

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numba.core import types
 from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 Layout = np.dtype[np.void]
@@ -78,6 +77,9 @@ def _record_at(typing_context: Any, array: Any, layout: Any, row: Any) -> Any:
     """Return the record at a row: a bare pointer, which costs nothing where a view of the array would be made."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # Late: where nothing is compiled, it is not imported otherwise, and takes a while.
+        from numba.np.arrayobj import make_array
+
         data = make_array(array)(context, builder, arguments[0]).data  # type: ignore[no-untyped-call]
         first = builder.bitcast(data, context.get_value_type(signature.return_type))
         return builder.gep(first, [arguments[2]], inbounds=True)

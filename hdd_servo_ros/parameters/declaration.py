@@ -194,6 +194,9 @@ def _all_declarations(parameters: Any, prefix: str) -> tuple[Declaration, ...]:
     return tuple(found)
 
 
+_PACKAGE = __name__.partition('.')[0]
+
+
 def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: str = '') -> Block:
     """
     Construct a parameter dataclass from dotted names; what is not named keeps its default.
@@ -203,6 +206,46 @@ def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: 
     ParameterError
         If a name is unknown or a value is not allowed; the error carries the dotted name.
     """
+    key = _exact(parameters, values)
+    if key is None:
+        return _constructed(parameters, values, prefix)
+    found: Block | None = _CHECKED.get(key)
+    if found is None:
+        found = _constructed(parameters, values, prefix)
+        if len(_CHECKED) >= _MOST_CHECKED:
+            _CHECKED.clear()
+        _CHECKED[key] = found
+    return found
+
+
+_CHECKED: dict[tuple[type[Any], str], Any] = {}
+"""
+Parameter sets of this package that were constructed before: most of those of a run are the same in the next one, and
+checking them takes longer than a short run.
+"""
+_MOST_CHECKED = 512
+_PLAIN = frozenset((bool, int, float, str))
+
+
+def _exact(parameters: type[Any], values: Mapping[str, object]) -> tuple[type[Any], str] | None:
+    """
+    Return what tells parameters from all others, to the bit and with their types; None where nothing does.
+
+    Sets from outside this package are constructed each time: they need not be the same for ever.
+    """
+    for value in values.values():
+        if type(value) is tuple:
+            if not _PLAIN.issuperset(map(type, value)):
+                return None
+        elif type(value) not in _PLAIN:
+            return None
+    if parameters.__module__.partition('.')[0] != _PACKAGE or not parameters.__dataclass_params__.frozen:
+        return None
+    # The shortest text of a float is that of no other one, with the sign of zero.
+    return parameters, repr(list(values.items()))
+
+
+def _constructed(parameters: type[Block], values: Mapping[str, object], prefix: str) -> Block:
     arguments: dict[str, Any] = {}
     known = set()
     for field in dataclasses.fields(parameters):  # type: ignore[arg-type]

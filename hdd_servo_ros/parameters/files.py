@@ -8,6 +8,7 @@ right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts)
 import contextlib
 import dataclasses
 import difflib
+import functools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -282,6 +283,7 @@ def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, obj
     return nodes
 
 
+@functools.lru_cache(4096)
 def _matches(pattern: str, full_name: str) -> bool:
     # As rcl has it, '/**/node' matches '/node' too.
     expression = re.escape('/' + pattern.removeprefix('/')).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', '[^/]+')

@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from hdd_servo_ros.messages.plain_yaml import LOADER
 from hdd_servo_ros.messages.shown import shown
 
 PARAMETERS = 'ros__parameters'
@@ -34,9 +35,6 @@ _DEEPEST = 32
 _LONGEST_EXPONENT = 6
 _PART = r'(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)'
 _NODE_NAME = re.compile(rf'/?{_PART}(?:/{_PART})*')
-
-_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""That of libyaml, by which ROS reads as well, where PyYAML was built with it: ten times faster."""
 
 Section = tuple[str, dict[str, object]]
 """
@@ -190,7 +188,7 @@ class _Events:
 
     def __init__(self, source: str | bytes) -> None:
         try:
-            self._events = yaml.parse(source, Loader=_Loader)
+            self._events = yaml.parse(source, Loader=LOADER)
             self._first: Any = next(self._events)
         except (yaml.YAMLError, UnicodeError) as error:
             raise _syntax_error(error) from None

@@ -14,11 +14,11 @@ import contextlib
 import dataclasses
 import mmap
 import os
-import sqlite3
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,11 @@ from hdd_servo_ros.recording.bag_digest import TopicDigest
 from hdd_servo_ros.recording.bag_metadata import FILE_NAME, MetadataError, read_metadata
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS
 from hdd_servo_ros.recording.mcap_checks import CheckError, check_mcap
-from hdd_servo_ros.recording.salvage import Salvage, salvage
-from hdd_servo_ros.recording.sqlite_reading import database_to_read
+
+if TYPE_CHECKING:
+    import sqlite3
+
+    from hdd_servo_ros.recording.salvage import Salvage
 
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
 _CHANNEL, _MESSAGE, _CHUNK_INDEX = 0x04, 0x05, 0x08
@@ -40,6 +43,8 @@ _INDEX_HEAD = 15
 _MESSAGE_HEAD = 31
 """Opcode and length of a message record, channel, sequence number and two times, before the payload [bytes]."""
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
+_ROWS_AT_ONCE = 2**14
+"""Rows of an sqlite3 file that are read at once."""
 
 
 WRONG_DIGEST = 'is damaged: its messages are not those that were written'
@@ -192,11 +197,20 @@ class Bag:
             raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
         return column
 
-    def pieces(self, topics: Sequence[str]) -> Iterator[dict[str, Column]]:
+    def pieces(self, topics: Sequence[str], since: int = 0) -> Iterator[dict[str, Column]]:
         """
-        Iterate over the messages of some topics, given by their full names, a chunk of the file after the other.
+        Iterate over the messages of some topics, given by their full names, in the order of the files.
 
-        No more than a chunk is in memory at once where the files are MCAP with indexes; else all messages are.
+        No more than a chunk of an MCAP file with indexes, or some thousand rows of an sqlite3 file, is in memory at
+        once; of other files all messages are.
+
+        Parameters
+        ----------
+        topics
+            The topics.
+        since
+            Receive time [ns] of the first messages that are wanted; those before are not read where files tell, and not
+            checked.
 
         Yields
         ------
@@ -210,20 +224,36 @@ class Bag:
         BagError
             If a file is damaged.
         """
-        files = self._indexed_files() if self._storage == 'mcap' and not self._compressed else None
-        if files is None:
-            yield {topic: self.column(topic) for topic in topics}
+        readers = None if self._compressed else self._piece_readers(topics, since)
+        if readers is None:
+            columns = {topic: self.column(topic) for topic in topics}
+            yield {topic: column[int(np.searchsorted(column.times, since)) :] for topic, column in columns.items()}
             return
         left = {topic: self.counts[topic] for topic in topics}
-        for file in files:
-            for piece in file.pieces(topics):
+        digests = {topic: TopicDigest() for topic in topics if self._storage == 'sqlite3' and topic in self._digests}
+        for reader in readers:
+            for piece in reader:
                 for topic, column in piece.items():
                     left[topic] -= len(column)
+                    if topic in digests:
+                        _add_to_digest(digests[topic], column)
                 yield piece
+        if since > 0:
+            return
         for topic, count in left.items():
             if count:
                 held = self.counts[topic] - count
                 raise BagError(f'{self.path}: {topic} has {held} messages, {self.counts[topic]} by metadata.yaml')
+        for topic, digest in digests.items():
+            if digest.text != self._digests[topic]:
+                raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
+
+    def _piece_readers(self, topics: Sequence[str], since: int) -> list[Iterator[dict[str, Column]]] | None:
+        """Return what reads each file in pieces, None if that cannot be done."""
+        if self._storage == 'sqlite3':
+            return [_sqlite3_pieces(file, topics, since) for file in self._files]
+        files = self._indexed_files() if self._storage == 'mcap' else None
+        return None if files is None else [file.pieces(topics, since) for file in files]
 
     def _indexed_files(self) -> 'list[_McapFile] | None':
         """Return the files if all are MCAP files with indexes, else None."""
@@ -234,6 +264,9 @@ class Bag:
 
     def _walk(self, topic: str) -> list[Column] | None:
         """Read MCAP files from the start, without their indexes; return None if they hold what that cannot read."""
+        # Late: few bags have no index.
+        from hdd_servo_ros.recording.salvage import salvage
+
         for file in self._files:
             if file not in self._walked:
                 try:
@@ -328,24 +361,67 @@ def joined(parts: Sequence[Column]) -> Column:
 def _digest_of(parts: Sequence[Column]) -> str:
     digest = TopicDigest()
     for part in parts:
-        digest.add(part.times, b''.join(part.payloads) if isinstance(part.payloads, list) else part.payloads)
+        _add_to_digest(digest, part)
     return digest.text
 
 
-def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
+def _add_to_digest(digest: TopicDigest, part: Column) -> None:
+    digest.add(part.times, b''.join(part.payloads) if isinstance(part.payloads, list) else part.payloads)
+
+
+@contextlib.contextmanager
+def _database(path: Path) -> Iterator['sqlite3.Connection']:
+    """Open an sqlite3 file for reading; its errors become a :class:`BagError`."""
+    # Late: most bags are MCAP.
+    import sqlite3
+
+    from hdd_servo_ros.recording.sqlite_reading import database_to_read
+
     try:
         with database_to_read(path) as address, contextlib.closing(sqlite3.connect(address, uri=True)) as connection:
-            # By id, as they were written.
-            rows = connection.execute(
-                'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) '
-                'ORDER BY id',
-                (topic,),
-            ).fetchall()
-            if not all(isinstance(time, int) and isinstance(payload, bytes) for time, payload in rows):
-                raise BagError(f'{path}: a row of {topic} is no message')
+            yield connection
     except (sqlite3.Error, OSError, OverflowError) as error:
         raise BagError(f'{path}: {error}') from None
+
+
+def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
+    with _database(path) as database:
+        # By id, as they were written.
+        rows = database.execute(
+            'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) ORDER BY id',
+            (topic,),
+        ).fetchall()
+        _check_rows(path, topic, rows)
     return _column([time for time, _ in rows], [payload for _, payload in rows])
+
+
+def _check_rows(path: Path, topic: str, rows: Sequence[tuple[Any, Any]]) -> None:
+    if not all(isinstance(time, int) and isinstance(payload, bytes) for time, payload in rows):
+        raise BagError(f'{path}: a row of {topic} is no message')
+
+
+def _sqlite3_pieces(path: Path, topics: Sequence[str], since: int) -> Iterator[dict[str, Column]]:
+    """Iterate over the messages of some topics in the order in which they were written, some thousand at once."""
+    with _database(path) as database:
+        names = dict(database.execute('SELECT id, name FROM topics'))
+        wanted = [number for number, name in names.items() if name in topics]
+        places = ', '.join('?' * len(wanted))
+        # By the index over the time, which else would put the rows in another order than that of writing.
+        begin = database.execute('SELECT min(id) FROM messages WHERE timestamp >= ?', (since,)) if since else None
+        first = 0 if begin is None else begin.fetchone()[0] or 0
+        cursor = database.execute(
+            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) '
+            'AND id >= ? AND +timestamp >= ? ORDER BY id',
+            (*wanted, first, since),
+        )
+        while rows := cursor.fetchmany(_ROWS_AT_ONCE):
+            piece = {}
+            for number in wanted:
+                own = [(time, payload) for topic, time, payload in rows if topic == number]
+                _check_rows(path, names[number], own)
+                if own:
+                    piece[names[number]] = _column([time for time, _ in own], [payload for _, payload in own])
+            yield piece
 
 
 def _read_mcap(path: Path, topic: str, checked: _Checked) -> Column:
@@ -384,6 +460,8 @@ class _McapFile:
             raise _NotInBulk
         self._channels: dict[str, set[int]] = {}
         self._chunks: list[tuple[int, dict[int, int]]] = []
+        self._ends: dict[int, int] = {}
+        """Latest time of each chunk [ns], by where it begins."""
         self._read_summary()
 
     def _read_summary(self) -> None:
@@ -396,7 +474,7 @@ class _McapFile:
                 name = self._content[offset + 8 : offset + 8 + length].decode()
                 self._channels.setdefault(name, set()).add(channel)
             elif opcode == _CHUNK_INDEX:
-                start, _, map_size = struct.unpack_from('<QQI', self._content, offset + 16)
+                end_time, start, _, map_size = struct.unpack_from('<QQQI', self._content, offset + 8)
                 entries = self._content[offset + 36 : offset + 36 + map_size]
                 indexes = dict(struct.iter_unpack('<HQ', entries))
                 (length,) = struct.unpack_from('<I', self._content, offset + 36 + map_size + 8)
@@ -404,6 +482,7 @@ class _McapFile:
                 if compression.decode(errors='replace') not in DECOMPRESS or not indexes:
                     raise _NotInBulk
                 self._chunks.append((start, indexes))
+                self._ends[start] = end_time
             offset += size
         if not self._chunks or not self._channels:
             raise _NotInBulk
@@ -419,13 +498,13 @@ class _McapFile:
             ]
         )
 
-    def pieces(self, topics: Sequence[str]) -> Iterator[dict[str, Column]]:
-        """Iterate over the messages of some topics, a chunk after the other."""
+    def pieces(self, topics: Sequence[str], since: int) -> Iterator[dict[str, Column]]:
+        """Iterate over the messages of some topics, received from a time [ns] on, a chunk after the other."""
         channels = {topic: self._channels.get(topic, set()) for topic in topics}
         dropped = 0
         for start, indexes in self._chunks:
             wanted = {topic: sorted(own & indexes.keys()) for topic, own in channels.items() if own & indexes.keys()}
-            if not wanted:
+            if not wanted or self._ends[start] < since:
                 continue
             with _bag_errors(self._path):
                 data = self._chunk_data(start)
@@ -433,6 +512,8 @@ class _McapFile:
                     topic: joined([self._chunk_column(start, indexes[channel], data) for channel in own])
                     for topic, own in wanted.items()
                 }
+            if since > 0:
+                piece = {topic: column[int(np.searchsorted(column.times, since)) :] for topic, column in piece.items()}
             yield piece
             # What has been read need not stay in this process's memory.
             page = start - start % mmap.PAGESIZE

@@ -7,6 +7,8 @@ from typing import Any
 
 import yaml
 
+from hdd_servo_ros.recording.type_definitions import KNOWN, known_definition
+
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
@@ -60,9 +62,13 @@ def bag_topics(topics: Sequence[tuple[str, str, int]]) -> list[BagTopic]:
 @functools.cache
 def _definition(type_name: str) -> tuple[str, str, str]:
     """Return the definition of a type, its language and its hash."""
-    types = _types()
-    definition, _ = types.generate_msgdef(type_name, ros_version=2)
-    return definition, 'ros2msg', types.hash_rihs01(type_name)
+    if type_name in KNOWN:
+        definition, type_hash = known_definition(type_name)
+    else:
+        types = _types()
+        definition, _ = types.generate_msgdef(type_name, ros_version=2)
+        type_hash = types.hash_rihs01(type_name)
+    return definition, 'ros2msg', type_hash
 
 
 @functools.cache

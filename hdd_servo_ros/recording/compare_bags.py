@@ -6,7 +6,7 @@ runs first differ.
 """
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, LoopTopic
 from hdd_servo_ros.recording.bag_columns import BagError, Column
+from hdd_servo_ros.recording.decoding import check_layout, stamps_of
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 _BYTES_SHOWN = 16
@@ -48,11 +49,14 @@ def first_difference(
 
 def _first_difference(left: '_Side', right: '_Side', last_tick: int | None) -> str | None:
     ticks = None if last_tick is None else last_tick + 1
-    if left.run.is_long and right.run.is_long and _are_the_same(left, right, ticks):
-        return None
-    differences = list(_differences(left, right, ticks))
+    if left.run.is_long and right.run.is_long:
+        return _first_difference_in_pieces(left, right, ticks)
+    return _earliest(_differences(left, right, ticks))
+
+
+def _earliest(differences: Iterable[tuple[int, str]]) -> str | None:
     # Of several at one tick the first in the order of the topics, along which data flows.
-    return min(differences, key=lambda difference: difference[0])[1] if differences else None
+    return min(differences, key=lambda difference: difference[0], default=(0, None))[1]
 
 
 class _Side:
@@ -62,13 +66,21 @@ class _Side:
         self.label = label
         self.run = RecordedRun.open(path)
 
+    first = 0
+    """Number of the first message of each topic."""
+
+    def column(self, topic: LoopTopic) -> Column:
+        return self.run.column(topic.name)
+
     def messages(self, topic: LoopTopic) -> list[bytes]:
-        return self.run.column(topic.name).as_bytes()
+        return self.column(topic).as_bytes()
 
     def stamps(self, topic: LoopTopic) -> list[int]:
         """Return the time that each message carries [ns]; none where they cannot be told."""
         try:
-            stamps: list[int] = self.run.stamps(topic.name).tolist()
+            column = self.column(topic)
+            check_layout(column, topic.type_name)
+            stamps: list[int] = stamps_of(column, topic.type_name).tolist() if len(column) else []
         except BagError:
             return []
         return stamps
@@ -77,14 +89,24 @@ class _Side:
         return self.run.tick_of(stamp)
 
 
-def _are_the_same(left: _Side, right: _Side, ticks: int | None) -> bool:
-    """Return whether all messages of the topics to compare are the same, read in pieces."""
-    names = [topic.name for topic in _topics_of(left, right)]
-    if any(name not in side.run.counts for side in (left, right) for name in names):
-        return False
-    counts = [[min(side.run.counts[name], ticks or side.run.counts[name]) for name in names] for side in (left, right)]
-    if counts[0] != counts[1]:
-        return False
+class _Part(_Side):
+    """Some messages of one of the two runs, as many of each topic."""
+
+    def __init__(self, side: _Side, columns: Mapping[str, Column], first: int, count: int) -> None:
+        self.label, self.run, self.first = side.label, side.run, first
+        self._columns = {name: column[:count] for name, column in columns.items()}
+
+    def column(self, topic: LoopTopic) -> Column:
+        return self._columns[topic.name]
+
+
+def _first_difference_in_pieces(left: _Side, right: _Side, ticks: int | None) -> str | None:
+    """Return the earliest difference of two long runs, of which no more than some pieces are in memory."""
+    topics = list(_topics_of(left, right))
+    missing = _earliest(_missing(left, right))
+    if missing is not None:
+        return missing
+    names = [topic.name for topic in topics]
     compared = 0
     ours, theirs = (side.run.column_pieces(names) for side in (left, right))
     waiting: list[dict[str, Column]] = [{}, {}]
@@ -97,21 +119,46 @@ def _are_the_same(left: _Side, right: _Side, ticks: int | None) -> bool:
             break
         if ticks is not None:
             count = min(count, ticks - compared)
-        for name in names:
-            one, other = (columns[name][:count].payloads for columns in waiting)
-            if isinstance(one, list) or isinstance(other, list) or not np.array_equal(one, other):
-                return False
+        one, other = (_Part(side, part, compared, count) for side, part in zip((left, right), waiting, strict=True))
+        if not all(_are_the_same(one.column(topic), other.column(topic)) for topic in topics):
+            found = _earliest(_differences(one, other, None))
+            if found is not None:
+                return found
         waiting = [{name: column[count:] for name, column in columns.items()} for columns in waiting]
         compared += count
-    return compared == (counts[0][0] if counts[0] else 0)
+    held = {
+        topic: [min(side.run.counts[topic.name], ticks or sys.maxsize) for side in (left, right)] for topic in topics
+    }
+    return _earliest(
+        (min(counts), _lengths(topic, left, right, counts)) for topic, counts in held.items() if counts[0] != counts[1]
+    )
+
+
+def _are_the_same(one: Column, other: Column) -> bool:
+    """Return whether all messages are the same, as far as that is quick to tell."""
+    if isinstance(one.payloads, list) or isinstance(other.payloads, list):
+        return False
+    return bool(np.array_equal(one.payloads, other.payloads))
+
+
+def _missing(left: _Side, right: _Side) -> Iterator[tuple[int, str]]:
+    """Yield what is missing in one of the two, with the place in which it counts."""
+    for topic in _topics_of(left, right):
+        for side in (left, right):
+            if topic.name not in side.run.counts:
+                yield -1, f'{topic.name} is missing in {side.label}'
+                break
+
+
+def _lengths(topic: LoopTopic, left: _Side, right: _Side, held: Sequence[int]) -> str:
+    return f'{topic.name} has {held[0]} messages in {left.label} and {held[1]} in {right.label}'
 
 
 def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple[int, str]]:
     """Yield for every loop topic the tick of its first difference, and that difference in words."""
+    yield from _missing(left, right)
     for topic in _topics_of(left, right):
-        missing = [side for side in (left, right) if topic.name not in side.run.counts]
-        if missing:
-            yield -1, f'{topic.name} is missing in {missing[0].label}'
+        if any(topic.name not in side.run.counts for side in (left, right)):
             continue
         ours, theirs = (side.messages(topic)[:ticks] for side in (left, right))
         for index, (one, other) in enumerate(zip(ours, theirs, strict=False)):
@@ -121,7 +168,7 @@ def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple
         else:
             if len(ours) != len(theirs):
                 count = min(len(ours), len(theirs))
-                yield count, f'{topic.name} has {len(ours)} messages in {left.label} and {len(theirs)} in {right.label}'
+                yield count, _lengths(topic, left, right, (len(ours), len(theirs)))
 
 
 def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
@@ -137,8 +184,9 @@ def _difference(
 ) -> tuple[int, str]:
     """Return the tick of a difference and what it is: of the stamps first, for then other values mean nothing."""
     stamps = left.stamps(topic), right.stamps(topic)
+    number = left.first + index
     if not all(stamps):
-        tick = index
+        tick = number
     elif stamps[0][index] == stamps[1][index]:
         tick = left.tick(stamps[0][index])
     else:
@@ -151,7 +199,7 @@ def _difference(
                 f'that of tick {ticks[late]} is in its place'
             )
         words = f'that of tick {ticks[0]} in {left.label}, and of tick {ticks[1]} in {right.label}'
-        return index, f'{topic.name} differs first at tick {index}: the stamp of message {index} is {words}'
+        return number, f'{topic.name} differs first at tick {number}: the stamp of message {number} is {words}'
     return tick, f'{topic.name} differs first at tick {tick}: {_field(topic, messages, (left.label, right.label))}'
 
 

@@ -1,7 +1,8 @@
 """A recorded run: its signals as arrays aligned by tick, its metadata, and the parameters in force."""
 
 import functools
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.messages.codecs import CODECS
 from hdd_servo_ros.messages.outcome import FINISHED, RUNNING
 from hdd_servo_ros.messages.signals import SignalRows, Signals
-from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
+from hdd_servo_ros.messages.ticks import HALF_MICROSECOND, NANOSECONDS, sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import (
     ALL_LOOP_TOPICS,
     CLOCK,
@@ -140,7 +141,7 @@ class RecordedRun(Signals):
         """Whether the run is long, and one whose ticks can be read in pieces; see :meth:`pieces`."""
         return bool(self.description) and max(self.counts.values(), default=0) >= LONG_RUN and self._is_strict
 
-    def pieces(self, topics: Collection[str] | None = None) -> Iterator[Signals]:
+    def pieces(self, topics: Collection[str] | None = None, first_tick: int = 0) -> Iterator[Signals]:
         """
         Iterate over the signals of the run in pieces of consecutive ticks, so that a long run needs little memory.
 
@@ -150,6 +151,8 @@ class RecordedRun(Signals):
         ----------
         topics
             Names without namespace of those to read; None for all that have fields.
+        first_tick
+            Of a long run, the tick with which the first piece begins.
 
         Raises
         ------
@@ -162,9 +165,10 @@ class RecordedRun(Signals):
         names = [
             topic.name for topic in SIGNAL_TOPICS if topic.name in self and (topics is None or topic.name in topics)
         ]
-        tick = 0
+        tick = first_tick
         estimate_names: tuple[str, ...] = ()
-        for columns in self._aligned({self._topics[name]: name for name in names}):
+        since = first_tick * sample_time_to_nanoseconds(self.sample_time)
+        for columns in self._aligned({self._topics[name]: name for name in names}, since):
             arrays = {}
             count = len(next(iter(columns.values())))
             ticks = np.arange(tick, tick + count)
@@ -194,10 +198,10 @@ class RecordedRun(Signals):
         """
         yield from self._aligned({self._topics[name]: name for name in topics})
 
-    def _aligned(self, names: Mapping[str, str]) -> Iterator[dict[str, Column]]:
-        """Iterate over columns of equal length of topics by full name; the keys are ``names`` of them."""
+    def _aligned(self, names: Mapping[str, str], since: int = 0) -> Iterator[dict[str, Column]]:
+        """Iterate over columns of equal length, from a time [ns] on, of topics by full name; ``names`` are the keys."""
         waiting: dict[str, list[Column]] = {name: [] for name in names.values()}
-        for piece in self._bag.pieces(list(names)):
+        for piece in self._bag.pieces(list(names), since):
             for full_name, column in piece.items():
                 waiting[names[full_name]].append(column)
             count = min(sum(map(len, parts)) for parts in waiting.values())
@@ -416,6 +420,27 @@ class RecordedRun(Signals):
         """Time of each tick [s], shape (n,)."""
         return self.ticks * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
 
+    def time_at(self, row: int) -> float:
+        """Return ``time[row]`` [s] for a row from 0 on, of a long run without an array of all times."""
+        if self.is_long:
+            return row * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
+        return float(self.time[row])
+
+    @property
+    def row_count(self) -> int:
+        """Number of ticks, the length of every array."""
+        return self.last_tick + 1 if self.is_long else len(self.ticks)
+
+    def since(self, time: float) -> slice:
+        """Return the rows from ``time`` [s] on."""
+        if not self.is_long:
+            return super().since(time)
+        earliest = time - HALF_MICROSECOND
+        row = min(max(math.floor(earliest / self.sample_time) - 1, 0), self.row_count)
+        while row < self.row_count and self.time_at(row) < earliest:
+            row += 1
+        return slice(row, self.row_count)
+
     # Signals.
 
     def __getitem__(self, topic: str) -> NDArray[Any]:
@@ -483,6 +508,7 @@ class RecordedRun(Signals):
 
     @functools.cached_property
     def _parameter_history(self) -> ParameterHistory:
+        """The value of every parameter at every tick."""
         nodes = self.description.get('nodes', {})
         return ParameterHistory.recorded(self._bag, nodes, sample_time_to_nanoseconds(self.sample_time), self._origin)
 
@@ -561,8 +587,9 @@ class RecordedRun(Signals):
     def _missing(self, topic: str) -> '_MissingTopic':
         return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
 
-    def _missing_estimate(self, text: str) -> KeyError:
-        return _MissingTopic(f'{self.path}: {text}')
+    def _estimate_error(self) -> Callable[[str], KeyError]:
+        path = self.path
+        return lambda text: _MissingTopic(f'{path}: {text}')
 
     def _stamps(self, name: str, column: Column) -> NDArray[np.int64]:
         """Return the time that the messages themselves carry [ns]."""

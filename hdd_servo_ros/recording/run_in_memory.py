@@ -31,6 +31,9 @@ class RunInMemory(RecordedRun):
         Parameters that were changed during the run.
     """
 
+    # Its arrays are there, however long it is.
+    is_long = False
+
     def __init__(self, rows: SignalRows, description: Mapping[str, Any], changes: Iterable[ParameterChange]) -> None:
         # An empty bag: whoever asks for a message gets the error of a topic that is not there.
         nothing = SimpleNamespace(path=PATH, types={}, counts={}, custom_data={})

@@ -19,7 +19,6 @@ from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.run_folder import RunFolder, default_run_directory
-from hdd_servo_ros.recording.salvage import last_tick_of
 from hdd_servo_ros.recording.writer_process import WriterProcess
 
 _PARAMETER_EVENT_DEPTH = 1000
@@ -229,6 +228,8 @@ class RunRecorder:
 
     def _last_tick_on_disk(self) -> int:
         """Return the last tick that is complete in the bag after a fault of its writer, -1 if none is."""
+        from hdd_servo_ros.recording.salvage import last_tick_of
+
         step = sample_time_to_nanoseconds(self._sample_time)
         topics = [self._names[topic.name] for topic in self.topics]
         try:

@@ -11,13 +11,13 @@ import sqlite3
 import struct
 import tempfile
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS, DECOMPRESS_BEGINNING
 from hdd_servo_ros.recording.salvaged_messages import Message, SalvagedMessages
-from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, message_rows, page_size
-from hdd_servo_ros.recording.sqlite_topics import Topics, is_message, topics_of
+from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, MessagePages, page_size
+from hdd_servo_ros.recording.sqlite_topics import is_message, topics_of
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -27,6 +27,10 @@ _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _PAGE_COUNT = 28
 """Where the head of an sqlite3 file says how many pages it has."""
 STORAGE_BY_ENDING = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+_ROWS = 'SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED'
+_ROWS_AT_ONCE = 2**13
+_BEGINNING = 2**20
+"""Bytes at the begin of an sqlite3 file in which the topics are."""
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 
 
@@ -279,61 +283,122 @@ def _text(content: memoryview, start: int) -> str:
 
 
 class _SqliteSalvage:
-    """Works on a copy: opening a database that was in use plays its journal back, and that changes the file."""
+    """
+    Reads a database as it lies there; one with a journal is copied, for to play that back changes the file.
+
+    Of a file that is shorter than its head says, SQLite opens nothing: its rows are found page by page.
+    """
 
     def __init__(self, path: Path) -> None:
         self.found = Salvage()
-        self._topics: Topics = {}
+        self._names: dict[int, str] = {}
+        self._folder = path.parent
+        self._path, self._address = path, f'{path.resolve().as_uri()}?mode=ro&immutable=1'
+        companions = [path.with_name(path.name + ending) for ending in _SQLITE_COMPANIONS]
+        if any(companion.exists() for companion in companions):
+            self._copy([path, *filter(Path.exists, companions)])
+        missing = _missing_pages(self._path)
+        if missing:
+            self._read_beginning()
+            self._take_pages()
+            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {missing}'
+            return
+        try:
+            with self._connection() as connection:
+                self._read_topics(connection)
+                self._take_rows(connection)
+        except sqlite3.Error as error:
+            if not self._names:
+                self._read_beginning()
+            self._take_pages()
+            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+
+    def _copy(self, files: Sequence[Path]) -> None:
+        """Work on a copy, which is there as long as this object is."""
+        self._directory = tempfile.TemporaryDirectory()
+        for file in files:
+            shutil.copyfile(file, Path(self._directory.name) / file.name)
+        self._path = Path(self._directory.name) / self._path.name
+        self._address = self._path.as_uri()
+
+    @contextlib.contextmanager
+    def _connection(self) -> Iterator[sqlite3.Connection]:
+        with contextlib.closing(sqlite3.connect(self._address, uri=True)) as connection:
+            yield connection
+
+    def _read_topics(self, connection: sqlite3.Connection) -> None:
+        topics = topics_of(connection, self._folder)
+        self._names = {number: name for number, (name, _) in topics.items()}
+        self.found.types = dict(topics.values())
+
+    def _read_beginning(self) -> None:
+        """Read the topics from a copy of the first pages, which were written before any message."""
         with tempfile.TemporaryDirectory() as directory:
-            copy = Path(directory) / path.name
-            shutil.copyfile(path, copy)
-            for ending in _SQLITE_COMPANIONS:
-                companion = path.with_name(path.name + ending)
-                if companion.exists():
-                    shutil.copyfile(companion, copy.with_name(copy.name + ending))
-            if not any(copy.with_name(copy.name + ending).exists() for ending in _SQLITE_COMPANIONS):
-                _own_up_to_size(copy)
-            with contextlib.closing(sqlite3.connect(copy)) as connection:
-                try:
-                    self._topics = topics_of(connection, path.parent)
-                    self.found.types = dict(self._topics.values())
-                    for message in self._messages(connection):
-                        self.found.messages.append(message)
-                except sqlite3.Error as error:
-                    self._take_pages(connection, copy.read_bytes())
-                    self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+            copy = Path(directory) / self._path.name
+            with self._path.open('rb') as file:
+                copy.write_bytes(file.read(_BEGINNING))
+            _own_up_to_size(copy)
+            with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(copy)) as connection:
+                self._read_topics(connection)
 
-    def _take_pages(self, connection: sqlite3.Connection, content: bytes) -> None:
-        """Take what the pages hold, if that is more than what SQLite finds."""
-        with contextlib.suppress(sqlite3.Error):
-            names = {number: name for number, (name, _) in self._topics.items()}
-            rows = message_rows(content)
-            if len(rows) > len(self.found.messages):
-                found = SalvagedMessages()
-                found += [(names[topic], time, data) for topic, time, data in rows if topic in names]
-                self.found.messages = found
-
-    def _messages(self, connection: sqlite3.Connection) -> Iterator[tuple[str, int, bytes]]:
+    def _take_rows(self, connection: sqlite3.Connection) -> None:
+        """Take what SQLite finds, by id, as it was written; the index on the time may be what is damaged."""
+        rows = connection.execute(f'{_ROWS} ORDER BY id')
         wrong: list[int] = []
-        # By id, as they were written; the index on the time may be what is damaged.
-        for row, topic, time, payload in connection.execute(
-            'SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id'
-        ):
-            if topic in self._topics and is_message(time, payload):
-                yield self._topics[topic][0], time, payload
-            else:
-                wrong.append(row)
+        while part := rows.fetchmany(_ROWS_AT_ONCE):
+            wrong += [row for row, *message in part if not self._is_message(message)]
+            self._take([row[1:] for row in part], functools.partial(self._read_rows, part[0][0], part[-1][0]))
+
         if wrong:
             self.found.fault = f'rows that are no messages: {len(wrong)}, the first is row {wrong[0]}'
+
+    def _is_message(self, row: Sequence[object]) -> bool:
+        topic, time, payload = row
+        return topic in self._names and is_message(time, payload)
+
+    def _read_rows(self, first: int, last: int) -> list[Message]:
+        with self._connection() as connection:
+            rows = connection.execute(f'{_ROWS} WHERE id BETWEEN ? AND ? ORDER BY id', (first, last))
+            return self._messages(row[1:] for row in rows)
+
+    def _take_pages(self) -> None:
+        """Take what the pages hold, if that is more than what SQLite finds."""
+        by_sqlite, self.found.messages = self.found.messages, SalvagedMessages()
+        pages = MessagePages(self._path)
+        for group in pages.groups():
+            self._take(pages.rows(group), functools.partial(self._read_pages, pages, group))
+        if len(self.found.messages) <= len(by_sqlite):
+            self.found.messages = by_sqlite
+
+    def _read_pages(self, pages: MessagePages, group: Sequence[int]) -> list[Message]:
+        return self._messages(pages.rows(group))
+
+    def _take(self, rows: Iterable[tuple[int, int, bytes]], read: Callable[[], list[Message]]) -> None:
+        self.found.messages.begin()
+        for message in self._messages(rows):
+            self.found.messages.append(message)
+        self.found.messages.store(read)
+
+    def _messages(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Message]:
+        return [(self._names[row[0]], row[1], row[2]) for row in rows if self._is_message(row)]
+
+
+def _missing_pages(path: Path) -> str:
+    """Return in words how many pages of a database are missing by its head, empty if none are."""
+    with path.open('rb') as file:
+        head = file.read(HEAD_SIZE)
+    size = page_size(head)
+    if not size:
+        return ''
+    (claimed,) = struct.unpack_from('>I', head, _PAGE_COUNT)
+    there = path.stat().st_size // size
+    return f'{there} of {claimed} pages are there' if there < claimed else ''
 
 
 def _own_up_to_size(path: Path) -> None:
     """Write into the head of a database how many pages are left of it; SQLite opens none that claims more."""
     with path.open('r+b') as file:
-        head = file.read(HEAD_SIZE)
-        size = page_size(head)
+        size = page_size(file.read(HEAD_SIZE))
         if size:
-            (claimed,) = struct.unpack_from('>I', head, _PAGE_COUNT)
-            there = path.stat().st_size // size
             file.seek(_PAGE_COUNT)
-            file.write(struct.pack('>I', min(claimed, there)))
+            file.write(struct.pack('>I', path.stat().st_size // size))

@@ -6,14 +6,22 @@ rows lie in front of the pages that point at them. See https://sqlite.org/filefo
 """
 
 import contextlib
+import functools
 import struct
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import BinaryIO
 
 MAGIC, HEAD_SIZE = b'SQLite format 3\0', 100
 _LEAF = 0x0D
 _LEAF_HEAD = 8
 _INTEGER_SIZES = {0: 0, 1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8, 8: 0, 9: 0}
 _FIRST_BLOB = 12
+Row = tuple[int, int, bytes]
+"""Topic id, time [ns] and payload."""
+_GROUP = 256
+"""Pages that are read at once."""
 
 
 def page_size(head: bytes) -> int:
@@ -24,34 +32,102 @@ def page_size(head: bytes) -> int:
     return 65536 if size == 1 else int(size)
 
 
-def message_rows(content: bytes) -> list[tuple[int, int, bytes]]:
-    """Return topic id, time [ns] and payload of every row on the whole pages of a bag, in the order of their ids."""
-    size = page_size(content[:HEAD_SIZE])
-    if not size:
-        return []
-    usable = size - content[20]
-    pages = [memoryview(content)[place : place + size] for place in range(0, len(content) - size + 1, size)]
-    rows: dict[int, tuple[int, int, bytes]] = {}
-    for page in pages[1:]:
-        if page[0] == _LEAF:
-            rows.update(_rows(page, usable, pages))
-    return [rows[number] for number in sorted(rows)]
+class MessagePages:
+    """
+    The leaves with messages of a bag's file, in the order of the messages' ids; a few pages are in memory at once.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with path.open('rb') as file:
+            head = file.read(HEAD_SIZE)
+        self._size = page_size(head)
+        self._usable = self._size - head[20] if self._size else 0
+
+    def groups(self) -> Iterator[list[int]]:
+        """Iterate over the numbers of the leaves, some at a time, such that all ids of a group are below the next's."""
+        pages, firsts, lasts = array('q'), array('q'), array('q')
+        for number, first, last in self._leaves():
+            pages.append(number)
+            firsts.append(first)
+            lasts.append(last)
+        group: list[int] = []
+        highest = -1
+        for index in sorted(range(len(pages)), key=firsts.__getitem__):
+            if len(group) >= _GROUP and firsts[index] > highest:
+                yield group
+                group = []
+            group.append(pages[index])
+            highest = max(highest, lasts[index])
+        if group:
+            yield group
+
+    def rows(self, group: Iterable[int]) -> list[Row]:
+        """Return topic id, time [ns] and payload of every row on the leaves of a group, in the order of their ids."""
+        rows: dict[int, Row] = {}
+        with self._path.open('rb') as file:
+            # Of a row that is there twice, the one further behind in the file counts.
+            for number in sorted(group):
+                rows.update(_rows(self._page(file, number), self._usable, functools.partial(self._page, file)))
+        return [rows[number] for number in sorted(rows)]
+
+    def _page(self, file: BinaryIO, number: int) -> memoryview:
+        """Return a page by its number, which counts from 1; raises IndexError if the file does not hold it whole."""
+        file.seek((number - 1) * self._size)
+        page = file.read(self._size)
+        if number < 1 or len(page) < self._size:
+            raise IndexError(number)
+        return memoryview(page)
+
+    def _leaves(self) -> Iterator[tuple[int, int, int]]:
+        """Iterate over the leaves with messages: number of the page, its lowest and its highest id."""
+        if not self._size:
+            return
+        with self._path.open('rb') as file, self._path.open('rb') as others:
+            number = 0
+            while piece := file.read(self._size * _GROUP):
+                for place in range(0, len(piece) - self._size + 1, self._size):
+                    number += 1
+                    if number == 1 or piece[place] != _LEAF:
+                        continue
+                    page = memoryview(piece)[place : place + self._size]
+                    ends = [
+                        next(_rows(page, self._usable, functools.partial(self._page, others), step), None)
+                        for step in (1, -1)
+                    ]
+                    # They are in the order of their ids.
+                    ids = [end[0] for end in ends if end is not None]
+                    if ids:
+                        yield number, min(ids), max(ids)
 
 
-def _rows(page: memoryview, usable: int, pages: Sequence[memoryview]) -> Iterator[tuple[int, tuple[int, int, bytes]]]:
+def _rows(
+    page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
+) -> Iterator[tuple[int, Row]]:
+    """Iterate over the messages on a leaf with their ids, from the last one on if ``step`` is -1."""
     (count,) = struct.unpack_from('>H', page, 3)
-    for place in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2):
+    for place in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
         # What makes no sense is another table's row, or damaged.
         with contextlib.suppress(IndexError, KeyError, struct.error):
             (cell,) = struct.unpack_from('>H', page, place)
             size, cell = _varint(page, cell)
             number, cell = _varint(page, cell)
-            row = _message(_payload(page, cell, size, usable, pages))
+            row = _message(_payload(page, cell, size, usable, other))
             if row is not None:
                 yield number, row
 
 
-def _payload(page: memoryview, place: int, size: int, usable: int, pages: Sequence[memoryview]) -> bytes:
+def _payload(page: memoryview, place: int, size: int, usable: int, other: Callable[[int], memoryview]) -> bytes:
     most, least = usable - 35, (usable - 12) * 32 // 255 - 23
     if size <= most:
         return bytes(page[place : place + size])
@@ -60,13 +136,13 @@ def _payload(page: memoryview, place: int, size: int, usable: int, pages: Sequen
     payload = bytes(page[place : place + local])
     (following,) = struct.unpack_from('>I', page, place + local)
     while following and len(payload) < size:
-        page = pages[following - 1]
+        page = other(following)
         payload += page[4 : 4 + min(usable - 4, size - len(payload))]
         (following,) = struct.unpack_from('>I', page)
     return payload
 
 
-def _message(record: bytes) -> tuple[int, int, bytes] | None:
+def _message(record: bytes) -> Row | None:
     """Return what a row of `messages` (id, topic_id, timestamp, data) holds, None if it is no such row."""
     place, kinds = 0, []
     head_size, place = _varint(record, 0)

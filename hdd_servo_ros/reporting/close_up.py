@@ -5,6 +5,7 @@ import numpy as np
 from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.messages.topics import REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.long_runs import stretch_of
 from hdd_servo_ros.reporting.panel import CloseUp
 from hdd_servo_ros.reporting.reference_period import reference_period
 from hdd_servo_ros.reporting.seeks_of_run import responses_of, seeks_of, tolerance_of
@@ -23,8 +24,10 @@ def close_up_of(run: RecordedRun) -> CloseUp | None:
 
     The last seek that arrives, or the last one if none does; the last edge of another stepwise reference that has its
     response in the run, the last periods of a periodic one, the last moments of any other; None for a run that is no
-    longer than that.
+    longer than that. In a long run they are those of its last stretch; see
+    :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
+    run = stretch_of(run)
     rows = len(run.ticks)
     start, end, title = rows - 1 - _LAST_SAMPLES, rows - 1, 'last moments'
     if REFERENCE.name in run:

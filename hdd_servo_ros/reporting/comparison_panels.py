@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hdd_servo_ros.messages.signals import TimedSignals
 from hdd_servo_ros.messages.topics import CONTROL
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import close_up_of
-from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import follows_reference
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, TIME_LABEL, Lines, error_label, error_title
+from hdd_servo_ros.reporting.over_time import signals_over_time
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace, fitted_range
 from hdd_servo_ros.reporting.run_names import run_names
 from hdd_servo_ros.reporting.run_panels import spectrum_line, spectrum_panel
@@ -24,18 +26,19 @@ _POINTS = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class Compared:
-    """A run of a comparison: what it is called, its colour, and its verdict."""
+    """A run of a comparison: what it is called, its colour, its verdict, and from when on [s] that counts, if asked."""
 
     run: RecordedRun
     name: str
     colour: str
     verdict: Verdict | None
+    after: float | None = None
 
 
 def compared(runs: Mapping[str, RecordedRun], after: float | None = None) -> list[Compared]:
     """Return runs, given by their names, with a colour for each and their verdicts."""
     return [
-        Compared(run, name, COLOURS[index % len(COLOURS)], verdict_of(run, after))
+        Compared(run, name, COLOURS[index % len(COLOURS)], verdict_of(run, after), after)
         for index, (name, run) in enumerate(runs.items())
     ]
 
@@ -60,29 +63,20 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
         panels.append(error_panel(following, close_up))
     if controlled:
         label = f'control [{shown(controlled[0].run.control_unit)}]'
-        traces = _lines(controlled, close_up, lambda run: run.command)
+        traces = _lines(controlled, close_up, lambda signals: signals.command)
         panels.append(_over_time('control', 'Control', label, traces, close_up))
     seeks = access_times_of_runs({item.name: (item.run, item.colour) for item in following})
     if seeks is not None:
         panels.append(seeks)
     if following:
-        lines = (
-            spectrum_line(
-                item.name,
-                item.run.error_factor * item.run.position_error[steady_start(item.run, after) :],
-                item.run.sample_time,
-                item.colour,
-                _buckets(following),
-            )
-            for item in following
-        )
+        lines = (spectrum_line(item.name, item.run, after, item.colour, _buckets(following)) for item in following)
         panels.append(spectrum_panel([line for line in lines if line is not None], following[0].run.units))
     return panels
 
 
 def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
     """Return the position errors of several runs over their time."""
-    traces = _lines(items, close_up, lambda run: run.error_factor * run.position_error)
+    traces = _lines(items, close_up, lambda signals: signals.units.error_factor * signals.position_error)
     return _over_time(
         'error', error_title([item.run for item in items]), error_label(items[0].run.units), traces, close_up
     )
@@ -92,9 +86,10 @@ def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel
     """Return the head's positions of several runs of one experiment, with its reference."""
     # One that failed ends early.
     run = max((item.run for item in items), key=lambda run: run.duration)
-    lines = Lines(run, follows=True, close_up=close_up, buckets=_buckets(items))
-    reference = lines.over_time('reference', run.desired_position, GREY, wide=True)
-    heads = _lines(items, close_up, lambda run: run.position, reference)
+    signals = signals_over_time(run, items[0].after, close_up)
+    lines = Lines(signals, follows=True, close_up=close_up, buckets=_buckets(items))
+    reference = lines.over_time('reference', signals.desired_position, GREY, wide=True)
+    heads = _lines(items, close_up, lambda signals: signals.position, reference)
     panel = _over_time('tracking', 'Tracking', f'position [{shown(run.length_unit)}]', (reference, *heads), close_up)
     # The reference is drawn below the heads, however large it is.
     return dataclasses.replace(panel, largest_first=False)
@@ -116,7 +111,7 @@ def _buckets(items: Sequence[Compared]) -> int:
 def _lines(
     items: Sequence[Compared],
     close_up: CloseUp | None,
-    signal: Callable[[RecordedRun], NDArray[np.float64]],
+    signal: Callable[[TimedSignals], NDArray[np.float64]],
     *others: Trace,
 ) -> tuple[Trace, ...]:
     """
@@ -125,12 +120,11 @@ def _lines(
     The runs that track, and the other lines of the diagram, scale its axis, if there are any: a run that does not track
     is clipped where it leaves that range, and its name states both.
     """
-    lines = [
-        Lines(item.run, follows=follows_reference(item.run), close_up=close_up, buckets=_buckets(items)).over_time(
-            item.name, signal(item.run), item.colour
-        )
-        for item in items
-    ]
+    lines = []
+    for item in items:
+        signals = signals_over_time(item.run, item.after, close_up)
+        drawn = Lines(signals, follows=follows_reference(item.run), close_up=close_up, buckets=_buckets(items))
+        lines.append(drawn.over_time(item.name, signal(signals), item.colour))
     judged = [(line, item.verdict) for line, item in zip(lines, items, strict=True)]
     # A run without a verdict is one that follows nothing.
     tracking = [line.y for line, verdict in judged if verdict is not None and verdict.tracks]

@@ -1,12 +1,16 @@
 """What of a run counts, and for what: runs that follow a reference, and the part after the transient."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from hdd_servo_ros.analysis.metrics import StepResponse, step_response
 from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.graph.recorded_nodes import kind_by_name
-from hdd_servo_ros.messages.topics import HEAD, REFERENCE
+from hdd_servo_ros.messages.topics import ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.analysis.metrics import StepResponse
 
 SEEK_MODE, SEEK_TARGET = 'seek_mode', 'seek_target'
 """Columns of `/estimates` of a controller that seeks: its mode (0 follow, 1 seek, 2 settle), and the target [um]."""
@@ -35,6 +39,24 @@ def transient_of(duration: float, last_change: float = 0.0) -> float:
 def follows_reference(run: RecordedRun) -> bool:
     """Return whether the run has an error: a head that is to follow a reference."""
     return REFERENCE.name in run and HEAD.name in run and catalogue.follows_reference(run.controller)
+
+
+def gives_seek_mode(run: RecordedRun) -> bool:
+    """Return whether the controller of a run gives its mode, as one does that seeks."""
+    return ESTIMATES.name in run and SEEK_MODE in run.estimate_names
+
+
+def waveform_of(run: RecordedRun) -> str:
+    """Return the waveform of a run's reference, empty if it is not known."""
+    try:
+        return str(run.parameter(REFERENCE_GENERATOR, 'waveform'))
+    except LookupError:
+        return ''
+
+
+def may_have_seeks(run: RecordedRun) -> bool:
+    """Return whether it is worth to search a run for seeks: without the waveform ``seek`` or a mode there are none."""
+    return follows_reference(run) and (waveform_of(run) == 'seek' or gives_seek_mode(run))
 
 
 def transient_end(run: RecordedRun, after: float | None = None) -> float:
@@ -66,7 +88,7 @@ def steady_start(run: RecordedRun, after: float | None = None) -> int:
     return start
 
 
-def edge_responses(run: RecordedRun, band: float = 0.02) -> StepResponse:
+def edge_responses(run: RecordedRun, band: float = 0.02) -> 'StepResponse':
     """
     Return how the head responds to the edges of a stepwise reference, by the run's position error.
 
@@ -84,6 +106,8 @@ def edge_responses(run: RecordedRun, band: float = 0.02) -> StepResponse:
     ValueError
         If the reference is not stepwise, or has no edge.
     """
+    from hdd_servo_ros.analysis.metrics import step_response
+
     position = np.array(run.relative_position)
     position[0] = run.position[0]
     return step_response(run.time, run.desired_position, position, band)

@@ -1,11 +1,81 @@
-"""Runs that are not read into arrays for their summary and their picture."""
+"""Runs that are read in pieces: blocks of equal length, and the stretch that is looked at as arrays."""
 
-from hdd_servo_ros.recording.recorded_run import RecordedRun
+import weakref
+from collections.abc import Collection, Iterator
 
-VERY_LONG_RUN = 2**22
-"""Ticks from which a run is not read into arrays for its summary and its picture."""
+from hdd_servo_ros.messages.signals import SignalRows, Signals
+from hdd_servo_ros.recording.recorded_run import LONG_RUN, RecordedRun
+from hdd_servo_ros.recording.run_stretch import RunStretch, joined
+
+STRETCH = LONG_RUN
+"""Ticks at the end of a long run that are looked at as arrays, as those of a shorter run are."""
+BLOCK = 2**14
+"""Ticks that are looked at together."""
+
+_FOUND: weakref.WeakKeyDictionary[RecordedRun, RunStretch] = weakref.WeakKeyDictionary()
 
 
-def is_very_long(run: RecordedRun) -> bool:
-    """Return whether the arrays of a run would take gigabytes."""
-    return run.is_long and run.last_tick >= VERY_LONG_RUN
+def stretch_of(run: RecordedRun) -> RecordedRun:
+    """Return the last :data:`STRETCH` ticks of a long run as a run of its own; a shorter run as it is."""
+    if not run.is_long:
+        return run
+    if run not in _FOUND:
+        _FOUND[run] = RunStretch(run, max(0, run.row_count - STRETCH))
+    return _FOUND[run]
+
+
+def begins_within(run: RecordedRun) -> bool:
+    """Return whether the first row is not that of the run's first tick, so that what goes on there has begun before."""
+    return isinstance(run, RunStretch) and int(run.ticks[0]) > 0
+
+
+def stretch_in_words(run: RecordedRun) -> str:
+    """Return in words which ticks of a long run :func:`stretch_of` it holds; empty for one that is looked at whole."""
+    if not run.is_long:
+        return ''
+    first = max(0, run.row_count - STRETCH)
+    last = run.row_count - 1
+    return f'ticks {first} to {last}, {run.time_at(first):g} s to {run.time_at(last):g} s'
+
+
+def rows_of(run: RecordedRun, rows: slice) -> SignalRows:
+    """Return consecutive rows of a long run, those of a slice as far as the run has them."""
+    wanted = min(rows.stop, run.row_count) - rows.start
+    found: list[Signals] = []
+    held = 0
+    for piece in run.pieces(first_tick=rows.start):
+        found.append(piece)
+        held += len(piece.ticks)
+        if held >= wanted:
+            break
+    return joined(found).part(rows.start, wanted)
+
+
+def blocks(run: RecordedRun, size: int = BLOCK, topics: Collection[str] | None = None) -> Iterator[SignalRows]:
+    """
+    Iterate over the signals of a long run in blocks of ``size`` ticks; the last one may be shorter.
+
+    Parameters
+    ----------
+    run
+        The run.
+    size
+        Ticks of a block.
+    topics
+        Names without namespace of those to read; None for all that have fields.
+    """
+    waiting: list[Signals] = []
+    held = 0
+    for piece in run.pieces(topics):
+        waiting.append(piece)
+        held += len(piece.ticks)
+        if held < size:
+            continue
+        rows = joined(waiting)
+        whole = held - held % size
+        for begin in range(0, whole, size):
+            yield rows.part(rows.first_tick + begin, size)
+        held -= whole
+        waiting = [rows.part(rows.first_tick + whole, held)] if held else []
+    if waiting:
+        yield joined(waiting)

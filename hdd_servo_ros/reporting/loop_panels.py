@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from hdd_servo_ros.messages.signals import TimedSignals
 from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.messages.units import Units, shown
-from hdd_servo_ros.reporting.decimation import rows_to_draw
+from hdd_servo_ros.reporting.chosen_rows import ChosenRows
+from hdd_servo_ros.reporting.decimation import chosen_rows_to_draw, rows_to_draw
 from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, changes_at_all
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Shade, Trace
 from hdd_servo_ros.reporting.seek_view import COARSE, FINE, SeekView
@@ -26,6 +27,16 @@ FEEDFORWARD = 'u_ff'
 FEEDFORWARD_TITLE = 'Running rms of the measured error'
 _SHOWN_ELSEWHERE = (FEEDFORWARD, 'ff_rms', 'ff_rms_without', 'observed_position', 'observed_velocity')
 """Estimates that are not adapted: feedforward and errors, which have diagrams of their own, and the observer's."""
+
+
+def ends_in_full(rows: int) -> list[slice]:
+    """Return the rows at the start and at the end of a run that are drawn one by one."""
+    return [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
+
+
+def peak_in_full(peak: int) -> slice:
+    """Return the rows about the largest error, in row ``peak``, that are drawn one by one."""
+    return slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2)
 
 
 class Lines:
@@ -49,19 +60,31 @@ class Lines:
     ) -> None:
         self._time = signals.time
         self._buckets = buckets
-        rows = len(self._time)
-        self._in_full = [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
+        self._chosen = signals if isinstance(signals, ChosenRows) else None
+        rows = len(self._time) if self._chosen is None else self._chosen.row_count
+        in_full = ends_in_full(rows)
         if follows:
             peak = int(np.abs(signals.position_error).argmax())
-            self._in_full.append(slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2))
+            in_full.append(peak_in_full(peak if self._chosen is None else int(self._chosen.ticks[peak])))
+        self._in_full = [self._there(part) for part in in_full]
         self._large = slice(0, 0)
         if close_up is not None:
             begin, end = np.searchsorted(self._time, (close_up.start, close_up.end), side='left')
             self._large = slice(int(begin), int(end) + 1)
 
+    def _there(self, rows: slice) -> slice:
+        """Return which of the rows that are there are those of a stretch of the whole run."""
+        if self._chosen is None:
+            return rows
+        begin, end = np.searchsorted(self._chosen.ticks, (rows.start, rows.stop)).tolist()
+        return slice(begin, end)
+
     def over_time(self, name: str, values: Array, colour: str, wide: bool = False) -> Trace:
         """Return a signal, shape (n,), as a line."""
-        rows = rows_to_draw(values, self._buckets, self._in_full)
+        if self._chosen is None:
+            rows = rows_to_draw(values, self._buckets, self._in_full)
+        else:
+            rows = chosen_rows_to_draw(values, self._chosen.ticks, self._chosen.row_count, self._buckets, self._in_full)
         large = values[self._large]
         if len(large):
             rows = np.union1d(rows, self._large.start + rows_to_draw(large, BUCKETS))

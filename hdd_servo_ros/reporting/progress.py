@@ -4,8 +4,10 @@ import collections
 import contextlib
 import sys
 import time
+from typing import TYPE_CHECKING, NoReturn
 
-from tqdm import tqdm
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 _LINE_PERIOD = 5.0
 _WINDOW = 5.0
@@ -37,13 +39,7 @@ class Progress:
         self._running = 0.0
         self._line_due = 0.0
         self._is_read = True
-        self._bar = tqdm(
-            total=self._total,
-            disable=not sys.stderr.isatty(),
-            desc=title,
-            mininterval=0.2,
-            bar_format='{desc} {percentage:3.0f}% |{bar:30}| {n:.2f} of {total:.2f} s{postfix}',
-        )
+        self._bar = _bar(title, self._total) if sys.stderr.isatty() else None
 
     def show(self, tick: int) -> None:
         """Show that the run has come to ``tick``, as long as there is somebody to show it to."""
@@ -64,7 +60,7 @@ class Progress:
         speed = self._speed(now, tick)
         factor = f'real-time factor {speed:.3g}'
         left = (self._total - done) / speed if speed else 0.0
-        if not self._bar.disable:
+        if self._bar is not None:
             self._bar.set_postfix_str(f'{factor}, {left:.0f} s left', refresh=False)
             self._bar.update(done - self._bar.n)
         elif now >= self._line_due or tick * self._sample_time >= self._total:
@@ -92,5 +88,18 @@ class Progress:
 
     def close(self) -> None:
         """Leave the bar as it is, and end its line."""
-        with contextlib.suppress(OSError):
-            self._bar.close()
+        if self._bar is not None:
+            with contextlib.suppress(OSError):
+                self._bar.close()
+
+
+def _bar(title: str, total: float) -> 'tqdm[NoReturn]':
+    # Late: only a terminal has a bar.
+    from tqdm import tqdm
+
+    return tqdm(
+        total=total,
+        desc=title,
+        mininterval=0.2,
+        bar_format='{desc} {percentage:3.0f}% |{bar:30}| {n:.2f} of {total:.2f} s{postfix}',
+    )

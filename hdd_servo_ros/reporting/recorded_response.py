@@ -1,11 +1,13 @@
 """The frequency response that a recorded run of the signal analyzer holds, measured anew from its bag."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzer
 from hdd_servo_ros.graph.block_parameters import block_parameters, input_parameters, sensor_scales
 from hdd_servo_ros.graph.recorded_nodes import recorded_parameters
+from hdd_servo_ros.messages.topics import ESTIMATES, LDV
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
@@ -21,15 +23,17 @@ def response_of_run(run: RecordedRun) -> FrequencyResponse:
     analyzer = SignalAnalyzer(
         block_parameters('signal_analyzer', node_parameters(run, 'signal_analyzer')), run.sample_time
     )
-    ticks = run.ticks
-    if len(ticks) == 0 or ticks[0] != 0:
+    if not run.is_long and (len(run.ticks) == 0 or run.ticks[0] != 0):
         raise ValueError('the bag does not begin with tick 0')
     own = input_parameters('signal_analyzer', node_parameters(run, 'signal_analyzer'))
     sensor = block_parameters('ldv_sensor', node_parameters(run, 'ldv_sensor'))
-    analyzer.replay(run.ldv, *sensor_scales(own, sensor))
+    recorded: Mapping[str, Any] = {}
+    for piece in run.pieces([LDV.name, ESTIMATES.name]):
+        analyzer.replay(piece.ldv, *sensor_scales(own, sensor), first_tick=int(piece.ticks[0]))
+        recorded = piece.estimates
     for name, value in zip(analyzer.estimate_names, analyzer.estimates.tolist(), strict=True):
-        if run.estimates[name][-1] != value:
-            raise ValueError(f'/estimates says {name} = {run.estimates[name][-1]!r} at the end, /ldv gives {value!r}')
+        if recorded[name][-1] != value:
+            raise ValueError(f'/estimates says {name} = {recorded[name][-1]!r} at the end, /ldv gives {value!r}')
     measured = analyzer.response()
     return measured.at(measured.is_seen)
 

@@ -5,9 +5,10 @@ from fractions import Fraction
 from typing import Any
 
 from hdd_servo_ros.analysis.period import repeat, sine_period
-from hdd_servo_ros.messages.topics import REFERENCE
+from hdd_servo_ros.messages.topics import HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, SIGNAL_ANALYZER, steady_start
+from hdd_servo_ros.reporting.long_runs import stretch_of
 
 
 def reference_period(run: RecordedRun) -> float | None:
@@ -54,12 +55,27 @@ def whole_periods(period: float) -> Fraction:
     return Fraction(period).limit_denominator(1000)
 
 
+def control_cycles(run: RecordedRun, start: int) -> tuple[range, int]:
+    """
+    Return the rows, from row ``start`` on, over which the control goes round whole cycles of a sine, and how many.
+
+    There are none where the head does not follow a sine of a known period.
+    """
+    period = reference_period(run)
+    if period is None or HEAD.name not in run or not follows_sine(run):
+        return range(0), 0
+    samples = whole_periods(period)
+    cycles = (run.row_count - start) // samples.numerator * samples.denominator
+    return range(run.row_count - cycles // samples.denominator * samples.numerator, run.row_count), cycles
+
+
 def _period_of_samples(run: RecordedRun) -> float | None:
     seconds = _sine_of_samples(run)
     if seconds is not None:
         return seconds / run.sample_time
     if REFERENCE.name not in run:
         return None
+    run = stretch_of(run)
     samples = repeat(run.desired_position[steady_start(run) :])
     return None if samples is None else float(samples)
 
@@ -68,5 +84,6 @@ def _sine_of_samples(run: RecordedRun) -> float | None:
     """Return the period of the sine that `/reference` is [s], None if it is none."""
     if REFERENCE.name not in run:
         return None
+    run = stretch_of(run)
     rows = run.reference[steady_start(run) :]
     return sine_period(rows[:, 0], rows[:, 2])

@@ -5,9 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.response import FrequencyResponse
 from hdd_servo_ros.messages.outcome import FINISHED
@@ -15,13 +13,16 @@ from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.comparison_panels import comparison_panels
 from hdd_servo_ros.reporting.evaluation import SIGNAL_ANALYZER, steady_start
+from hdd_servo_ros.reporting.from_stretch import from_stretch
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
-from hdd_servo_ros.reporting.saturation import saturation_line, saturation_of
+from hdd_servo_ros.reporting.run_sums import sums_of
+from hdd_servo_ros.reporting.saturation import saturation_line, tells_saturation
 from hdd_servo_ros.reporting.seek_report import for_yaml, lost_seeks, seek_tables
+from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 from hdd_servo_ros.reporting.source_panels import ErrorBySource, source_metrics, source_panel
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
@@ -75,27 +76,29 @@ def report_run(
     title = f'{run.controller} on {run.frame_id}: {run_name(run)}' if run.description else run_name(run)
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
-    clipped, judged = saturation_of(run), verdict_of(run, after)
+    clipped, judged = _saturation(run, after), verdict_of(run, after)
     low_margin = low_margin_of(run)
-    lost = lost_seeks(run)
+    part = part_with_seeks(run)
+    lost = lost_seeks(part)
+    missing += from_stretch(run, after)
     caveats = [*_caveats(run, judged), *filter(None, [lost, low_margin])]
     content = {
         'status': run.status,
         'reason': run.reason,
         'verdict': None if judged is None else {'text': judged.text, 'detail': judged.detail},
-        'saturated_samples': None if clipped is None else {name: len(ticks) for name, ticks in clipped.items()},
+        'saturated_samples': None if clipped is None else {name: count for name, (count, _) in clipped.items()},
         'low_stability_margin': low_margin,
         'left_out': missing,
-        'errors_from': float(run.time[steady_start(run, after)]),
+        'errors_from': run.time_at(steady_start(run, after)),
         'metrics': {metric.name: {'value': metric.value, 'unit': metric.unit} for metric in metrics},
-        **for_yaml(run),
+        **for_yaml(part),
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
     write_picture(panels, '\n'.join([title, *textwrap.wrap('; '.join(caveats), _TITLE_WIDTH)]), written[1])
     lines = [('verdict', _in_table(judged))] if judged is not None else []
     lines += [(metric.label, f'{_number(metric.value)} {shown(metric.unit)}') for metric in metrics]
     subtitle = '; '.join([_subtitle(run, after, judged, clipped), *filter(None, [lost, low_margin]), *missing])
-    details = seek_tables(run) | _details(run)
+    details = seek_tables(part) | _details(run)
     write_page(written[2], title, subtitle, (('', 'value'), lines), panels, run.sample_time, details)
     return written, [*caveats, *missing]
 
@@ -206,12 +209,17 @@ def comparison_table(
     lines.insert(0, ['controller', *(run.controller for run in runs)])
     lines.insert(1, ['status', *(run.status for run in runs)])
     lines.insert(2, ['verdict', *(_in_table(verdict_of(run, after)) for run in runs)])
-    lines.insert(3, ['errors from [s]', *(_number(float(run.time[steady_start(run, after)])) for run in runs)])
-    clipped = [saturation_of(run) for run in runs]
+    lines.insert(3, ['errors from [s]', *(_number(run.time_at(steady_start(run, after))) for run in runs)])
+    clipped = [_saturation(run, after) for run in runs]
     for name in dict.fromkeys(name for found in clipped if found is not None for name in found):
-        counts = ('' if found is None else str(len(found.get(name, ()))) for found in clipped)
+        counts = ('' if found is None else str(found.get(name, (0, 0))[0]) for found in clipped)
         lines.append([f'saturated samples of the {name}', *counts])
     return ['', *run_names(runs)], lines
+
+
+def _saturation(run: RecordedRun, after: float | None) -> dict[str, tuple[int, int]] | None:
+    """Return how many samples of each clipped signal, and the first tick; None if bag or ``run.yaml`` do not tell."""
+    return dict(sums_of(run, after).saturated) if tells_saturation(run) else None
 
 
 def _number(value: float) -> str:
@@ -219,14 +227,14 @@ def _number(value: float) -> str:
 
 
 def _subtitle(
-    run: RecordedRun, after: float | None, judged: Verdict | None, clipped: Mapping[str, NDArray[np.int64]] | None
+    run: RecordedRun, after: float | None, judged: Verdict | None, clipped: Mapping[str, tuple[int, int]] | None
 ) -> str:
-    since = float(run.time[steady_start(run, after)])
-    counts = {name: (len(rows), int(run.ticks[rows[0]])) for name, rows in (clipped or {}).items()}
-    saturated = f'; clipped: {saturation_line(counts, len(run.ticks))}' if counts else ''
+    since = run.time_at(steady_start(run, after))
+    saturated = f'; clipped: {saturation_line(clipped, run.row_count)}' if clipped else ''
+    first_tick = 0 if run.is_long else int(run.ticks[0])
     how = [_ended(run) or run.status, *([] if judged is None else [judged.in_words])]
     return (
-        f'{"; ".join(how)}; ticks {run.ticks[0]} to {run.last_tick} of {run.sample_time:g} s; '
+        f'{"; ".join(how)}; ticks {first_tick} to {run.last_tick} of {run.sample_time:g} s; '
         f'errors and spectrum from {since:g} s on{saturated}'
     )
 

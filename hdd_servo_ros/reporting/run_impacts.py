@@ -27,7 +27,7 @@ def why_no_impacts(run: RecordedRun) -> str:
     missing = [f'/{topic.name}' for topic in (CONTROL, HEAD) if topic.name not in run]
     if missing:
         return f'the bag holds no {" and no ".join(missing)}'
-    if run.ticks[0] != 0:
+    if not run.is_long and run.ticks[0] != 0:
         return 'the bag does not begin with tick 0'
     if any(change.node.rpartition('/')[2] == PLANT for change in run.parameter_changes):
         return f'parameters of {PLANT} were changed during the run'
@@ -50,11 +50,20 @@ def _impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
         from hdd_servo_ros.drive.plant import Plant
 
         plant = Plant(block_parameters(PLANT, parameters_at_start(run)[PLANT]), run.sample_time)
-        voltages = run.command[:-1].tolist()
-        disturbances = run[DISTURBANCE.name][:-1, 0].tolist() if DISTURBANCE.name in run else [0.0] * len(voltages)
-        for tick, (voltage, disturbance) in enumerate(zip(voltages, disturbances, strict=True), start=1):
-            plant.step(tick, voltage, disturbance)
-        if plant.output() != tuple(run[HEAD.name][-1].tolist()):
+        tick = 0
+        head: list[float] = []
+        waiting: list[tuple[float, float]] = []
+        for piece in run.pieces([CONTROL.name, HEAD.name, DISTURBANCE.name]):
+            voltages = piece.command.tolist()
+            forces = piece[DISTURBANCE.name][:, 0].tolist() if DISTURBANCE.name in piece else [0.0] * len(voltages)
+            # What is held from the last tick on acts on the way to one that is not there.
+            inputs = waiting + list(zip(voltages, forces, strict=True))
+            waiting = [inputs.pop()]
+            for voltage, force in inputs:
+                tick += 1
+                plant.step(tick, voltage, force)
+            head = piece[HEAD.name][-1].tolist()
+        if plant.output() != tuple(head):
             return None
         _FOUND[run] = plant.impacts
     return _FOUND[run]

@@ -1,25 +1,18 @@
 """The metrics of a run, from its bag."""
 
-import numpy as np
+from collections.abc import Collection
 
-from hdd_servo_ros.analysis.metrics import (
-    control_effort,
-    is_stepwise,
-    loop_area,
-    power_spectral_density,
-    repeatable_parts,
-    tracking_metrics,
-)
-from hdd_servo_ros.analysis.misregistration import misregistration_from_spectrum
 from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 from hdd_servo_ros.reporting.run_impacts import run_impacts, why_no_impacts
+from hdd_servo_ros.reporting.run_numbers import answers_to_edges, control_numbers, error_numbers, has_stepwise_reference
 from hdd_servo_ros.reporting.run_sensitivity import CONTROLLERS, run_sensitivity, why_no_sensitivity
 from hdd_servo_ros.reporting.seek_report import seek_metrics, why_no_seek_metrics
+from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
 
 
@@ -46,16 +39,16 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     if unknown:
         lines.append(f'no impacts on the crash stops: {unknown}')
     if follows_reference(run):
-        lines += track_left_out(run, steady_start(run, after))
-        why = why_no_seek_metrics(run)
+        lines += track_left_out(run, after)
+        why = why_no_seek_metrics(part_with_seeks(run))
         if why:
             lines.append(f'no metrics of seeks: {why}')
-    if follows_reference(run) and not is_stepwise(run.desired_position):
+    if follows_reference(run) and not has_stepwise_reference(run, after):
         period = reference_period(run)
         if period is None:
             lines.append('no repeatable parts, areas and hysteresis: no period of the reference is known')
             return lines
-        samples, whole = len(run.ticks) - steady_start(run, after), whole_periods(period).numerator
+        samples, whole = run.row_count - steady_start(run, after), whole_periods(period).numerator
         if samples < 2 * whole:
             what = 'repeatable parts and areas' if samples < whole and follows_sine(run) else 'repeatable parts'
             lines.append(
@@ -65,7 +58,12 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     return lines
 
 
-def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
+_SPECTRUM = 'tmr_of_spectrum'
+_SENSITIVITY = ('peak_sensitivity', 'largest_peak_sensitivity')
+"""Metrics that take longest to compute."""
+
+
+def run_metrics(run: RecordedRun, after: float | None = None, only: Collection[str] | None = None) -> list[Metric]:
     """
     Return the metrics of a run; those that its reference or its topics do not allow are left out.
 
@@ -75,6 +73,8 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         The run.
     after
         Time before which nothing counts [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    only
+        Names of those that are wanted; None for all.
 
     Raises
     ------
@@ -82,18 +82,23 @@ def run_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
         If nothing lies after that time.
     """
     start = steady_start(run, after)
-    if start >= len(run.ticks):
+    if start >= run.row_count:
         raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
     found: list[Metric] = []
     if follows_reference(run):
-        found += _tracking(run, start)
-        if is_stepwise(run.desired_position):
-            found += _steps(run)
-        found += track_metrics(run, start)
-        found += seek_metrics(run)
+        found += _tracking(run, after, spectrum=only is None or _SPECTRUM in only)
+        if has_stepwise_reference(run, after):
+            found += _steps(run, after)
+        found += track_metrics(run, after)
+        found += seek_metrics(part_with_seeks(run))
     if 'control' in run:
-        found += _control(run, start)
-    return found + _impacts(run) + _sensitivity(run)
+        found += _control(run, after)
+    found += _impacts(run)
+    if only is None:
+        return found + _sensitivity(run)
+    if any(name in only for name in _SENSITIVITY):
+        found += _sensitivity(run)
+    return [metric for metric in found if metric.name in only]
 
 
 def _impacts(run: RecordedRun) -> list[Metric]:
@@ -121,39 +126,26 @@ def _sensitivity(run: RecordedRun) -> list[Metric]:
     ]
 
 
-def _tracking(run: RecordedRun, start: int) -> list[Metric]:
-    unit, factor = run.error_unit, run.error_factor
-    control = run.command if 'control' in run else np.zeros(len(run.ticks))
-    tracking = tracking_metrics(
-        run.time, run.desired_position, run.relative_position, control, transient=float(run.time[start]), unit=factor
-    )
-    error = factor * run.position_error[start:]
+def _tracking(run: RecordedRun, after: float | None, *, spectrum: bool) -> list[Metric]:
+    unit, error = run.error_unit, error_numbers(run, after, spectrum=spectrum)
     found = [
-        Metric('rms_error', 'rms error', tracking.rms_error, unit),
-        Metric('max_error', 'max error', tracking.max_error, unit),
-        Metric('mean_error', 'mean error', tracking.mean_error, unit),
-        Metric('tmr', 'TMR, 3 sigma', tracking.tmr, unit),
+        Metric('rms_error', 'rms error', error.rms, unit),
+        Metric('max_error', 'max error', error.largest, unit),
+        Metric('mean_error', 'mean error', error.mean, unit),
+        Metric('tmr', 'TMR, 3 sigma', error.misregistration, unit),
     ]
-    if len(error) > 2:
-        tmr = misregistration_from_spectrum(*power_spectral_density(error, run.sample_time))
-        found.append(Metric('tmr_of_spectrum', 'TMR from the spectrum', tmr, unit))
-    period = reference_period(run)
-    if period is not None and len(error) >= 2.0 * period:
-        try:
-            parts = repeatable_parts(error, period)
-        except ValueError:
-            # A frequency for which many periods make a whole number of samples, in a short run.
-            return found
-        found.append(Metric('repeatable_error', 'repeatable error, rms', parts.repeatable_rms, unit))
-        found.append(Metric('non_repeatable_error', 'non-repeatable error, rms', parts.non_repeatable_rms, unit))
+    if error.misregistration_from_spectrum is not None:
+        found.append(Metric('tmr_of_spectrum', 'TMR from the spectrum', error.misregistration_from_spectrum, unit))
+    if error.parts is not None:
+        repeatable, rest = error.parts
+        found.append(Metric('repeatable_error', 'repeatable error, rms', repeatable, unit))
+        found.append(Metric('non_repeatable_error', 'non-repeatable error, rms', rest, unit))
     return found
 
 
-def _steps(run: RecordedRun) -> list[Metric]:
-    try:
-        response = edge_responses(run)
-    except ValueError:
-        # A reference that stands still.
+def _steps(run: RecordedRun, after: float | None) -> list[Metric]:
+    response = answers_to_edges(run, after)
+    if response is None:
         return []
     worst, median = response.worst(), response.median()
     found = [Metric('edges', 'edges of the reference', float(len(response)), '')]
@@ -168,25 +160,16 @@ def _steps(run: RecordedRun) -> list[Metric]:
     return found
 
 
-def _control(run: RecordedRun, start: int) -> list[Metric]:
-    unit = run.control_unit
-    effort = control_effort(run.command[start:])
-    seconds = max(len(run.command) - 1 - start, 1) * run.sample_time
+def _control(run: RecordedRun, after: float | None) -> list[Metric]:
+    unit, control = run.control_unit, control_numbers(run, after)
+    seconds = max(run.row_count - 1 - steady_start(run, after), 1) * run.sample_time
     found = [
-        Metric('peak_control', 'peak control, whole run', float(np.abs(run.command).max()), unit),
-        Metric('rms_control', 'rms control', effort.rms, unit),
-        Metric('control_variation', 'variation of the control', effort.total_variation / seconds, f'{unit}/s'),
+        Metric('peak_control', 'peak control, whole run', control.peak, unit),
+        Metric('rms_control', 'rms control', control.rms, unit),
+        Metric('control_variation', 'variation of the control', control.variation / seconds, f'{unit}/s'),
     ]
-    period = reference_period(run)
-    if period is not None and 'head' in run and follows_sine(run):
-        samples = whole_periods(period)
-        cycles = (len(run.ticks) - start) // samples.numerator * samples.denominator
-        if cycles:
-            rows = slice(len(run.ticks) - cycles // samples.denominator * samples.numerator, None)
-            area_unit = f'{run.length_unit} {unit}'
-            for name, label, force in (
-                ('control_loop_area', 'area of the control over the position', run.command[rows]),
-                ('feedback_loop_area', "area of the control's feedback part", run.feedback[rows]),
-            ):
-                found.append(Metric(name, label, loop_area(run.position[rows], force, cycles), area_unit))
+    if control.areas is not None:
+        area_unit, (whole, feedback) = f'{run.length_unit} {unit}', control.areas
+        found.append(Metric('control_loop_area', 'area of the control over the position', whole, area_unit))
+        found.append(Metric('feedback_loop_area', "area of the control's feedback part", feedback, area_unit))
     return found

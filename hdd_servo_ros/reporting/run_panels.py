@@ -3,22 +3,25 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.metrics import amplitude_spectrum, is_stepwise
+from hdd_servo_ros.analysis.metrics import amplitude_spectrum
 from hdd_servo_ros.bench.response import FrequencyResponse, decibels, degrees
-from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
+from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE, SIGNAL_TOPICS
 from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import PERIODS, close_up_of
 from hdd_servo_ros.reporting.decimation import rows_to_draw
-from hdd_servo_ros.reporting.evaluation import edge_responses, follows_reference, steady_start
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.long_figures import long_figures
+from hdd_servo_ros.reporting.long_runs import rows_of, stretch_of
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
+from hdd_servo_ros.reporting.over_time import signals_over_time
 from hdd_servo_ros.reporting.panel import COLOURS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
+from hdd_servo_ros.reporting.run_numbers import answers_to_edges, has_stepwise_reference
 from hdd_servo_ros.reporting.seek_panels import seek_panels
 from hdd_servo_ros.reporting.seek_view import view_of_run
-from hdd_servo_ros.reporting.seeks_of_run import seeks_of
+from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks, seeks_of
 from hdd_servo_ros.reporting.track_panels import track_error_panel, track_panels
 
 _LINES_IN_FULL = 1000
@@ -28,9 +31,19 @@ _EDGE_SAMPLES = 500
 _EDGES = 8
 
 
-def panels_over_time(run: RecordedRun) -> list[Panel]:
-    """Return the diagrams of a run over its time, with a close-up; those whose topics are missing are left out."""
-    return loop_panels(run, follows=follows_reference(run), close_up=close_up_of(run), seeks=view_of_run(run))
+def panels_over_time(run: RecordedRun, after: float | None = None) -> list[Panel]:
+    """
+    Return the diagrams of a run over its time, with a close-up; those whose topics are missing are left out.
+
+    The seeks of a long run are drawn as any other reference. ``after`` is that of the other figures of such a run.
+    """
+    if run.is_long and not any(topic.name in run for topic in SIGNAL_TOPICS):
+        return []
+    close_up = close_up_of(run)
+    seeks = None if run.is_long else view_of_run(run)
+    return loop_panels(
+        signals_over_time(run, after, close_up), follows=follows_reference(run), close_up=close_up, seeks=seeks
+    )
 
 
 def run_panels(run: RecordedRun, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
@@ -47,27 +60,33 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
         What a signal analyzer has measured in the run.
     """
     panels = _bode_panels(response) if response is not None and len(response.frequency) else []
-    for panel in panels_over_time(run):
-        track = track_error_panel(run) if panel.name == 'error' else None
+    part = part_with_seeks(run)
+    for panel in panels_over_time(run, after):
+        track = track_error_panel(run, after) if panel.name == 'error' else None
         # With the servo sensor both are the same error, and the diagram of the track has the limits of the pitch.
-        is_same = run.is_track_following and not seeks_of(run)
+        is_same = run.is_track_following and not seeks_of(part)
         panels += [panel] if track is None else [track] if is_same else [panel, track]
-    panels += seek_panels(run)
+    panels += seek_panels(part)
     if follows_reference(run):
-        error = run.error_factor * run.position_error[steady_start(run, after) :]
-        line = spectrum_line('error', error, run.sample_time, COLOURS[0], BUCKETS)
+        line = spectrum_line('error', run, after, COLOURS[0], BUCKETS)
         panels.append(spectrum_panel([] if line is None else [line], run.units))
-        panels += track_panels(run, steady_start(run, after))
+        panels += track_panels(run, after)
     if REFERENCE.name in run and HEAD.name in run:
-        panels += filter(None, (_edges_panel(run), _loop_panel(run)))
+        panels += filter(None, (_edges_panel(run, after), _loop_panel(run, after)))
     return panels
 
 
-def spectrum_line(name: str, error: NDArray[np.float64], sample_time: float, colour: str, buckets: int) -> Trace | None:
-    """Return the amplitude spectrum of an error signal, shape (n,), as a line; None if it is too short for one."""
-    if len(error) <= 2:
+def spectrum_line(name: str, run: RecordedRun, after: float | None, colour: str, buckets: int) -> Trace | None:
+    """Return the amplitude spectrum of the position error of a run as a line; None if it is too short for one."""
+    start = steady_start(run, after)
+    if run.row_count - start <= 2:
         return None
-    frequencies, amplitudes = amplitude_spectrum(error, sample_time)
+    if run.is_long:
+        error = long_figures(run, after).error
+        assert error is not None
+        frequencies, amplitudes = error.amplitude_spectrum()
+    else:
+        frequencies, amplitudes = amplitude_spectrum(run.error_factor * run.position_error[start:], run.sample_time)
     # The mean is taken out, and a logarithmic axis has no 0 Hz. Its low lines are far apart.
     rows = 1 + rows_to_draw(amplitudes[1:], buckets, [slice(0, _LINES_IN_FULL)])
     return Trace(name, frequencies[rows], amplitudes[rows], colour)
@@ -107,33 +126,34 @@ def _bode_panels(response: FrequencyResponse) -> list[Panel]:
     ]
 
 
-def _edges_panel(run: RecordedRun) -> Panel | None:
+def _edges_panel(run: RecordedRun, after: float | None) -> Panel | None:
     """Return the responses to the edges of a stepwise reference over each other."""
     # The diagrams of seeks show them on scales of their own.
-    if not follows_reference(run) or not is_stepwise(run.desired_position) or seeks_of(run):
+    if not follows_reference(run) or not has_stepwise_reference(run, after) or seeks_of(part_with_seeks(run)):
         return None
-    try:
-        response = edge_responses(run)
-    except ValueError:
+    response = answers_to_edges(run, after)
+    if response is None:
         return None
     drawn = np.unique(np.linspace(0, len(response) - 1, _EDGES).round().astype(int))
-    ends = np.append(response.row[1:], len(run.ticks))
+    ends = np.append(response.row[1:], run.row_count)
     traces: list[Trace] = []
     for index in drawn:
         row, height = response.row[index], response.height[index]
         rows = slice(row, min(ends[index], row + _EDGE_SAMPLES))
-        x = 1e3 * (run.time[rows] - run.time[row])
-        y = 1.0 + (run.relative_position[rows] - run.desired_position[row]) / height
-        name = f'edge at {run.time[row]:g} s'
+        part, row, rows = (run, row, rows) if not run.is_long else (rows_of(run, rows), 0, slice(None))
+        x = 1e3 * (part.time[rows] - part.time[row])
+        y = 1.0 + (part.relative_position[rows] - part.desired_position[row]) / height
+        name = f'edge at {part.time[row]:g} s'
         traces.append(Trace(name, x, y, COLOURS[len(traces) % len(COLOURS)]))
     return Panel('edges', 'Responses to the edges', 'time after the edge [ms]', 'of the height', tuple(traces))
 
 
-def _loop_panel(run: RecordedRun) -> Panel | None:
+def _loop_panel(run: RecordedRun, after: float | None) -> Panel | None:
     """Return friction and feedback over the position: the last periods of a periodic reference."""
     period = reference_period(run)
-    if period is None or is_stepwise(run.desired_position):
+    if period is None or has_stepwise_reference(run, after):
         return None
+    run = stretch_of(run)
     rows = min(len(run.ticks), round(period * max(1, min(PERIODS, int(_LOOP_SAMPLES // period)))))
     part = slice(len(run.ticks) - rows, len(run.ticks), max(1, rows // _LOOP_SAMPLES))
     position = run.position[part]

@@ -141,11 +141,21 @@ def sums_of(run: RecordedRun, after: float | None = None) -> RunSums:
     return found[after]
 
 
+def keep_sums(run: RecordedRun, after: float | None, sums: RunSums) -> None:
+    """Let :func:`sums_of` return these sums, which hold all of the run."""
+    _FOUND.setdefault(run, {}).setdefault(after, sums)
+
+
+def new_sums(run: RecordedRun, after: float | None) -> RunSums:
+    """Return sums for a recorded run that has a tick, which are still to be fed."""
+    return RunSums(run.description, transient_end(run, after))
+
+
 def _sum_up(run: RecordedRun, after: float | None) -> RunSums:
     if run.description.get('last_tick', 0) < 0:
         # It failed at tick 0.
         return RunSums(run.description, 0.0)
-    sums = RunSums(run.description, transient_end(run, after))
+    sums = new_sums(run, after)
     for piece in run.pieces():
         sums.add(piece)
     return sums

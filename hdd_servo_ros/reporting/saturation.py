@@ -99,12 +99,10 @@ def saturated_rows(signals: Signals, description: Mapping[str, Any]) -> dict[str
     return Ranges.of(description).saturated_rows(signals)
 
 
-def saturation_of(run: RecordedRun) -> dict[str, NDArray[np.int64]] | None:
-    """Return :func:`saturated_rows` of a run, None if its bag or its ``run.yaml`` do not tell."""
+def tells_saturation(run: RecordedRun) -> bool:
+    """Return whether the bag and the ``run.yaml`` of a run tell what was clipped."""
     has_sensor = LDV.name in run or PES.name in run
-    if not run.description or not has_sensor or CONTROL.name not in run:
-        return None
-    return saturated_rows(run, run.description)
+    return bool(run.description) and has_sensor and CONTROL.name in run
 
 
 def saturation_line(counts: Mapping[str, tuple[int, int]], samples: int) -> str:

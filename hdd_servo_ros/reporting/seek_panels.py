@@ -13,7 +13,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.loop_panels import error_label
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
 from hdd_servo_ros.reporting.seek_view import COARSE, FINE
-from hdd_servo_ros.reporting.seeks_of_run import bound_curve, responses_of, seeks_of, tolerance_of
+from hdd_servo_ros.reporting.seeks_of_run import bound_curve, part_with_seeks, responses_of, seeks_of, tolerance_of
 
 _DARK = '#444444'
 _SEEKS = 7
@@ -59,7 +59,8 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
     Panel or None
         None where no run has seeks, or no drive is in um.
     """
-    known = [(name, run, colour, tolerance_of(run)) for name, (run, colour) in runs.items() if seeks_of(run)]
+    parts = {name: (part_with_seeks(run), colour) for name, (run, colour) in runs.items()}
+    known = [(name, run, colour, tolerance_of(run)) for name, (run, colour) in parts.items() if seeks_of(run)]
     seeking = [(name, run, colour, tolerance) for name, run, colour, tolerance in known if tolerance is not None]
     if not seeking:
         return None

@@ -10,6 +10,7 @@ from hdd_servo_ros.analysis.off_track import READ_LIMIT, WRITE_LIMIT
 from hdd_servo_ros.analysis.seek_metrics import SeekResponse, access_times, returns_to_earlier_modes
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.long_runs import begins_within
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.seeks_of_run import (
     bound_curve,
@@ -49,10 +50,15 @@ def seek_line(run: RecordedRun) -> str:
     arrived = sum(response.has_arrived for response in responses)
     within = f'within {run.error_factor * tolerance:.4g} {shown(run.error_unit)}'
     if not arrived:
-        return f'none of {len(responses)} arrives {within}'
+        return f'none of {len(responses)} arrives {within}{_where(run)}'
     median, worst = _MILLI * _median(times), _MILLI * max(times)
     slowest = f'worst {worst:.4g} ms' if arrived == len(responses) else f'{len(responses) - arrived} do not arrive'
-    return f'{arrived} of {len(responses)} arrive {within}, median {median:.4g} ms, {slowest}'
+    return f'{arrived} of {len(responses)} arrive {within}, median {median:.4g} ms, {slowest}{_where(run)}'
+
+
+def _where(run: RecordedRun) -> str:
+    """Return in words which part of a run is meant, if it is not all of it."""
+    return f' (from {run.time[0]:g} s on)' if begins_within(run) else ''
 
 
 def has_seeks(run: RecordedRun) -> bool:
@@ -70,7 +76,7 @@ def lost_seeks(run: RecordedRun) -> str:
     left = ', which arrives but leaves again' if first.first_arrival < math.inf else ''
     return (
         f'{len(lost)} of {len(responses)} seeks do not arrive within {100.0 * WRITE_LIMIT:g} % of the track pitch and '
-        f'stay, first that of {first.seek.length:+.4g} um at {first.time:g} s{left}'
+        f'stay, first that of {first.seek.length:+.4g} um at {first.time:g} s{left}{_where(run)}'
     )
 
 

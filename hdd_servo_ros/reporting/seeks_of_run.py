@@ -11,9 +11,16 @@ from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT
 from hdd_servo_ros.analysis.seek_metrics import SAMPLES, SEEK, Seek, SeekResponse, find_seeks, seek_responses
 from hdd_servo_ros.graph.block_parameters import block_parameters
-from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES
+from hdd_servo_ros.messages.topics import CONTROL
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR, SEEK_MODE, follows_reference
+from hdd_servo_ros.reporting.evaluation import (
+    REFERENCE_GENERATOR,
+    SEEK_MODE,
+    gives_seek_mode,
+    may_have_seeks,
+    waveform_of,
+)
+from hdd_servo_ros.reporting.long_runs import begins_within, stretch_of
 from hdd_servo_ros.reporting.run_sensitivity import PLANT, SENSOR, parameters_at_start
 from hdd_servo_ros.reporting.track_of_run import track_pitch
 
@@ -64,9 +71,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, _Found] = weakref.WeakKeyDictiona
 
 def modes_of(run: RecordedRun) -> Array | None:
     """Return the mode of the controller at each row: 0 follow, 1 seek, 2 settle; None if it gives none."""
-    if ESTIMATES.name not in run or SEEK_MODE not in run.estimate_names:
-        return None
-    return run.estimates[SEEK_MODE]
+    return run.estimates[SEEK_MODE] if gives_seek_mode(run) else None
 
 
 def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
@@ -82,19 +87,27 @@ def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
     return found.seeks
 
 
+def part_with_seeks(run: RecordedRun) -> RecordedRun:
+    """
+    Return what of a run is searched for seeks: all of it, of a long one the last stretch.
+
+    See :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`. A long run that has no seeks is not read for that.
+    """
+    return stretch_of(run) if may_have_seeks(run) else run
+
+
 def _search(run: RecordedRun) -> list[Seek]:
-    if not follows_reference(run):
+    if not may_have_seeks(run):
         return []
-    try:
-        waveform = run.parameter(REFERENCE_GENERATOR, 'waveform')
-    except LookupError:
-        waveform = ''
     along_trajectory = False
-    if waveform == 'seek':
+    if waveform_of(run) == 'seek':
         along_trajectory = run.parameter(REFERENCE_GENERATOR, 'seek.trajectory') != 'step'
-    elif modes_of(run) is None or not is_stepwise(run.desired_position):
+    elif not is_stepwise(run.desired_position):
         return []
     seeks = find_seeks(run.desired_position, run.reference.velocity, along_trajectory)
+    if begins_within(run):
+        # One that is under way at the first row has begun before.
+        return seeks[1:] if seeks and run.reference.velocity[0] != 0.0 else seeks
     first, head = float(run.desired_position[0]), float(run.position[0])
     pitch = track_pitch(run)
     if pitch is not None and abs(first - head) > WRITE_LIMIT * pitch and not (seeks and seeks[0].row == 0):
@@ -166,6 +179,10 @@ def responses_of(
             starts = [seek.row for seek in seeks[1:]]
             replaced = {seek.row for seek, start in zip(seeks, starts, strict=False) if modes[start - 1] == SEEK}
             responses = [response for response in responses if response.seek.row not in replaced]
+        if begins_within(run):
+            responses = [
+                dataclasses.replace(response, time=float(run.time[response.seek.row])) for response in responses
+            ]
         found.responses[key] = responses
     return found.responses[key]
 

@@ -2,23 +2,14 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from hdd_servo_ros.bench.response import read_csv
-from hdd_servo_ros.messages.scope_blocks import make_block
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import follows_reference
-from hdd_servo_ros.reporting.long_runs import is_very_long
-from hdd_servo_ros.reporting.panel import Panel
+from hdd_servo_ros.reporting.evaluation import may_have_seeks
 from hdd_servo_ros.reporting.response import CSV, response_line
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
-from hdd_servo_ros.reporting.seek_report import seek_line
 from hdd_servo_ros.reporting.summary import summary
 from hdd_servo_ros.reporting.verdict import verdict_of
-
-_BINS_DRAWN = 5000
-"""Bins of the picture of such a run."""
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
@@ -29,9 +20,14 @@ def show_run(directory: Path, *, plot: bool) -> None:
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory, verdict_of(run)))
-    seeks = '' if is_very_long(run) else seek_line(run)
-    if seeks:
-        print(f'{"seeks":>16}  {seeks}')
+    if may_have_seeks(run):
+        # Late: most runs have none.
+        from hdd_servo_ros.reporting.seek_report import seek_line
+        from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
+
+        seeks = seek_line(part_with_seeks(run))
+        if seeks:
+            print(f'{"seeks":>16}  {seeks}')
     low_margin = low_margin_of(run)
     if low_margin:
         print(f'{"margin":>16}  {low_margin}')
@@ -48,21 +44,7 @@ def draw_run(run: RecordedRun, path: Path) -> bool:
     from hdd_servo_ros.reporting.run_panels import panels_over_time
 
     title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
-    panels = _panels_of_blocks(run) if is_very_long(run) else panels_over_time(run)
+    panels = panels_over_time(run)
     if panels:
         write_picture(panels, title, path)
     return bool(panels)
-
-
-def _panels_of_blocks(run: RecordedRun) -> list[Panel]:
-    """Return the diagrams of a run over its time by the extremes of every some hundred ticks, read in pieces."""
-    from hdd_servo_ros.reporting.live_view import BlockSignals
-    from hdd_servo_ros.reporting.loop_panels import loop_panels
-
-    if not follows_reference(run):
-        return []
-    blocks = [
-        make_block(piece, max(1, round(_BINS_DRAWN * len(piece.ticks) / run.last_tick))) for piece in run.pieces()
-    ]
-    rows = np.concatenate([block.rows for block in blocks])
-    return loop_panels(BlockSignals(blocks[0].names, rows, run.units), follows=True)

@@ -1,11 +1,10 @@
 """The metrics of a run with a disturbance: how well the head stays on its track, and how much better feedback could."""
 
-from hdd_servo_ros.analysis.misregistration import misregistration
-from hdd_servo_ros.analysis.off_track import READ_LIMIT, WRITE_LIMIT, off_track, shock_responses
-from hdd_servo_ros.analysis.runout import runout_parts
+from hdd_servo_ros.analysis.off_track import WRITE_LIMIT, shock_responses
 from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.evaluation import follows_reference
+from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.long_runs import stretch_of
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.run_bound import run_bound, why_no_bound
 from hdd_servo_ros.reporting.run_sensitivity import (
@@ -14,6 +13,7 @@ from hdd_servo_ros.reporting.run_sensitivity import (
     loop_surroundings,
     why_no_sensitivity,
 )
+from hdd_servo_ros.reporting.track_numbers import track_numbers
 from hdd_servo_ros.reporting.track_of_run import sectors_of, shocks_of, track_pitch, why_no_sectors
 
 
@@ -22,21 +22,28 @@ def has_track(run: RecordedRun) -> bool:
     return DISTURBANCE.name in run and follows_reference(run)
 
 
-def track_left_out(run: RecordedRun, start: int) -> list[str]:
-    """Return which metrics of the track are left out of a run's report, from row ``start`` on, and why, a line each."""
+def track_left_out(run: RecordedRun, after: float | None = None) -> list[str]:
+    """
+    Return which metrics of the track are left out of a run's report, and why, a line each.
+
+    ``after`` is that of :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    """
     if not has_track(run):
         return []
+    late = run.row_count - steady_start(run, after)
     lines = []
     why = why_no_sectors(run)
     sectors = sectors_of(run)
-    if not why and len(run.ticks) - start < 2 * sectors:
-        why = f'{len(run.ticks) - start} samples after the transient, and two revolutions have {2 * sectors}'
+    if not why and late < 2 * sectors:
+        why = f'{late} samples after the transient, and two revolutions have {2 * sectors}'
     if why:
         lines.append(f'no RPE and NRPE: {why}')
-    why = why_no_bound(run, start)
+    part = stretch_of(run)
+    start = steady_start(part, after)
+    why = why_no_bound(part, start)
     if not why:
         try:
-            run_bound(run, start)
+            run_bound(part, start)
         except (ValueError, ArithmeticError) as error:
             why = str(error)
     if why:
@@ -44,11 +51,22 @@ def track_left_out(run: RecordedRun, start: int) -> list[str]:
     return lines
 
 
-def track_metrics(run: RecordedRun, start: int) -> list[Metric]:
-    """Return the metrics of the track from row ``start`` on; none of a run without a disturbance."""
+def track_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
+    """
+    Return the metrics of the track; none of a run without a disturbance.
+
+    Those of shocks, and the least error of feedback, are from :func:`~hdd_servo_ros.reporting.long_runs.stretch_of` it.
+    """
     if not has_track(run):
         return []
-    return [*_errors(run, start), *_off_track(run, start), *_shocks(run), *_bode(run), *_bound(run, start)]
+    part = stretch_of(run)
+    return [
+        *_errors(run, after),
+        *_off_track(run, after),
+        *_shocks(part),
+        *_bode(part),
+        *_bound(part, steady_start(part, after)),
+    ]
 
 
 class _Lengths:
@@ -65,12 +83,14 @@ class _Lengths:
         return found
 
 
-def _errors(run: RecordedRun, start: int) -> list[Metric]:
-    error, lengths, sectors = run.track_error[start:], _Lengths(run), sectors_of(run)
-    found = lengths.of('track_error', 'track error, 3 sigma', misregistration(error)) if len(error) > 1 else []
-    found += lengths.of('peak_track_error', 'track error, peak', float(abs(error).max()))
-    if sectors and len(error) >= 2 * sectors:
-        parts = runout_parts(error, sectors)
+def _errors(run: RecordedRun, after: float | None) -> list[Metric]:
+    lengths, track = _Lengths(run), track_numbers(run, after)
+    found = []
+    if track.misregistration is not None:
+        found += lengths.of('track_error', 'track error, 3 sigma', track.misregistration)
+    found += lengths.of('peak_track_error', 'track error, peak', track.largest)
+    if track.parts is not None:
+        parts = track.parts
         found += lengths.of('rpe', 'RPE, peak to peak', parts.repeatable_peak_to_peak)
         found += lengths.of('rpe_three_sigma', 'RPE, 3 sigma', parts.repeatable_three_sigma)
         found += lengths.of('nrpe', 'NRPE, 3 sigma', parts.non_repeatable_three_sigma)
@@ -78,14 +98,10 @@ def _errors(run: RecordedRun, start: int) -> list[Metric]:
     return found
 
 
-def _off_track(run: RecordedRun, start: int) -> list[Metric]:
-    pitch = track_pitch(run)
-    if pitch is None:
-        return []
+def _off_track(run: RecordedRun, after: float | None) -> list[Metric]:
     found = []
-    for limit in (WRITE_LIMIT, READ_LIMIT):
+    for limit, off in track_numbers(run, after).off_track.items():
         percent = f'{100.0 * limit:g}'
-        off = off_track(run.track_error[start:], limit * pitch, run.sample_time)
         label = f'more than {percent} % of pitch off track'
         found.append(Metric(f'off_track_{percent}', f'time {label}', 100.0 * off.fraction, '%'))
         found.append(Metric(f'longest_off_track_{percent}', f'longest stretch {label}', 1e3 * off.longest, 'ms'))

@@ -12,6 +12,7 @@ from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.long_runs import begins_within
 
 DEFAULT_PITCH = 1.016
 """Track pitch of a run that does not say its own [um]: the 25000 tracks per inch of the thesis."""
@@ -58,7 +59,9 @@ def shocks_of(run: RecordedRun) -> NDArray[np.float64]:
     """Return the times at which shocks of the base begin [s]; none without `/base_acceleration`."""
     if BASE_ACCELERATION.name not in run:
         return np.empty(0)
-    return np.asarray(run.time[0] + shock_times(run.base_acceleration.linear_y, run.sample_time))
+    shocks = np.asarray(run.time[0] + shock_times(run.base_acceleration.linear_y, run.sample_time))
+    # One that is under way at the first row of a stretch has begun before.
+    return shocks[shocks > run.time[0]] if begins_within(run) else shocks
 
 
 def non_repeatable(signal: NDArray[np.float64], sectors: int) -> NDArray[np.float64]:

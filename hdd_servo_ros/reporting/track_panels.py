@@ -5,47 +5,75 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.error_spectrum import cumulative_spectrum
 from hdd_servo_ros.analysis.off_track import READ_LIMIT, WRITE_LIMIT
-from hdd_servo_ros.analysis.runout import runout_parts
+from hdd_servo_ros.analysis.runout import RunoutParts, runout_parts
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import close_up_of
+from hdd_servo_ros.reporting.evaluation import steady_start
+from hdd_servo_ros.reporting.long_figures import long_figures
+from hdd_servo_ros.reporting.long_runs import stretch_of
 from hdd_servo_ros.reporting.loop_panels import TIME_LABEL, Lines, error_label
+from hdd_servo_ros.reporting.over_time import signals_over_time
 from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
 from hdd_servo_ros.reporting.track_metrics import has_track
+from hdd_servo_ros.reporting.track_numbers import track_numbers
 from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of, track_pitch
+
+Spectrum = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Frequencies [Hz], and what is there."""
 
 _SHOCKS = 8
 _BEFORE_SHOCK, _AFTER_SHOCK = 1e-3, 1.5e-2
 """What is drawn about a shock [s]."""
 
 
-def track_error_panel(run: RecordedRun) -> Panel | None:
-    """Return the diagram of the track error over time, with the limits of reading and writing; None without it."""
-    return _over_time(run) if has_track(run) else None
+def track_error_panel(run: RecordedRun, after: float | None = None) -> Panel | None:
+    """
+    Return the diagram of the track error over time, with the limits of reading and writing; None without it.
+
+    ``after`` is that of the other figures of a long run.
+    """
+    return _over_time(run, after) if has_track(run) else None
 
 
-def track_panels(run: RecordedRun, start: int) -> list[Panel]:
-    """Return responses to shocks, and cumulative spectrum and runout from row ``start`` on, where a run has them."""
+def track_panels(run: RecordedRun, after: float | None = None) -> list[Panel]:
+    """
+    Return responses to shocks, and cumulative spectrum and runout after the transient, where a run has them.
+
+    Shocks are those of :func:`~hdd_servo_ros.reporting.long_runs.stretch_of` the run; ``after`` is that of
+    :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    """
     if not has_track(run):
         return []
-    shocks = shocks_of(run)
-    panels = [_shock_responses(run, shocks)] if len(shocks) else []
-    error, sectors = run.error_factor * run.track_error[start:], sectors_of(run)
-    if len(error) >= 4:
-        panels.append(_cumulative(run, error, sectors))
-    if sectors and len(error) >= 2 * sectors:
-        panels.append(_runout(run, error, sectors, start))
+    part = stretch_of(run)
+    shocks = shocks_of(part)
+    panels = [_shock_responses(part, shocks)] if len(shocks) else []
+    start = steady_start(run, after)
+    if run.row_count - start >= 4:
+        panels.append(_cumulative(run, after))
+    parts = _runout_in_unit_of_errors(run, after)
+    if parts is not None:
+        panels.append(_runout(run, parts, start))
     return panels
 
 
-def _over_time(run: RecordedRun) -> Panel:
+def _runout_in_unit_of_errors(run: RecordedRun, after: float | None) -> RunoutParts | None:
+    if run.is_long:
+        parts, factor = track_numbers(run, after).parts, run.error_factor
+        return None if parts is None else parts.scaled(factor)
+    error, sectors = run.error_factor * run.track_error[steady_start(run, after) :], sectors_of(run)
+    return runout_parts(error, sectors) if sectors and len(error) >= 2 * sectors else None
+
+
+def _over_time(run: RecordedRun, after: float | None) -> Panel:
     close_up = close_up_of(run)
-    lines = Lines(run, follows=True, close_up=close_up)
-    error = lines.over_time('head - reference - track centre', run.error_factor * run.track_error, COLOURS[1])
+    signals = signals_over_time(run, after, close_up)
+    lines = Lines(signals, follows=True, close_up=close_up)
+    error = lines.over_time('head - reference - track centre', run.error_factor * signals.track_error, COLOURS[1])
     pitch, traces = track_pitch(run), [error]
     if pitch is not None:
         # Both limits as one line with a gap, drawn within the close-up as well.
-        ends = [float(run.time[0]), float(run.time[-1])]
+        ends = [float(signals.time[0]), float(signals.time[-1])]
         ends = sorted({*ends, *([] if close_up is None else [close_up.start, close_up.end])})
         x = np.array([*ends, ends[-1], *ends])
         for limit, colour in ((WRITE_LIMIT, COLOURS[3]), (READ_LIMIT, COLOURS[4])):
@@ -74,24 +102,36 @@ def _shock_responses(run: RecordedRun, shocks: NDArray[np.float64]) -> Panel:
     return Panel('shocks', 'Responses to shocks', 'time from the shock [ms]', error_label(run.units), tuple(traces))
 
 
-def _cumulative(run: RecordedRun, error: NDArray[np.float64], sectors: int) -> Panel:
-    lines = [('track error', error, COLOURS[1])]
-    if sectors and len(error) >= 2 * sectors:
-        lines.append(('without repeatable runout', non_repeatable(error, sectors), COLOURS[0]))
+def _cumulative_spectra(run: RecordedRun, after: float | None) -> list[tuple[str, Spectrum, str]]:
+    """Return the cumulative spectra of the track error by their names, with a colour for each."""
+    if run.is_long:
+        figures = long_figures(run, after)
+        whole, rest = figures.cumulative_spectrum, figures.cumulative_without_runout
+    else:
+        error, sectors = run.error_factor * run.track_error[steady_start(run, after) :], sectors_of(run)
+        whole, rest = cumulative_spectrum(error, run.sample_time), None
+        if sectors and len(error) >= 2 * sectors:
+            rest = cumulative_spectrum(non_repeatable(error, sectors), run.sample_time)
+    lines = [('track error', whole, COLOURS[1])]
+    return lines if rest is None else [*lines, ('without repeatable runout', rest, COLOURS[0])]
+
+
+def _cumulative(run: RecordedRun, after: float | None) -> Panel:
     return Panel(
         'cumulative_spectrum',
         'Cumulative spectrum of the track error',
         'frequency [Hz]',
         f'sigma below the frequency [{shown(run.error_unit)}]',
-        tuple(Trace(name, *cumulative_spectrum(values, run.sample_time), colour) for name, values, colour in lines),
+        tuple(Trace(name, *spectrum, colour) for name, spectrum, colour in _cumulative_spectra(run, after)),
         logarithmic_x=True,
     )
 
 
-def _runout(run: RecordedRun, error: NDArray[np.float64], sectors: int, start: int) -> Panel:
-    parts = runout_parts(error, sectors)
+def _runout(run: RecordedRun, parts: RunoutParts, start: int) -> Panel:
+    sectors = parts.sectors
     # From sector 0, that of tick 0, on.
-    mean = np.roll(parts.repeatable, int(run.ticks[start]) % sectors)
+    first_tick = start if run.is_long else int(run.ticks[start])
+    mean = np.roll(parts.repeatable, first_tick % sectors)
     sector = np.arange(sectors, dtype=np.float64)
     spread = np.full(sectors, parts.non_repeatable_three_sigma)
     return Panel(

@@ -6,9 +6,10 @@ import math
 from hdd_servo_ros.messages.errors import NOT_FINITE
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.long_runs import is_very_long
+from hdd_servo_ros.reporting.evaluation import may_have_seeks
 from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 
+TRACKS, ARRIVES = 'tracks', 'arrives'
 DOES_NOT_TRACK = 'does not track'
 DIVERGED = 'diverged'
 """The verdict of a run whose error grew without bounds."""
@@ -42,12 +43,17 @@ class Verdict:
     @property
     def in_table(self) -> str:
         """The verdict in a table, marked where the run does not track."""
-        return self.text if self.tracks else f'! {self.text}'
+        return in_table(self.text)
 
     @property
     def in_words(self) -> str:
         """The verdict with its criterion."""
         return f'{self.text} ({self.detail})' if self.detail else self.text
+
+
+def in_table(text: str) -> str:
+    """Return the text of a verdict as tables have it, marked where the run does not track; empty for no verdict."""
+    return text if text in ('', TRACKS, ARRIVES) else f'! {text}'
 
 
 def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
@@ -98,7 +104,7 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     if scale == 0.0:
         return None
     if sums.rms_error < TRACKING_SHARE * scale:
-        return Verdict('tracks', tracks=True)
+        return Verdict(TRACKS, tracks=True)
     kind = 'rms about its mean' if moved else "distance from the head's first position"
     return Verdict(
         DOES_NOT_TRACK,
@@ -111,15 +117,20 @@ def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
     """
     Judge a recorded run; ``after`` is the time before which errors do not count [s], None for the usual one.
 
-    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``.
+    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``. Of a
+    long run those of its last stretch count; see :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
     found = verdict(sums_of(run, after), run.reason)
-    if found is None or not (found.tracks or found.text == DOES_NOT_TRACK) or is_very_long(run):
+    if found is None or not (found.tracks or found.text == DOES_NOT_TRACK):
+        return found
+    if not may_have_seeks(run):
         return found
     # Late: it needs more than a verdict does otherwise.
     from hdd_servo_ros.reporting.seek_report import has_seeks, lost_seeks
+    from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 
-    if not has_seeks(run):
+    part = part_with_seeks(run)
+    if not has_seeks(part):
         return found
-    lost = lost_seeks(run)
-    return Verdict('does not arrive', detail=lost) if lost else Verdict('arrives', tracks=True)
+    lost = lost_seeks(part)
+    return Verdict('does not arrive', detail=lost) if lost else Verdict(ARRIVES, tracks=True)

@@ -100,7 +100,7 @@ def closed_loop(
         Array of six elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
         [m/s^2] and angular [rad/s^2] acceleration of the base; and the feedforward in u and in the last command [V].
     deviates
-        Room for the deviates of the vibrometer's noise, shape (n, 2).
+        Room for the deviates of the vibrometer's noise, two per tick, shape (2 n,).
     signals
         :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: an array per topic, one row per tick.
     """
@@ -132,7 +132,7 @@ def closed_loop(
             pes_rows[row, 2] = sector
         else:
             displacement_volts, velocity_volts = ldv_output(
-                *ldv, tick, position, velocity, deviates[row, 0], deviates[row, 1]
+                *ldv, tick, position, velocity, deviates[2 * row], deviates[2 * row + 1]
             )
             ldv_rows[row, 0] = displacement_volts
             ldv_rows[row, 1] = velocity_volts

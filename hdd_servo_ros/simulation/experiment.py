@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis import fragility
-from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge, runout_path
-from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
-from hdd_servo_ros.analysis.seek_surroundings import no_seek, seek_surroundings
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp, DspParameters
 from hdd_servo_ros.bench.ldv import Ldv
@@ -25,7 +22,7 @@ from hdd_servo_ros.control.runout import PlainArrays as RunoutArrays
 from hdd_servo_ros.control.runout import RunoutCancellation, path_length
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
-from hdd_servo_ros.control.seek import Seek, SeekSurroundings
+from hdd_servo_ros.control.seek import Seek, SeekSurroundings, no_seek
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.drive.plant import Plant
 from hdd_servo_ros.graph.block_parameters import (
@@ -241,6 +238,8 @@ class Experiment:
         self, feedforward: FeedforwardParameters, law: Any
     ) -> tuple[NDArray[np.float64], AccelerometerScales]:
         """Return what the feedforward has to know of loop and sensors, for a controller with these parameters."""
+        from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
+
         assert self.accelerometer is not None
         fresh, observer = self._fresh(law)
         return feedforward_knowledge(
@@ -255,6 +254,8 @@ class Experiment:
 
     def _surroundings_of_seek(self, seek: SeekParameters, law: Any) -> SeekSurroundings:
         """Return what a seek part has to know of the loop, for a controller with these parameters."""
+        from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
+
         sensor = None if self.servo is not None else self.ldv.parameters
         return seek_surroundings(
             seek,
@@ -268,6 +269,8 @@ class Experiment:
 
     def _runout_path(self, runout: RunoutParameters, law: Any) -> NDArray[np.float64]:
         """Return the path of the cancellation of runout, for a controller with these parameters."""
+        from hdd_servo_ros.analysis.feedforward_path import runout_path
+
         fresh, observer = self._fresh(law)
         return runout_path(runout, fresh, self.dsp.parameters, self.sample_time, self.scales, observer)
 
@@ -323,6 +326,8 @@ class Experiment:
         warnings = (*self.plant.warnings(), *fragility.warnings(self.controller, loop))
         if self.runout is None:
             return warnings
+        from hdd_servo_ros.analysis.runout_sensitivity import runout_warnings, speed_warnings
+
         source = self._blocks.get(DISTURBANCE_GENERATOR)
         return (
             *warnings,
@@ -440,7 +445,7 @@ class Experiment:
                 _arrays_of_no_runout() if self.runout is None else self.runout.arrays,
                 self.dsp.arrays,
                 self._held,
-                np.empty((len(rows), 2)),
+                np.empty(2 * len(rows)),
                 rows.kernel_arrays,
             )
         return rows

@@ -102,9 +102,10 @@ class Simulation:
         self.recorder: RecorderParameters = sets['bag_recorder'][RecorderParameters]
         self.frame_id = sets['vcm_plant'][DriveIdentityParameters].frame_id
         self._check_sample_times(sets)
+        by_kind = {name: {kind: to_mapping(values) for kind, values in kinds.items()} for name, kinds in sets.items()}
         mappings = {
-            name: {key: value for values in kinds.values() for key, value in to_mapping(values).items()}
-            for name, kinds in sets.items()
+            name: {key: value for values in kinds.values() for key, value in values.items()}
+            for name, kinds in by_kind.items()
         }
         arguments.check_names('simulate', ['rig', *names])
         self._full_names = {name: arguments.full_name(name) for name in names}
@@ -124,15 +125,7 @@ class Simulation:
             for name in names
         }
         self.offers = {key: text for texts in offers.values() for key, text in texts.items()}
-        blocks = {
-            name: {
-                key: value
-                for kind, values in sets[name].items()
-                if kind in (NODES[name].block_parameters, *_AROUND_A_CONTROLLER)
-                for key, value in to_mapping(values).items()
-            }
-            for name in names
-        }
+        blocks = {name: _of_blocks(name, by_kind[name]) for name in names}
         self.schedule = self._plan(sets, mappings)
         disturbance = None if self.playback is None else _PlayedDisturbance(self.playback)
         self.experiment = self._experiment(sets, blocks, disturbance, outside)
@@ -305,6 +298,12 @@ class _PlayedDisturbance:
     def rows(self, first_tick: int, count: int) -> list[NDArray[np.float64]]:
         """Return the recorded rows of each topic."""
         return [self._playback.rows(topic, first_tick, count) for topic in self.topics]
+
+
+def _of_blocks(name: str, by_kind: Mapping[type[Any], Mapping[str, Value]]) -> dict[str, Value]:
+    """Return the parameters of a node that its block and those around it are made from."""
+    kinds = (NODES[name].block_parameters, *_AROUND_A_CONTROLLER)
+    return {key: value for kind, values in by_kind.items() if kind in kinds for key, value in values.items()}
 
 
 def _outside_controller(arguments: RosArguments) -> ControllerKind | None:

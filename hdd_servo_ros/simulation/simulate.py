@@ -29,9 +29,9 @@ from hdd_servo_ros.reporting.progress import Progress
 from hdd_servo_ros.reporting.response import response_line, write_response
 from hdd_servo_ros.reporting.run_sums import RunSums
 from hdd_servo_ros.reporting.summary import summary
-from hdd_servo_ros.simulation.in_memory import run_piece
 from hdd_servo_ros.simulation.interrupts import Interrupts, interrupts
 from hdd_servo_ros.simulation.packing import Packer
+from hdd_servo_ros.simulation.pieces import run_piece
 from hdd_servo_ros.simulation.run_setup import Simulation
 
 

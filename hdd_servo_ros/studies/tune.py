@@ -50,32 +50,16 @@ from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNnParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
+from hdd_servo_ros.graph.block_parameters import block_parameters
 from hdd_servo_ros.messages.command_line import CommandParser
-from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, read_parameter_files
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
-from hdd_servo_ros.reporting.run_sums import RunSums
-from hdd_servo_ros.reporting.verdict import verdict
 from hdd_servo_ros.studies.adaptive_nn_rule import tune_adaptive_nn
 from hdd_servo_ros.studies.pid_same_peak import tune_pid_same_peak
 from hdd_servo_ros.studies.pid_search import OVERSHOOT, computation_delay, tune_pid
-from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, TRANSIENT, Sections, Steps, metrics_of, run_sine
-
-
-def _mark(rows: SignalRows, controller: str, sections: Sections) -> str:
-    """Return the verdict of a run where it does not track, as the tables of reports have it; empty where it does."""
-    node = f'{controller}_controller'
-    dsp = dsp_parameters(node, sections.get(node, {}))
-    nodes = {
-        'ldv_sensor': {'parameters': sections.get('ldv_sensor', {})},
-        node: {'parameters': {'dsp.dac_bits': dsp.dac_bits, 'dsp.dac_range': dsp.dac_range}},
-    }
-    sums = RunSums({'controller': controller, 'nodes': nodes}, TRANSIENT)
-    sums.add(rows)
-    judged = verdict(sums)
-    return '' if judged is None or judged.tracks else judged.in_table
+from hdd_servo_ros.studies.tuned_laws import TunedLaw, runs_on_sines
+from hdd_servo_ros.studies.tuning_runs import TRANSIENT, Steps
 
 
 def _print_section(node: str, gains: Mapping[str, object]) -> None:
@@ -170,20 +154,16 @@ def _tune(options: argparse.Namespace) -> int:
     print(f'Ms of PID:   {margins.peak_sensitivity(fair):.3f}')
     print(f'Overshoot of PID on steps: {Steps(sections, options.sample_time).overshoot(pid):.1f} %')
     print(f'\n2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s:   rms / max error [nm], peak u [V]')
+    laws = (
+        TunedLaw('adaptive NN', 'adaptive_nn', nn),
+        TunedLaw('PID', 'pid', pid),
+        TunedLaw('PID with k_p = k lambda, k_d = k', 'pid', same),
+    )
     marks = []
-    for label, controller, gains in (
-        ('adaptive NN', 'adaptive_nn', nn),
-        ('PID', 'pid', pid),
-        ('PID with k_p = k lambda, k_d = k', 'pid', same),
-    ):
-        for frequency in FREQUENCIES:
-            rows = run_sine(controller, gains, sections, options.sample_time, frequency, options.seconds)
-            run = metrics_of(rows, TRANSIENT)
-            marks.append(_mark(rows, controller, sections))
-            line = (
-                f'{label:34s} {frequency:5g} Hz   {run.rms_error:8.2f} / {run.max_error:8.2f}   {run.peak_control:.3f}'
-            )
-            print(f'{line}   {marks[-1]}'.rstrip())
+    for run in runs_on_sines(laws, sections, options.sample_time, options.seconds):
+        marks.append(run.mark)
+        errors = f'{run.rms_error:8.2f} / {run.max_error:8.2f}'
+        print(f'{run.law:34s} {run.frequency:5g} Hz   {errors}   {run.peak_control:.3f}   {run.mark}'.rstrip())
     if any(marks):
         print('\n! does not track, by the criteria of the reports: the errors are not those of a loop that works')
     return 0

@@ -1,4 +1,8 @@
-"""The simulated runs by which controllers are tuned: sines, and steps from rest."""
+"""
+The simulated runs by which controllers are tuned: sines, and steps from rest.
+
+A search makes them one by one in its own process, since each depends on what came out of those before.
+"""
 
 import copy
 import math
@@ -56,7 +60,7 @@ def run_sine(
     """
     node = f'{controller}_controller'
     parameters = {
-        **_bench(sections),
+        **bench_of(sections),
         'reference_generator': {'waveform': 'sine', 'amplitude': AMPLITUDE, 'frequency': frequency},
         node: {**sections.get(node, {}), **gains},
     }
@@ -101,7 +105,7 @@ class Steps:
                 sample_time,
                 'pid',
                 {
-                    **_bench(sections),
+                    **bench_of(sections),
                     'reference_generator': {'waveform': 'step', 'amplitude': height, 'start_time': _STEP_TIME},
                     'pid_controller': self._own,
                 },
@@ -136,5 +140,6 @@ class Steps:
         return largest
 
 
-def _bench(sections: Sections) -> dict[str, Mapping[str, object]]:
+def bench_of(sections: Sections) -> dict[str, Mapping[str, object]]:
+    """Return the sections of drive and vibrometer."""
     return {node: sections.get(node, {}) for node in ('vcm_plant', 'ldv_sensor')}

@@ -1,6 +1,7 @@
 """What each source contributes to the track error of a recorded run, by the same run again without it."""
 
 import dataclasses
+import itertools
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from hdd_servo_ros.analysis.error_spectrum import error_by_source
+from hdd_servo_ros.analysis.error_spectrum import error_by_source, shares_by_source
 from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.graph.error_sources import Switch, error_sources
 from hdd_servo_ros.messages.topics import HEAD
@@ -20,6 +21,7 @@ from hdd_servo_ros.parameters.ros_yaml import written_file
 from hdd_servo_ros.parameters.schedule import THEN
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
+from hdd_servo_ros.reporting.long_errors import LongSignal
 from hdd_servo_ros.reporting.source_panels import ErrorBySource
 from hdd_servo_ros.simulation.run_setup import Simulation
 from hdd_servo_ros.tools.replay import Recording
@@ -57,21 +59,72 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trus
     late = slice(steady_start(run, after), None)
     repetitions: dict[str, Switch | None] = {'all sources': None, **sources}
     errors: dict[str, NDArray[np.float64]] = {}
+    deviations: dict[str, float] = {}
     steps = len(repetitions) * (recording.last_tick + 1)
     with tqdm(total=steps, desc='error by source', unit='tick', disable=not sys.stderr.isatty()) as progress:
         for source, switch in repetitions.items():
             progress.set_postfix_str(source if switch is None else f'without {source}')
+            if run.is_long:
+                deviations[source] = _deviation(recording, source, switch, progress, run, late.start)
+                continue
             repeated = _repeated(recording, switch, progress)
             if switch is None and not np.array_equal(repeated.position[run.ticks], run.position):
-                raise ValueError(
-                    f'{run.path}: the run with all sources does not come out as it was recorded; `replay {run.path}` '
-                    'shows where it differs'
-                )
+                raise _comes_out_differently(run)
             errors[source] = repeated.track_error[run.ticks][late]
             if not np.isfinite(errors[source]).all():
-                raise ValueError(f'{run.path}: the loop diverges without {source}')
+                raise _diverges(run, source)
+    if run.is_long:
+        sigma = deviations.pop('all sources')
+        return ErrorBySource(3.0 * sigma, shares_by_source(sigma, deviations))
     complete = errors.pop('all sources')
     return ErrorBySource(misregistration(complete), error_by_source(complete, errors))
+
+
+def _comes_out_differently(run: RecordedRun) -> ValueError:
+    return ValueError(
+        f'{run.path}: the run with all sources does not come out as it was recorded; `replay {run.path}` shows where '
+        'it differs'
+    )
+
+
+def _diverges(run: RecordedRun, source: str) -> ValueError:
+    return ValueError(f'{run.path}: the loop diverges without {source}')
+
+
+def _deviation(
+    recording: Recording,
+    source: str,
+    switch: Switch | None,
+    progress: 'tqdm[Any]',
+    run: RecordedRun,
+    start: int,
+) -> float:
+    """
+    Return the standard deviation of the track error of a long run without a source, from row ``start`` on [um].
+
+    The run with all sources is compared with the recorded one.
+    """
+    simulation = _simulation(recording, switch)
+    found = LongSignal()
+    recorded = _positions(run)
+    for first_tick, length in simulation.pieces(recording.last_tick):
+        for _ in simulation.apply_schedule(first_tick):
+            pass
+        rows = simulation.experiment.run(first_tick, length)
+        if switch is None and rows.position.tolist() != list(itertools.islice(recorded, length)):
+            raise _comes_out_differently(run)
+        error = rows.track_error[max(start - first_tick, 0) :]
+        if not np.isfinite(error).all():
+            raise _diverges(run, source)
+        found.add(error)
+        progress.update(length)
+    return found.misregistration / 3.0
+
+
+def _positions(run: RecordedRun) -> Iterator[float]:
+    """Iterate over the positions of the head in a run [um]."""
+    for piece in run.pieces([HEAD.name]):
+        yield from piece.position.tolist()
 
 
 @dataclasses.dataclass(frozen=True)

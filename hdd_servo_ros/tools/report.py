@@ -23,10 +23,14 @@ from hdd_servo_ros.reporting.source_panels import ErrorBySource
 
 def _check(run: RecordedRun) -> None:
     """Read all topics of the loop of a bag whose files have no checksums, also those that no metric needs."""
-    if not run.is_checked:
-        for topic in run.counts:
-            if topic in run:
-                run[topic]
+    if run.is_checked:
+        return
+    if run.is_long:
+        run.verify()
+        return
+    for topic in run.counts:
+        if topic in run:
+            run[topic]
 
 
 def _by_source(run: RecordedRun, after: float | None, *, trusted: bool) -> ErrorBySource:

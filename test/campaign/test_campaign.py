@@ -4,7 +4,9 @@ import concurrent.futures
 import csv
 import json
 import os
+import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -44,6 +46,11 @@ SPEC = {
     'seeds': 2,
 }
 AMPLITUDES = {**SPEC, 'controllers': ['pid'], 'vary': [{'reference_generator:amplitude': [1.0, 2.0, 3.0]}], 'seeds': 1}
+LAB_METRICS = """
+def worst(run):
+    \"\"\"Return the largest error of the second half of the run [nm].\"\"\"
+    return 1e3 * abs(run.error[run.time >= 0.5 * run.duration]).max()
+"""
 
 
 @pytest.fixture(scope='module')
@@ -137,6 +144,17 @@ def test_a_campaign_goes_on_where_it_was_killed(table, tmp_path):
     assert len(found.splitlines()) == 16
 
 
+def test_a_metric_is_the_same_whatever_else_is_asked_for(table):
+    names = ['tmr_of_spectrum', 'peak_sensitivity', 'control_loop_area', 'rms_error']
+    found = Campaign({**SPEC, 'metrics': names}).run(workers=2)
+    assert set(found.columns[found.columns.index('last_tick') + 1 : -1]) == set(names)
+    for name in (*names, 'verdict', 'digest'):
+        assert found[name].tolist() == table[name].tolist()
+    alone = Campaign({**SPEC, 'metrics': ['rms_error']}).run(workers=2)
+    assert alone['rms_error'].tolist() == table['rms_error'].tolist()
+    assert 'peak_sensitivity' not in alone
+
+
 def test_a_killed_campaign_goes_on(tmp_path):
     spec = {**SPEC, 'set': {'deterministic_timer:duration': 0.2}, 'seeds': 20}
     (tmp_path / 'spec.yaml').write_text(yaml.safe_dump(spec))
@@ -212,6 +230,86 @@ def test_chosen_runs_are_recorded(tmp_path, keep, kept):
         assert signals_digest(recorded) == table['digest'][int(name)]
 
 
+def damaged(run):
+    """Flip a bit in the middle of a recorded run's bag."""
+    (bag,) = (run / 'bag').glob('*.mcap')
+    content = bytearray(bag.read_bytes())
+    content[len(content) // 2] ^= 1
+    bag.write_bytes(content)
+
+
+def cut(run):
+    (bag,) = (run / 'bag').glob('*.mcap')
+    bag.write_bytes(bag.read_bytes()[:-100])
+
+
+def interrupted(run):
+    text = (run / 'run.yaml').read_text()
+    (run / 'run.yaml').write_text(text.replace('status: finished', 'status: interrupted'))
+
+
+def another(run):
+    for file in (run / 'bag').iterdir():
+        shutil.copy(file, run.with_name('000001') / 'bag' / file.name)
+
+
+def killed(run):
+    (run / 'run.yaml').unlink()
+
+
+@pytest.mark.parametrize('harm', [damaged, cut, interrupted, another, killed])
+def test_a_recorded_run_that_is_not_whole_or_another_is_made_again(tmp_path, harm):
+    spec = {**AMPLITUDES, 'keep': 'all'}
+    table = Campaign(spec).run(tmp_path, workers=2)
+    runs = [tmp_path / 'runs' / name for name in ('000000', '000001', '000002')]
+    written = [(run / 'run.yaml').stat().st_mtime_ns for run in runs]
+    harm(runs[0])
+    harmed = 1 if harm is another else 0
+    assert Campaign(spec).run(tmp_path, workers=2).csv() == table.csv()
+    for number, run in enumerate(runs):
+        recorded = RecordedRun.open(run)
+        assert (recorded.status, signals_digest(recorded)) == ('finished', table['digest'][number])
+        assert ((run / 'run.yaml').stat().st_mtime_ns > written[number]) == (number == harmed)
+
+
+@pytest.mark.parametrize(
+    ('change', 'said'),
+    [
+        ({'after': 0.01}, 'after changed from None to 0.01'),
+        ({'metrics': ['all', 'rms_error']}, "metrics changed from ['all'] to ['all', 'rms_error']"),
+        ({'seeds': 2}, 'seeds changed from [1] to [1, 2]'),
+        ({'controllers': ['pid', 'adaptive_nn']}, "controllers changed from ['pid'] to ['pid', 'adaptive_nn']"),
+        (
+            {'vary': [{'reference_generator:amplitude': [1.0, 2.0, 3.5]}]},
+            'the values of reference_generator:amplitude changed',
+        ),
+        (
+            {'vary': [{'vcm_plant:gain': [4e7, 4.1e7, 4.2e7]}]},
+            'reference_generator:amplitude no longer varies; vcm_plant:gain varies now',
+        ),
+        (
+            {'set': {'deterministic_timer:duration': 0.2, 'vcm_plant:track_pitch': 1.0}},
+            'deterministic_timer:duration changed from 0.1 to 0.2; vcm_plant:track_pitch is set to 1.0 now',
+        ),
+        (
+            {'set': {'ldv_sensor:noise': False, 'ldv_sensor:seed': 3, 'vcm_plant:track_pitch': 1.0}},
+            'deterministic_timer:duration is no longer set to 0.1; ldv_sensor:noise is set to False now; '
+            'ldv_sensor:seed is set to 3 now; and 1 more',
+        ),
+    ],
+)
+def test_a_changed_specification_is_refused_with_what_changed(tmp_path, change, said):
+    Campaign(AMPLITUDES).run(tmp_path)
+    with pytest.raises(ArgumentError, match=re.escape(f'holds another campaign: {said}; remove it, or give another')):
+        Campaign({**AMPLITUDES, **change}).run(tmp_path)
+
+
+def test_only_what_is_kept_may_change(tmp_path):
+    table = Campaign(AMPLITUDES).run(tmp_path)
+    assert Campaign({**AMPLITUDES, 'keep': 'all'}).run(tmp_path).csv() == table.csv()
+    assert len(list(tmp_path.glob('runs/*'))) == 3
+
+
 def test_a_folder_of_another_campaign_is_refused(tmp_path):
     Campaign(AMPLITUDES).run(tmp_path)
     with pytest.raises(ArgumentError, match='holds another campaign'):
@@ -220,6 +318,27 @@ def test_a_folder_of_another_campaign_is_refused(tmp_path):
     (tmp_path / 'other' / 'file').touch()
     with pytest.raises(ArgumentError, match='is not empty and holds no campaign'):
         Campaign(AMPLITUDES).run(tmp_path / 'other')
+
+
+def test_metrics_of_a_users_file_are_found_by_the_python_path(tmp_path):
+    """In the command, started elsewhere, and in its worker processes."""
+    (tmp_path / 'lab').mkdir()
+    (tmp_path / 'lab' / 'lab_metrics.py').write_text(LAB_METRICS)
+    (tmp_path / 'spec.yaml').write_text(json.dumps({**AMPLITUDES, 'metrics': ['max_error', 'lab_metrics:worst']}))
+    command = [sys.executable, '-m', 'hdd_servo_ros.campaign.main', 'spec.yaml', '--output', 'out', '--workers', '2']
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), str(tmp_path / 'lab')])}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / 'out' / 'table.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    for row in rows:
+        assert float(row['lab_metrics:worst']) == pytest.approx(float(row['max_error']), rel=1e-12)
+    without = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, 'PYTHONPATH': str(ROOT)}, capture_output=True, text=True, check=False
+    )
+    assert without.returncode == 2
+    assert 'metrics: lab_metrics:worst cannot be imported: ModuleNotFoundError' in without.stderr
 
 
 def test_two_campaigns_do_not_work_in_one_folder(tmp_path):

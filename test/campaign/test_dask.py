@@ -1,7 +1,10 @@
 """A campaign on a Dask cluster: the same table to the bit, also when a worker is killed on the way."""
 
+import csv
 import os
 import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -13,6 +16,7 @@ from hdd_servo_ros.campaign.campaign import Campaign
 
 distributed = pytest.importorskip('distributed')
 
+ROOT = Path(__file__).parents[2]
 SPEC = {
     'name': 'clustered',
     'files': ['seagate_7200_10.yaml'],
@@ -66,6 +70,28 @@ def test_a_local_cluster_makes_the_same_table(table, tmp_path):
     arguments = [str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out'), '--dask', '--workers', '2']
     assert campaign_main.main(arguments) == 0
     assert (tmp_path / 'out' / 'table.csv').read_text() == table.csv()
+
+
+def test_metrics_of_a_users_file_are_found_by_the_workers(tmp_path):
+    """By the variable that the processes of the cluster inherit."""
+    (tmp_path / 'lab').mkdir()
+    (tmp_path / 'lab' / 'lab_metrics.py').write_text('import os\n\ndef process(run):\n    return os.getpid()\n')
+    (tmp_path / 'spec.yaml').write_text(yaml.safe_dump({**SPEC, 'metrics': ['rms_error', 'lab_metrics:process']}))
+    command = [sys.executable, '-m', 'hdd_servo_ros.campaign.main', 'spec.yaml', '--output', 'out']
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), str(tmp_path / 'lab')])}
+    done = subprocess.run(
+        [*command, '--dask', '--workers', '2'],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / 'out' / 'table.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 40
+    assert len({row['lab_metrics:process'] for row in rows}) == 2
 
 
 def test_no_scheduler_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch):

@@ -53,7 +53,8 @@ vary:
 """)
     base = found[0].varied['vcm_plant:gain']
     assert [run.varied['vcm_plant:gain'] for run in found] == [base, 1e7, 4 * base, 4e7]
-    assert isinstance(found[0].varied['vcm_plant:resonance.numerators'], tuple)
+    assert found[0].varied['vcm_plant:resonance.numerators'] == 2.0
+    assert isinstance(found[0].settings['vcm_plant:resonance.numerators'], tuple)
 
 
 def test_a_seed_sets_sensors_and_disturbances_not_the_reference():
@@ -73,6 +74,44 @@ vary: [{runs: 5, plan: sobol, seed: 2, draw: {vcm_plant:gain: {uniform: [0.9, 1.
     drawn = [run.varied['vcm_plant:gain'] for run in found]
     assert drawn[::2] == drawn[1::2]
     assert len(set(drawn)) == 5
+
+
+def test_elements_of_a_list_vary_by_themselves_and_together():
+    """The others keep the values of the files; the table has the elements, and the run the whole list."""
+    key = 'vcm_plant:resonance.numerators'
+    found = plan(f"""
+files: [seagate_7200_10.yaml]
+vary:
+  - {{'{key}[1]': {{values: [0.5, 2.0], times_base: true}}, '{key}[11]': [1700000000, 8.0e+9]}}
+  - {{runs: 3, draw: {{'{key}[2]': {{uniform: [0.8, 1.2], times_base: true}}}}}}
+""")
+    assert len(found) == 6
+    (base,) = (found[0].base.parameters_of('vcm_plant')['resonance.numerators'],)
+    drawn = found[4].varied[f'{key}[2]']
+    assert 0.8 * base[2] < drawn < 1.2 * base[2]
+    assert found[4].varied == {f'{key}[1]': 2.0 * base[1], f'{key}[11]': 8.0e9, f'{key}[2]': drawn}
+    assert found[4].settings == {key: (base[0], 2.0 * base[1], drawn, *base[3:11], 8.0e9)}
+    # A list holds numbers of one type.
+    assert {type(value) for value in found[0].settings[key]} == {float}
+    assert found[4].arguments().parameters_of('vcm_plant')['resonance.numerators'] == found[4].settings[key]
+
+
+def test_modes_are_scaled_as_one_number():
+    key = 'vcm_plant:resonance.frequencies'
+    found = plan(f"""
+files: [seagate_7200_10.yaml, sixteen_modes.yaml]
+vary: {{{key}: {{values: [0.9, 1.1], times_base: true}}}}
+""")
+    base = found[0].base.parameters_of('vcm_plant')['resonance.frequencies']
+    assert [run.varied for run in found] == [{key: 0.9}, {key: 1.1}]
+    for run, factor in zip(found, (0.9, 1.1), strict=True):
+        assert run.settings[key] == pytest.approx([factor * value for value in base], rel=1e-12)
+
+
+def test_an_element_of_a_controllers_list_leaves_the_others_alone():
+    key = 'adaptive_nn_controller:network.gain'
+    found = plan(f"controllers: [pid, adaptive_nn]\nvary: {{'{key}[0]': [1.0e-6]}}")
+    assert [run.settings for run in found] == [{}, {key: (1e-6,)}]
 
 
 def test_files_are_relative_to_the_specification(tmp_path):
@@ -114,6 +153,35 @@ def test_without_vary_there_is_one_run():
             'vary: [{vcm_plant:friction.model: {values: [2], times_base: true}}]',
             "base value 'lugre' is not a number",
         ),
+        (
+            "vary: [{'vcm_plant:gain[0]': [1.0]}]",
+            'vary: vcm_plant:gain[0]: vcm_plant:gain is not a list, its base value is',
+        ),
+        (
+            "files: [sixteen_modes.yaml]\nvary: [{'vcm_plant:resonance.frequencies[16]': [1.0]}]",
+            'resonance.frequencies has no element 16; its elements are 0 to 15',
+        ),
+        (
+            "vary: [{'vcm_plant:friction.node_weights[0]': [1.0]}]",
+            'friction.node_weights has no element 0; it has no elements',
+        ),
+        (
+            "vary: [{'vcm_plant:resonance.frequencies[-1]': [1.0]}]",
+            "'-1' is not the index of an element; the first one has 0",
+        ),
+        (
+            "vary: [{'vcm_plant:resonance.frequency[0]': [1.0]}]",
+            'no run has such a parameter; did you mean vcm_plant:resonance.frequencies?',
+        ),
+        (
+            "vary: [{'vcm_plant:resonance.numerators[0]': [1.0]}, {'vcm_plant:resonance.numerators': [[1.0]]}]",
+            'vcm_plant:resonance.numerators and vcm_plant:resonance.numerators[0] are given',
+        ),
+        (
+            'controllers: [adaptive_nn, pid]\n'
+            "vary: [{'adaptive_nn_controller:network.gain[0]': {values: [2.0], times_base: true}}]",
+            'times_base is not allowed: a controller of the campaign has no such value',
+        ),
         ('controllers: [pid, pid]', "controllers: two have the name 'pid'"),
         ('controllers: [{name: a b, controller: pid}, {name: a_b, controller: pid}]', "two have the name 'a_b'"),
         ('controllers: [{name: x}]', 'has no controller'),
@@ -142,6 +210,9 @@ def test_what_is_no_specification_is_refused(tmp_path, text):
 def test_the_specifications_of_the_documents_are_allowed():
     root = Path(__file__).parents[2]
     page = (root / 'docs' / 'campaigns.md').read_text('utf8')
-    (block,) = re.findall(r'```yaml\n(.*?)```', page, re.DOTALL)
-    assert len(Plan(spec_of(yaml.safe_load(block), root))) == 2 * 200 * 2 * 5
+    first, elements = (yaml.safe_load(block) for block in re.findall(r'```yaml\n(.*?)```', page, re.DOTALL))
+    assert len(Plan(spec_of(first, root))) == 2 * 200 * 2 * 5
+    with pytest.raises(ArgumentError, match='a list varies as a whole, or by its elements'):
+        spec_of({'vary': [*elements['vary'], {'vcm_plant:resonance.frequencies': [[1.0]]}]}, root)
+    assert len(Plan(spec_of(elements, root))) == 50 * 3
     assert len(Plan(read_spec(root / 'examples' / 'random_drives.yaml'))) == 600

@@ -20,6 +20,8 @@ BOMB = 'a: &a [x,x,x,x,x,x,x,x,x,x]\n' + ''.join(
         'base: &base {a: 1, b: 2}\nmore: {<<: *base, b: 3}',
         DEEPEST * '[' + DEEPEST * ']',
         f'a: &a {MOST_REPEATED // 4 * "x"}\nb: [*a, *a]',
+        'a: 1\nb: [1.5, .inf, -3, 1e3, 0x10, 010, 1_000, true, no, ~, "1", 2001-01-01]\n',
+        'text: |\n  two\n  lines\nµ: "\\u00b5"\n',
         'when: 2001-12-14t21:59:43.10-05:00',
     ],
 )

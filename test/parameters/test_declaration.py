@@ -16,6 +16,7 @@ from hdd_servo_ros.parameters import (
     parameter,
     to_mapping,
 )
+from hdd_servo_ros.signals.reference import ReferenceParameters
 
 PURE_NUMBERS = {
     'rate',
@@ -148,3 +149,32 @@ def test_what_another_node_has_is_passed_over_and_a_typo_is_not():
     refuse_unknown({'duration': 1.0, 'controller': 'pid'})
     with pytest.raises(ParameterError, match='did you mean duration'):
         refuse_unknown({'durration': 1.0})
+
+
+def test_a_set_of_before_is_taken_for_the_very_same_values_only():
+    """To the bit and with their types, after others of equal value were accepted."""
+    first = from_mapping(ReferenceParameters, {'offset': 0.0, 'component_amplitudes': (1.0,)})
+    assert from_mapping(ReferenceParameters, {'offset': 0.0, 'component_amplitudes': (1.0,)}) is first
+    negative = from_mapping(ReferenceParameters, {'offset': -0.0, 'component_amplitudes': (1.0,)})
+    assert math.copysign(1.0, negative.offset) == -1.0
+    assert math.copysign(1.0, first.offset) == 1.0
+    assert from_mapping(ReferenceParameters, {'offset': 1}).offset == 1.0
+    for value in (True, 'a', (1.0,), math.nan):
+        for _ in range(2):
+            with pytest.raises(ParameterError, match='offset'):
+                from_mapping(ReferenceParameters, {'offset': value})
+    with pytest.raises(ParameterError, match='component_amplitudes'):
+        from_mapping(ReferenceParameters, {'component_amplitudes': (True,)})
+    # The error has the name by which the value was given.
+    with pytest.raises(ParameterError, match=r'own\.offset'):
+        from_mapping(ReferenceParameters, {'offset': True}, 'own.')
+
+
+def test_a_set_from_outside_the_package_is_made_each_time():
+    @dataclasses.dataclass
+    class Own(ParameterSet):
+        gain: float = parameter(1.0, 'a gain')
+
+    first, second = (from_mapping(Own, {'gain': 2.0}) for _ in range(2))
+    first.gain = 3.0
+    assert second.gain == from_mapping(Own, {'gain': 2.0}).gain == 2.0

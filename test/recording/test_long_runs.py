@@ -1,5 +1,9 @@
 """Runs that are read in pieces: the same answers as from whole arrays."""
 
+import contextlib
+import sqlite3
+
+import numpy as np
 import pytest
 
 from hdd_servo_ros import Run
@@ -8,6 +12,7 @@ from hdd_servo_ros.recording.bag_columns import BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.recording.run_stretch import RunStretch
 from hdd_servo_ros.reporting import show
 from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity
 from hdd_servo_ros.reporting.run_sums import sums_of
@@ -58,8 +63,28 @@ def test_pieces_are_the_rows_of_the_run(run, monkeypatch):
             assert piece[name].tobytes() == whole[name][rows].tobytes()
         tick = rows.stop
     assert tick == TICKS + 1
-    if 'sqlite3' not in read_run_yaml(run)['storage']:
-        assert len(pieces) > 2
+    assert len(pieces) >= 2
+
+
+@pytest.mark.parametrize('first', [0, 1, 1234, 5999, TICKS])
+def test_pieces_from_a_tick_on(run, long, first):
+    opened = Run.open(run)
+    pieces = list(opened.pieces(first_tick=first))
+    assert np.concatenate([piece.ticks for piece in pieces]).tolist() == list(range(first, TICKS + 1))
+    stretch = RunStretch(opened, first)
+    for name in ('head', 'estimates'):
+        assert stretch[name].tobytes() == Run.open(run)[name][first:].tobytes()
+    assert stretch.time.tolist() == Run.open(run).time[first:].tolist()
+
+
+@pytest.mark.parametrize('time', [0.0, 1e-4, 0.3, 0.30005, 0.6, 7.0])
+def test_rows_from_a_time_on_are_known_without_an_array_of_times(run, monkeypatch, time):
+    expected, at = Run.open(run).since(time), float(Run.open(run).time[4321])
+    monkeypatch.setattr('hdd_servo_ros.recording.recorded_run.LONG_RUN', 1)
+    opened = Run.open(run)
+    assert opened.since(time) == expected
+    assert opened.time_at(4321) == at
+    assert 'time' not in vars(opened)
 
 
 def test_a_long_run_gives_the_same_summary(run, monkeypatch):
@@ -88,12 +113,22 @@ def test_the_whole_of_a_long_run_is_checked(run, long):
     Run.open(run).verify()
 
 
-def test_a_very_long_run_is_drawn_by_its_extremes(run, long, monkeypatch, tmp_path):
-    monkeypatch.setattr('hdd_servo_ros.reporting.long_runs.VERY_LONG_RUN', 1)
+def test_a_long_run_is_drawn_without_arrays_of_the_whole(run, long, tmp_path):
     opened = RecordedRun.open(run)
     assert show.draw_run(opened, tmp_path / 'run.png')
     assert (tmp_path / 'run.png').stat().st_size > 10_000
     assert not opened._arrays
+    assert 'ticks' not in vars(opened)
+
+
+def test_a_changed_value_is_found_as_a_long_sqlite3_bag_is_read(tmp_path, long):
+    run = simulated(tmp_path / 'run', '-p', 'storage:=sqlite3')
+    with contextlib.closing(sqlite3.connect(next((run / 'bag').glob('*.db3')))) as connection:
+        (number, data), *_ = connection.execute('SELECT id, data FROM messages ORDER BY id DESC LIMIT 1')
+        connection.execute('UPDATE messages SET data = ? WHERE id = ?', (data[:-1] + bytes([data[-1] ^ 1]), number))
+        connection.commit()
+    with pytest.raises(BagError, match='not those that were written'):
+        RecordedRun.open(run).verify()
 
 
 def test_long_runs_are_compared(run, long, tmp_path):

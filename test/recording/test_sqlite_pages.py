@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.recording.salvage import salvage
-from hdd_servo_ros.recording.sqlite_pages import message_rows
+from hdd_servo_ros.recording.sqlite_pages import MessagePages
 
 COUNT = 1500
 PAGE = 512
+
+
+def rows_of(path):
+    pages = MessagePages(path)
+    return [row for group in pages.groups() for row in pages.rows(group)]
 
 
 @pytest.fixture
@@ -39,7 +44,16 @@ def database(tmp_path):
 
 def test_the_rows_are_those_that_sqlite_reads(database):
     path, rows = database
-    assert message_rows(path.read_bytes()) == rows
+    assert rows_of(path) == rows
+
+
+def test_few_pages_are_read_at_once(database, monkeypatch):
+    path, rows = database
+    monkeypatch.setattr('hdd_servo_ros.recording.sqlite_pages._GROUP', 4)
+    pages = MessagePages(path)
+    parts = [pages.rows(group) for group in pages.groups()]
+    assert len(parts) > 20
+    assert [row for part in parts for row in part] == rows
 
 
 @pytest.mark.parametrize('part', [0.1, 0.5, 0.9])
@@ -54,6 +68,35 @@ def test_what_is_left_of_a_file_begins_like_the_whole(database, part):
     assert 'the database ends behind message' in found.fault
 
 
-def test_other_files_have_no_rows():
-    assert message_rows(b'') == message_rows(bytes(5000)) == message_rows(b'SQLite format 3\0' + bytes(5000)) == []
-    assert message_rows(b'SQLite format 3\0\x02\x00' + np.random.default_rng(1).bytes(50_000)) == []
+@pytest.mark.parametrize('begin', [b'', b'SQLite format 3\0', b'SQLite format 3\0\x02\x00'])
+def test_other_files_have_no_rows(tmp_path, begin):
+    path = tmp_path / 'other.db3'
+    for rest in (b'', bytes(5000), np.random.default_rng(1).bytes(50_000)):
+        path.write_bytes(begin + rest)
+        assert rows_of(path) == []
+
+
+def test_a_whole_file_is_read_as_it_lies_there(database, monkeypatch):
+    path, rows = database
+    names = {1: '/a', 2: '/b', 300: '/c'}
+    monkeypatch.setattr('shutil.copyfile', None)
+    monkeypatch.setattr('hdd_servo_ros.recording.salvage._ROWS_AT_ONCE', 100)
+    monkeypatch.setattr('hdd_servo_ros.recording.salvaged_messages.MOST_HELD', 250)
+    before = path.read_bytes(), sorted(path.parent.iterdir())
+    found = salvage(path)
+    assert not found.fault
+    # Beyond the first 250 messages they are read again, as often as they are asked for.
+    for _ in range(2):
+        assert list(found.messages) == [(names[topic], time, data) for topic, time, data in rows]
+    assert (path.read_bytes(), sorted(path.parent.iterdir())) == before
+
+
+def test_a_cut_file_is_read_again_in_pieces(database, monkeypatch):
+    path, rows = database
+    path.write_bytes(path.read_bytes()[: -3 * PAGE])
+    monkeypatch.setattr('hdd_servo_ros.recording.sqlite_pages._GROUP', 4)
+    monkeypatch.setattr('hdd_servo_ros.recording.salvaged_messages.MOST_HELD', 50)
+    found = salvage(path)
+    names = {1: '/a', 2: '/b', 300: '/c'}
+    assert list(found.messages) == [(names[topic], time, data) for topic, time, data in rows[: len(found.messages)]]
+    assert len(found.messages) > 0.9 * COUNT

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from hdd_servo_ros.analysis.metrics import NANOMETRES, rms, step_response
+from hdd_servo_ros.analysis.metrics import NANOMETRES, rms, step_response, tracking_metrics
 from hdd_servo_ros.analysis.sensitivity import LinearController, LoopMargins
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.campaign.runner import run_cases
@@ -14,7 +14,7 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.chapter import figures, make_figures
-from hdd_servo_ros.studies.chapter5 import table_random_drives
+from hdd_servo_ros.studies.chapter5 import random_drives, table_random_drives
 from hdd_servo_ros.studies.chapter5.cases import (
     FREQUENCIES,
     HEIGHTS,
@@ -44,7 +44,7 @@ from hdd_servo_ros.studies.chapter5.cases import (
     TRANSIENT,
 )
 from hdd_servo_ros.studies.chapter5.measures import START, edges, error, error_after_edges, loop_areas
-from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, random_drive, trials
+from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, random_drive
 from hdd_servo_ros.studies.chapter5.table_lambda import peak_sensitivity
 from hdd_servo_ros.studies.chapter5.thesis_gains_cases import MAGNITUDES, PRINTED_SIGNS
 
@@ -272,8 +272,7 @@ def test_the_gains_of_section_5_5(runs):
 
 def test_random_drives(runs):
     """24 of the 200 drives of the study, for 10 s."""
-    due = [trial for case in (NN[100.0], PID[100.0]) for trial in trials(runs, case, DRIVES)]
-    own, pid = np.array(errors_on_random_drives(due)).reshape(2, DRIVES, 3)
+    own, pid = errors_on_random_drives(runs, [NN[100.0], PID[100.0]], range(DRIVES))
     assert own[:, 0].max() < 20.0
     assert own[:, 1].max() < 60.0
     assert np.median(own[:, 0]) < 0.3 * np.median(pid[:, 0])
@@ -282,19 +281,57 @@ def test_random_drives(runs):
 
 def test_all_random_drives_stay_bounded(runs):
     """All 200 for 10 s as in the study, in turn at one frequency and at the other; the study has both of each."""
-    by_frequency = [trials(runs, SHIPPED[f], table_random_drives.DRIVES) for f in FREQUENCIES]
-    due = [trial for place, by in enumerate(by_frequency) for trial in by[place :: len(FREQUENCIES)]]
-    found = np.array(errors_on_random_drives(due))
-    assert len({trial.seed for trial in due}) == len(found) == 200
+    drives = range(table_random_drives.DRIVES)
+    found = np.concatenate(
+        [
+            errors_on_random_drives(runs, [SHIPPED[frequency]], drives[place :: len(FREQUENCIES)])[0]
+            for place, frequency in enumerate(FREQUENCIES)
+        ]
+    )
+    assert len(found) == 200
     assert found[:, 0].max() < 4.0
     assert found[:, 2].max() < BOUND
+
+
+def test_the_errors_on_a_random_drive_are_those_of_a_run_of_its_own(runs):
+    """To the bit; of the law of the thesis and of a PID, each on its own place of the result."""
+    cases = (NN[200.0], PID[100.0])
+    found = errors_on_random_drives(runs, cases, [5, 3])
+    for case, errors in zip(cases, found[:, 1], strict=True):
+        parameters = runs.parameters(case)
+        drive = random_drive(parameters['vcm_plant'], 3)
+        rows = Experiment(1e-4, case.controller, {**parameters, 'vcm_plant': drive}).run(0, 100_001)
+        signals = (rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0])
+        expected = tracking_metrics(*signals, TRANSIENT, NANOMETRES)
+        ever = NANOMETRES * np.abs(rows.head[:, 0] - rows.reference[:, 0]).max()
+        assert errors.tolist() == [expected.rms_error, expected.max_error, ever]
+
+
+def test_a_run_that_diverges_on_a_random_drive_has_no_error(runs, monkeypatch):
+    def drawn(nominal, number):
+        return {**nominal, 'gain': 1e300} if number == 1 else nominal
+
+    monkeypatch.setattr(random_drives, 'random_drive', drawn)
+    campaign = random_drives.campaign_on_drives(runs, [PID[100.0]], range(2))
+    assert campaign.run()['verdict'].tolist() == ['tracks', 'diverged']
+    ((bounded, diverged),) = errors_on_random_drives(runs, [PID[100.0]], range(2))
+    assert np.isfinite(bounded).all()
+    assert np.isnan(diverged).all()
+
+
+def test_random_drives_of_runs_with_other_drives_are_refused(runs, monkeypatch):
+    cases = (NN[100.0], PID[100.0])
+    other = {case.name: {'vcm_plant': {'gain': float(place)}} for place, case in enumerate(cases)}
+    monkeypatch.setattr(type(runs), 'parameters', lambda self, case: other[case.name])
+    with pytest.raises(ValueError, match=r'pid_100_hz has another drive than nn_100_hz'):
+        errors_on_random_drives(runs, cases, range(2))
 
 
 def test_a_drive_that_diverges_is_named(runs, monkeypatch, tmp_path):
     """Drive 1 of two, for all four controllers and both frequencies, in the table's title and in its last column."""
 
-    def errors(waiting):
-        return [(np.nan,) * 3 if trial.seed == 1 else (1.0, 2.0, 3.0) for trial in waiting]
+    def errors(runs, cases, drives):
+        return np.array([[(np.nan,) * 3 if drive == 1 else (1.0, 2.0, 3.0) for drive in drives] for _ in cases])
 
     monkeypatch.setattr(table_random_drives, 'DRIVES', 2)
     monkeypatch.setattr(table_random_drives, 'errors_on_random_drives', errors)

@@ -1,18 +1,19 @@
-"""Many drives drawn about the nominal one, and how well recorded controllers do on them; these runs leave no bags."""
+"""Many drives drawn about the nominal one, and how well recorded controllers do on them, by a campaign."""
 
-import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
+from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.metrics import NANOMETRES, tracking_metrics
-from hdd_servo_ros.campaign.all_cores import on_all_cores
+from hdd_servo_ros.analysis.metrics import NANOMETRES
+from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.simulation.experiment import Experiment
+from hdd_servo_ros.campaign.spec import CampaignController, Spec, Varied
+from hdd_servo_ros.messages.outcome import FINISHED
+from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
 
 SPREAD = 0.2
@@ -20,6 +21,10 @@ SPREAD = 0.2
 BOUND = 1000.0
 """A run is bounded if its error never exceeds this, from first to last tick [nm]: half of the sine's amplitude."""
 FRICTION = ('stiffness', 'bristle_damping', 'viscous_coefficient', 'coulomb_level', 'static_level', 'stribeck_velocity')
+
+DRAWN = ('gain', *(f'friction.{name}' for name in FRICTION), 'resonance.numerators', 'resonance.denominators')
+"""Parameters of the drive that differ from drive to drive."""
+_METRICS = ('rms_error', 'max_error', f'{__name__}:largest_error')
 
 
 def random_drive(nominal: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -58,51 +63,74 @@ def random_drive(nominal: Mapping[str, Any], seed: int) -> dict[str, Any]:
     return drive
 
 
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """
-    One run on one random drive.
+def largest_error(run: RecordedRun) -> float:
+    """Return the largest error of the whole run [nm], as a metric of a campaign."""
+    return NANOMETRES * float(np.abs(run.position - run.desired_position).max())
 
-    Attributes
+
+def campaign_on_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequence[int]) -> Campaign:
+    """
+    Return the campaign that makes recorded runs again on random drives; its controllers have the names of the cases.
+
+    Parameters
     ----------
-    controller
-        Short name.
-    sample_time
-        T [s].
-    last_tick
-        How long it lasts.
-    parameters
-        Of all nodes, by name, those of the drive still nominal.
-    seed
-        Number of the drive.
+    runs, cases
+        Which runs, all of the same nominal drive.
+    drives
+        Their numbers.
+
+    Raises
+    ------
+    ValueError
+        If the nominal drives differ.
     """
-
-    controller: str
-    sample_time: float
-    last_tick: int
-    parameters: Mapping[str, Mapping[str, Any]]
-    seed: int
-
-    def errors(self) -> tuple[float, float, float]:
-        """Return rms and largest error after the transient, and the largest of the whole run [nm], or NaN."""
-        drive = random_drive(self.parameters['vcm_plant'], self.seed)
-        experiment = Experiment(self.sample_time, self.controller, {**self.parameters, 'vcm_plant': drive})
-        rows = experiment.run(0, self.last_tick + 1)
-        found = tracking_metrics(
-            rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], TRANSIENT, NANOMETRES
+    nominal = runs.parameters(cases[0])['vcm_plant']
+    for case in cases:
+        if runs.parameters(case)['vcm_plant'] != nominal:
+            raise ValueError(f'{case.name} has another drive than {cases[0].name}')
+    points = []
+    for number in drives:
+        drawn = random_drive(nominal, number)
+        points.append({f'vcm_plant:{name}': Varied(drawn[name]) for name in DRAWN})
+    return Campaign(
+        Spec(
+            'random drives',
+            controllers=tuple(_recorded(runs, case) for case in cases),
+            points=points,
+            metrics=_METRICS,
+            after=TRANSIENT,
         )
-        ever = NANOMETRES * float(np.abs(rows.head[:, 0] - rows.reference[:, 0]).max())
-        return found.rms_error, found.max_error, ever
+    )
 
 
-def trials(runs: RecordedRuns, case: Case, drives: int) -> list[Trial]:
-    """Return a recorded run's trials on so many drives."""
-    run = runs[case].description
-    fixed = (run['controller'], run['sample_time'], run['last_tick'], runs.parameters(case))
-    return [Trial(*fixed, seed) for seed in range(drives)]
+def _recorded(runs: RecordedRuns, case: Case) -> CampaignController:
+    """Return a recorded run with all its parameters."""
+    values = {
+        f'{node}:{name}': value
+        for node, parameters in runs.parameters(case).items()
+        for name, value in parameters.items()
+        if node != 'bag_recorder'
+    }
+    return CampaignController(case.name, runs[case].controller, values=values)
 
 
-def errors_on_random_drives(waiting: Sequence[Trial]) -> list[tuple[float, float, float]]:
-    """Return what :meth:`Trial.errors` says of each trial, by all cores, with progress and time left on a terminal."""
-    results = on_all_cores(Trial.errors, waiting, chunksize=4)
-    return list(tqdm(results, 'random drives', len(waiting), unit='run', disable=not sys.stderr.isatty()))
+def errors_on_random_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequence[int]) -> NDArray[np.float64]:
+    """
+    Return how well recorded runs do on random drives, made by a campaign, with progress and time left on a terminal.
+
+    Parameters
+    ----------
+    runs, cases, drives
+        As of :func:`campaign_on_drives`.
+
+    Returns
+    -------
+    NDArray
+        rms and largest error after the transient, and the largest of the whole run [nm], NaN where it diverged; shape
+        (cases, drives, 3).
+    """
+    table = campaign_on_drives(runs, cases, drives).run(progress=sys.stderr.isatty())
+    found: NDArray[np.float64] = np.stack([table[name] for name in _METRICS], axis=-1)
+    # What a run did before it diverged is not its error.
+    found[table['status'] != FINISHED] = np.nan
+    return np.asarray(found.reshape(len(drives), len(cases), len(_METRICS)).transpose(1, 0, 2))

@@ -7,7 +7,7 @@ import numpy as np
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter5.cases import FREQUENCIES, NN, PID, PID_FOR_SINES, SHIPPED, TRANSIENT
-from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives, trials
+from hdd_servo_ros.studies.chapter5.random_drives import BOUND, errors_on_random_drives
 from hdd_servo_ros.studies.output import write_table
 
 DRIVES = 200
@@ -23,8 +23,7 @@ CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Make the recorded runs again on each of ``DRIVES`` drives, and write one row a frequency and controller."""
     cases = {(frequency, name): cases[frequency] for frequency in FREQUENCIES for name, cases in _RUNS.items()}
-    due = [trial for case in cases.values() for trial in trials(runs, case, DRIVES)]
-    errors = np.array(errors_on_random_drives(due)).reshape(len(cases), DRIVES, 3)
+    errors = errors_on_random_drives(runs, list(cases.values()), range(DRIVES))
     rows, unbounded = [], []
     for ((frequency, name), case), (rms, largest, ever) in zip(cases.items(), errors.transpose(0, 2, 1), strict=True):
         nominal = runs.metrics(case, TRANSIENT, NANOMETRES).rms_error

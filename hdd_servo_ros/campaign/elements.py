@@ -1,0 +1,83 @@
+"""Single elements of lists among what varies: ``NODE:PARAMETER[INDEX]``, the first element has the index 0."""
+
+import re
+from collections.abc import Iterable, Mapping
+
+from hdd_servo_ros.parameters.files import ArgumentError
+
+_BRACKETS = re.compile(r'(.*)\[(.*)\]')
+_INDEX = re.compile(r'[0-9]{1,9}')
+
+
+def list_and_index(key: str) -> tuple[str, int | None]:
+    """Return the list of an element, and its index; of a key of another kind the key and None."""
+    match = _BRACKETS.fullmatch(key)
+    return (match[1], int(match[2])) if match and _INDEX.fullmatch(match[2]) else (key, None)
+
+
+def check_notation(key: str, where: str) -> None:
+    """Refuse brackets that hold no index; raises :class:`ArgumentError`."""
+    match = _BRACKETS.fullmatch(key)
+    if match and not _INDEX.fullmatch(match[2]):
+        raise ArgumentError(f'{where}: {key}: {match[2]!r} is not the index of an element; the first one has 0')
+
+
+def check_once(keys: Iterable[str], where: str) -> None:
+    """Refuse a list beside single elements of it; raises :class:`ArgumentError`."""
+    lists = {list_and_index(key)[0]: key for key in keys if list_and_index(key)[1] is not None}
+    for key in keys:
+        if key in lists:
+            raise ArgumentError(
+                f'{where}: {key} and {lists[key]} are given; a list varies as a whole, or by its elements'
+            )
+
+
+def element(base: object, key: str, where: str) -> object:
+    """
+    Return an element of a base value, which is a list.
+
+    Parameters
+    ----------
+    base
+        Base value of the whole parameter.
+    key
+        The element.
+    where
+        What is named in an error.
+
+    Raises
+    ------
+    ArgumentError
+        If the base value is not a list, or has no such element.
+    """
+    name, index = list_and_index(key)
+    if not isinstance(base, tuple | list):
+        raise ArgumentError(f'{where}: {key}: {name} is not a list, its base value is {base!r}')
+    if index is None or index >= len(base):
+        there = f'its elements are 0 to {len(base) - 1}' if base else 'it has no elements'
+        raise ArgumentError(f'{where}: {key}: the base value of {name} has no element {index}; {there}')
+    return base[index]
+
+
+def with_elements(bases: Mapping[str, object], varied: Mapping[str, object]) -> dict[str, tuple[object, ...]]:
+    """
+    Return the lists of which elements vary, as a run has them.
+
+    Parameters
+    ----------
+    bases
+        Base values of whole parameters; a list that is not among them is left out.
+    varied
+        What varies, elements and others.
+    """
+    found: dict[str, list[object]] = {}
+    for key, value in varied.items():
+        name, index = list_and_index(key)
+        base = bases.get(name)
+        if index is None or not isinstance(base, tuple | list):
+            continue
+        elements = found.setdefault(name, list(base))
+        # A list holds numbers of one type, as ROS insists.
+        is_whole = isinstance(base[index], float) and isinstance(value, int) and not isinstance(value, bool)
+        elements[index] = float(str(value)) if is_whole else value
+    return {name: tuple(elements) for name, elements in found.items()}

@@ -1,0 +1,141 @@
+"""The rows of a long run that its diagrams over time need: the same lines are drawn from them as from all rows."""
+
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdd_servo_ros.messages.signals import SignalRows
+from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
+from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, ESTIMATES, HEAD, REFERENCE
+from hdd_servo_ros.recording.run_stretch import joined
+
+Array = NDArray[np.float64]
+
+
+class ChosenRows(SignalRows):
+    """
+    Chosen ticks of a run with all their signals.
+
+    Parameters
+    ----------
+    ticks
+        The ticks, ascending, shape (n,).
+    rows
+        The signals at these ticks.
+    row_count
+        Ticks of the whole run, from tick 0 on.
+    """
+
+    def __init__(self, ticks: NDArray[np.int64], rows: SignalRows, row_count: int) -> None:
+        names = rows.estimate_names
+        super().__init__(0, rows.sample_time, {name: rows[name] for name in rows.topic_names}, names, rows.units)
+        self._ticks = ticks
+        self.row_count = row_count
+
+    @functools.cached_property
+    def ticks(self) -> NDArray[np.int64]:
+        """The ticks, shape (n,)."""
+        return self._ticks
+
+    @functools.cached_property
+    def time(self) -> Array:
+        """Time of each tick [s], shape (n,)."""
+        return np.asarray(self.ticks * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS)
+
+    def with_stretches(self, *others: SignalRows) -> 'ChosenRows':
+        """Return these rows with those of further stretches of consecutive ticks."""
+        every = np.concatenate([self.ticks, *(other.ticks for other in others)])
+        ticks, first = np.unique(every, return_index=True)
+        rows = joined([self, *others])
+        arrays = {name: rows[name][first] for name in rows.topic_names}
+        chosen = SignalRows(0, rows.sample_time, arrays, rows.estimate_names, rows.units)
+        return ChosenRows(ticks, chosen, self.row_count)
+
+
+class RowChooser:
+    """
+    Chooses the rows of a run that comes in blocks: of each bucket of ticks the extremes of everything that is drawn.
+
+    Parameters
+    ----------
+    row_count
+        Ticks of the whole run.
+    buckets
+        Into how many pieces of equal length the run is cut.
+    in_full
+        Stretches of ticks of which every row is taken.
+    """
+
+    def __init__(self, row_count: int, buckets: int, in_full: Sequence[slice]) -> None:
+        self._row_count = row_count
+        self.size = -(-row_count // buckets)
+        """Ticks of a bucket; a block is a whole number of them, but for the last one."""
+        self._in_full = in_full
+        self._buckets = buckets
+        self._ticks: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._rows: SignalRows | None = None
+        self._used = 0
+
+    def add(self, block: SignalRows) -> None:
+        """Take what is needed of the next block."""
+        count, first = len(block), block.first_tick
+        whole = count - count % self.size
+        starts = np.arange(0, whole, self.size)
+        found = [np.arange(whole, count)]
+        drawn = _drawn(block)
+        if self._rows is None:
+            self._make_room(block, len(drawn))
+        for values in drawn:
+            folded = values[:whole].reshape(-1, self.size)
+            found += [starts + folded.argmin(axis=1), starts + folded.argmax(axis=1)]
+        for part in self._in_full:
+            found.append(np.arange(max(part.start - first, 0), min(part.stop - first, count)))
+        self._take(block, np.unique(np.concatenate(found)))
+
+    def _make_room(self, block: SignalRows, drawn: int) -> None:
+        """
+        Make arrays for as many rows as there can be.
+
+        Arrays of a block each would lie between those of other blocks, which are dropped, and keep their memory.
+        """
+        most = 2 * drawn * self._buckets + self.size + sum(part.stop - part.start for part in self._in_full)
+        most = min(most, self._row_count)
+        arrays = {name: np.empty((most, block[name].shape[1])) for name in block.topic_names}
+        self._rows = SignalRows(0, block.sample_time, arrays, block.estimate_names, block.units)
+        self._ticks = np.empty(most, dtype=np.int64)
+
+    def _take(self, block: SignalRows, rows: NDArray[np.int64]) -> None:
+        assert self._rows is not None
+        into = slice(self._used, self._used + len(rows))
+        self._ticks[into] = block.first_tick + rows
+        for name in block.topic_names:
+            self._rows[name][into] = block[name][rows]
+        self._used = into.stop
+
+    def chosen(self) -> ChosenRows:
+        """Return what was chosen."""
+        assert self._rows is not None
+        return ChosenRows(self._ticks[: self._used], self._rows.part(0, self._used), self._row_count)
+
+
+def _drawn(block: SignalRows) -> list[Array]:
+    """Return every signal that a diagram over time may draw."""
+    columns: list[Array] = []
+    if HEAD.name in block:
+        columns.append(block.position)
+    if REFERENCE.name in block:
+        columns.append(block.desired_position)
+    if HEAD.name in block and REFERENCE.name in block:
+        # As they are drawn: of two that rounding makes equal the first counts.
+        columns.append(block.units.error_factor * block.position_error)
+        if DISTURBANCE.name in block and not block.is_track_following:
+            columns.append(block.units.error_factor * block.track_error)
+    if CONTROL.name in block:
+        columns += [block.command, block.feedback]
+    if DISTURBANCE.name in block:
+        columns.append(block.disturbance.force)
+    if ESTIMATES.name in block:
+        columns += list(block.estimates.values())
+    return columns

@@ -1,0 +1,30 @@
+"""The signals that the diagrams of a run over its time are drawn from."""
+
+from hdd_servo_ros.messages.signals import TimedSignals
+from hdd_servo_ros.recording.recorded_run import RecordedRun
+from hdd_servo_ros.reporting.long_figures import long_figures
+from hdd_servo_ros.reporting.long_runs import rows_of
+from hdd_servo_ros.reporting.panel import CloseUp
+
+
+def signals_over_time(run: RecordedRun, after: float | None = None, close_up: CloseUp | None = None) -> TimedSignals:
+    """
+    Return the signals of a run for diagrams over time: of a long run those rows that the lines need.
+
+    Parameters
+    ----------
+    run
+        The run.
+    after
+        That of the figures of the run; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    close_up
+        What is drawn large, and so from all of its rows.
+    """
+    if not run.is_long:
+        return run
+    rows = long_figures(run, after).rows_over_time
+    if close_up is None:
+        return rows
+    # The line of a close-up goes on to the row behind it.
+    part = slice(run.since(close_up.start).start, run.since(close_up.end).start + 2)
+    return rows.with_stretches(rows_of(run, part)) if part.start < run.row_count else rows
