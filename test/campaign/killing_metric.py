@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -36,3 +37,13 @@ def kill_always(run):
 def fail(run):
     """Raise."""
     raise RuntimeError('no such thing')
+
+
+def end(run):
+    """End the process, as a script does."""
+    sys.exit(3)
+
+
+def interrupt(run):
+    """Raise what Ctrl-C raises."""
+    raise KeyboardInterrupt
