@@ -124,6 +124,30 @@ def test_files_are_relative_to_the_specification(tmp_path):
     assert Plan(spec)[0].varied == {'vcm_plant:gain': 5e7}
 
 
+def test_a_plan_is_a_sequence():
+    found = plan('controllers: [pid]\nvary: [{vcm_plant:gain: [1.0, 2.0, 3.0]}]')
+    assert found[-1] == found[2]
+    assert found[1:] == [found[1], found[2]]
+    assert repr(found) == 'Plan(3 runs, 3 points x 1 controllers x 1 seeds, varied: vcm_plant:gain)'
+    with pytest.raises(IndexError, match='there is no run -4, only 0 to 2'):
+        found[-4]
+
+
+def test_a_time_of_runs_that_differ_in_their_duration_is_not_judged_beforehand():
+    assert len(plan('after: 0.5\nvary: [{deterministic_timer:duration: [0.1, 1.0]}]')) == 2
+
+
+def test_integers_and_floats_may_be_mixed():
+    assert [run.varied['vcm_plant:gain'] for run in plan('vary: [{vcm_plant:gain: [1, 2.5]}]')] == [1, 2.5]
+
+
+def test_a_million_runs_are_planned_one_by_one():
+    found = plan('seeds: 1000\nvary: [{vcm_plant:gain: {linspace: [1, 2, 1000]}}]')
+    assert len(found) == 10**6
+    assert found[-1].settings['ldv_sensor:seed'] == 1000
+    assert len(found.digest) == 32
+
+
 def test_without_vary_there_is_one_run():
     assert [run.varied for run in plan('')] == [{}]
 
@@ -193,6 +217,37 @@ def test_without_vary_there_is_one_run():
         ('name: a/b', "name: 'a/b' is not the name of a folder"),
         ('after: -1', 'after: -1 is not at least 0'),
         ('metrics: []', 'metrics: [] is not a list of at least one element'),
+        ('after: .inf', 'after: inf is not a finite number'),
+        ('after: 0.5', 'after: 0.5 s is not allowed: the runs of adaptive_nn end at 0.01 s'),
+        ('vary: {}', 'vary: a block has no parameter'),
+        ('vary: [{vcm_plant:gain: [1.0]}, {}]', 'vary: a block has no parameter'),
+        ('vary: [{vcm_plant:gain: [50.0, fast]}]', "vcm_plant:gain: [50.0, 'fast'] holds a number and a text"),
+        ('vary: [{vcm_plant:gain: [50.0, true]}]', 'vcm_plant:gain: [50.0, True] holds a number and true or false'),
+        (
+            'vary: [{vcm_plant:gain: [50.0, [1.0, 2.0]]}]',
+            'vcm_plant:gain: [50.0, (1.0, 2.0)] holds a number and a list',
+        ),
+        ('vary: [{vcm_plant:gain: [99999999999999999999]}]', '99999999999999999999 is not allowed: an integer has 64'),
+        ('seeds: [99999999999999999999]', '99999999999999999999 is not an integer of at most 9223372036854775807'),
+        ('seeds: 2147483648', 'seeds: 2147483648 is not an integer of at most 1000000'),
+        (
+            'vary: [{vcm_plant:gain: {linspace: [1, 2, 1000000000]}}]',
+            '1000000000 values are not allowed: a campaign has',
+        ),
+        ('vary: [{runs: 1000001, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]', 'runs: 1000001 is not an integer of at'),
+        (
+            'vary: [{vcm_plant:gain: {linspace: [1, 2, 3000]}}, {vcm_plant:track_pitch: {linspace: [1, 2, 3000]}}]',
+            '9000000 points x 1 controllers x 1 seeds are 9000000 runs; a campaign has at most 1000000',
+        ),
+        ('vary: [{rig:controller: [pid]}]', 'vary: rig:controller does not vary, but can be in `set` of an entry of'),
+        ('controllers: [{name: , controller: pid}]', 'controllers: name: None is not a text'),
+        ('controllers: [{name: 3, controller: pid}]', 'controllers: name: 3 is not a text'),
+        ('metrics: [rms_error]\nkeep: {worst: 1, of: max_error}', "keep: of: 'max_error' is not among the metrics of"),
+        ('keep: {worst: 1, of: 3}', 'keep: of: 3 is not the name of a metric'),
+        (
+            'controllers: [{name: a, controller: pid, set: {gain: 1.0}}]',
+            "controllers: a: set: 'gain' is not NODE:PARAMETER",
+        ),
     ],
 )
 def test_a_wrong_entry_is_named(text, message):
