@@ -31,7 +31,10 @@ def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
         As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 130 if interrupted.
     """
     if threading.current_thread() is threading.main_thread():  # Python allows no handlers elsewhere.
-        signal.signal(signal.SIGTERM, _end)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            # As `nohup` has it, which asks for the work to go on.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _end)
     return guard(name, lambda: _done(name, work, kept))
 
 

@@ -6,6 +6,7 @@ One HTML file that needs nothing else; plotly.js is in it.
 
 import html
 import math
+import shlex
 import string
 from collections.abc import Sequence
 from importlib.resources import files
@@ -53,8 +54,13 @@ def write_page(campaign: Campaign, table: Table, folder: Path) -> Path:
         subtitle=html.escape(f'{len(table)} runs, {failed} of which did not finish.'),
         plotly=get_plotlyjs(),
         summary=_summary(table, metrics),
-        worst_by=html.escape(f'Runs that did not finish, then by {_label(table, metric)}.') if metric else '',
-        worst=_worst(campaign, table, metric, folder) if metric else '',
+        worst_by=html.escape(
+            f'Runs that did not finish, then by the absolute value of {_label(table, metric)}.'
+            if metric
+            else 'Runs that did not finish; no run has a metric.'
+        ),
+        worst=_worst(campaign, table, metric, folder),
+        check=html.escape(f'ros2 run hdd_servo_ros campaign --check {shlex.quote(str(folder.resolve()))} RUN_DIR'),
         figures=in_script(
             {
                 'distributions': _distributions(table, metrics),
@@ -200,10 +206,15 @@ def _parallel(table: Table, parameters: Sequence[str], metrics: Sequence[str], m
 
 
 def _worst(campaign: Campaign, table: Table, metric: str, folder: Path) -> str:
-    values, status, verdicts = table[metric], table['status'], table['verdict']
     lines = []
+    # Files that parameters name may be relative to where the campaign was started.
+    start = f'cd {shlex.quote(str(Path.cwd()))} && '
     for number in campaign.worst(table, metric, WORST):
-        run = campaign.plan[number]
+        run, row = campaign.plan[number], table[number]
         command = run.command(base_file(folder, run.controller), f'runs/{campaign.spec.name}-{run_name(run)}')
-        lines.append([str(number), run.controller, f'{values[number]:.5g}', status[number], verdicts[number], command])
-    return _html_table(['run', 'controller', metric, 'status', 'verdict', 'command'], lines, (1, 3, 4, 5))
+        value = [f'{row[metric]:.5g}'] if metric else []
+        lines.append(
+            [str(number), run.controller, *value, row['status'], row['verdict'], row['reason'], start + command]
+        )
+    head = ['run', 'controller', *([metric] if metric else []), 'status', 'verdict', 'reason', 'command']
+    return _html_table(head, lines, [column for column in range(1, len(head)) if head[column] != metric])

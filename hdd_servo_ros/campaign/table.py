@@ -8,12 +8,13 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.errors import MissingExtra
+from hdd_servo_ros.parameters.files import did_you_mean
 
 _SHOWN_COLUMNS = 8
 _SHOWN_ROWS = 10
@@ -52,11 +53,43 @@ class Table:
     def __contains__(self, name: str) -> bool:
         return name in self._columns
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column, shape (runs,); raises KeyError, which lists the columns, if there is none."""
-        if name not in self._columns:
-            raise KeyError(f'no column {name!r}; there are {", ".join(self._columns)}')
+    @overload
+    def __getitem__(self, name: str) -> NDArray[Any]: ...
+
+    @overload
+    def __getitem__(self, name: int) -> dict[str, Any]: ...
+
+    @overload
+    def __getitem__(self, name: slice) -> 'Table': ...
+
+    def __getitem__(self, name: str | int | slice) -> 'NDArray[Any] | dict[str, Any] | Table':
+        """
+        Return a column by its name, a row by its index as a mapping, or the rows of a slice as a table.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column; lists those that there are.
+        IndexError
+            If there is no such row.
+        """
+        if isinstance(name, slice):
+            return Table({key: column[name] for key, column in self._columns.items()}, self.units)
+        if isinstance(name, int):
+            if not -len(self) <= name < len(self):
+                raise IndexError(f'there is no row {name}, only 0 to {len(self) - 1}')
+            return {key: column[name] for key, column in self._columns.items()}
+        self._check(name)
         return np.array(self._columns[name])
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return self.rows()
+
+    def _check(self, name: str) -> None:
+        """Raise KeyError if there is no such column."""
+        if name not in self._columns:
+            hint = did_you_mean(name, self._columns)
+            raise KeyError(f'no column {name!r}{hint}; there are {", ".join(self._columns)}')
 
     def is_number(self, name: str) -> bool:
         """Return whether a column holds numbers only."""
@@ -68,7 +101,16 @@ class Table:
             yield dict(zip(self._columns, values, strict=True))
 
     def where(self, **values: Any) -> 'Table':
-        """Return the runs whose columns have these values, such as ``controller='pid'``."""
+        """
+        Return the runs whose columns have these values, such as ``controller='pid'``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column; lists those that there are.
+        """
+        for name in values:
+            self._check(name)
         chosen = [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
         return Table({name: [column[i] for i in chosen] for name, column in self._columns.items()}, self.units)
 
