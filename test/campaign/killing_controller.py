@@ -3,6 +3,8 @@
 import dataclasses
 import sys
 
+from killing_metric import wait
+
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
 
@@ -31,6 +33,17 @@ class Ending:
     def leave(self):
         """End the process."""
         sys.exit(3)
+
+
+class Waiting(Ending):
+    """Tells which process this is and waits at tick 100, while there is the mark ``wait``."""
+
+    def __init__(self, parameters: Nothing, sample_time: float) -> None:
+        pass
+
+    def leave(self):
+        """Wait."""
+        wait(None)
 
 
 class Interrupting(Ending):

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,15 @@ def kill_always(run):
 def fail(run):
     """Raise."""
     raise RuntimeError('no such thing')
+
+
+def wait(run):
+    """Tell which process this is and wait, while there is the mark ``wait``."""
+    folder = Path(os.environ[MARKS])
+    if (folder / 'wait').exists():
+        (folder / str(os.getpid())).touch()
+        time.sleep(300.0)
+    return 1.0
 
 
 def end(run):

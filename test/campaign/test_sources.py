@@ -1,6 +1,7 @@
 """What the runs of a campaign read beside their parameters is known by its content."""
 
-import pytest
+import importlib
+import math
 
 from hdd_servo_ros.campaign.sources import digests
 
@@ -36,8 +37,7 @@ def test_a_metric_is_known_by_the_files_of_its_module_and_its_function(tmp_path,
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / 'defines_metric.py').write_text('def one(run):\n    return 1.0\n')
     (tmp_path / 'names_metric.py').write_text('from defines_metric import one\n')
-    import names_metric  # made above
-
-    found = digests([], [], {'names_metric:one': names_metric.one, 'math:sqrt': pytest.importorskip('math').sqrt})
+    one = importlib.import_module('names_metric').one
+    found = digests([], [], {'names_metric:one': one, 'math:sqrt': math.sqrt})
     names = ['metric names_metric:one, names_metric.py', 'metric names_metric:one, defines_metric.py']
     assert [name for name in found if 'names_metric' in name] == names
