@@ -106,7 +106,7 @@ def test_commands(bench, block):
                 answer = bench.python('-m', 'hdd_servo_ros.tools.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
                 continue
-            if name == 'campaign':
+            if name == 'campaign' and '--check' not in arguments:
                 run_short_campaign(bench, arguments)
                 continue
             if '--ros-args' not in arguments:

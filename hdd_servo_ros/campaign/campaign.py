@@ -76,9 +76,11 @@ class Campaign:
         try:
             _check_names(spec)
             self.plan = Plan(spec)
-            self._own = {metric: own_metric(metric) for metric in spec.metrics if is_own(metric)}
+            own = {metric: own_metric(metric) for metric in spec.metrics if is_own(metric)}
         except (ArgumentError, ParameterError) as error:
             raise error if file is None else ArgumentError(f'specification {file}: {error}') from error
+        # What is imported now is what runs, whatever becomes of the files meanwhile.
+        self._sources = digests(self.plan.nodes, self.plan.files, own)
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -239,7 +241,9 @@ class Campaign:
         metric = self.worst_metric(table)
         if self.spec.keep == 'none' or not metric:
             return []
-        return self.worst(table, metric, self.spec.worst)
+        # A run that was refused has no signals to record.
+        has_signals = [number for number, digest in enumerate(table['digest'].tolist()) if digest]
+        return self.worst(table.take(has_signals), metric, self.spec.worst)
 
     def _record_kept(self, table: Table, folder: Path, crew: '_Crew') -> None:
         """Record the runs that are kept; a recording differs in nothing from the run that was measured."""
@@ -260,7 +264,6 @@ class Campaign:
     def _describe(self, folder: Path, status: str, table: Table | None = None) -> None:
         """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError if another campaign is there."""
         path, digest = folder / 'campaign.yaml', self.plan.digest
-        sources = digests(self.plan.nodes, self.plan.files, self._own)
         if path.exists():
             found = read_yaml(path.read_text('utf8'))
             if not isinstance(found, dict) or found.get('digest') != digest:
@@ -271,7 +274,7 @@ class Campaign:
                     f'{folder} holds another campaign{f": {what}" if what else ""}; remove it, or give another folder '
                     'by --output'
                 )
-            _check_sources(folder, found.get('sources') or {}, sources)
+            _check_sources(folder, found.get('sources') or {}, self._sources)
         elif any(folder.iterdir()):
             raise ArgumentError(f'{folder} is not empty and holds no campaign; give another folder by --output')
         (folder / 'parameters').mkdir(exist_ok=True)
@@ -284,7 +287,7 @@ class Campaign:
             'contents': contents_of(self.plan),
             'keep': self.spec.keep,
             'digest': digest,
-            'sources': sources,
+            'sources': self._sources,
             'versions': versions(),
             'git_revision': git_revision(),
         }

@@ -22,7 +22,7 @@ from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.outcome import FINISHED
 
 WORST = 10
-"""Runs in the table of the worst."""
+"""Runs in the table of the worst, of those that finished and of those that did not."""
 _COLUMNS = 3
 _ROW_HEIGHT = 260
 _COLORS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#e377c2', '#7f7f7f')
@@ -55,9 +55,10 @@ def write_page(campaign: Campaign, table: Table, folder: Path) -> Path:
         plotly=get_plotlyjs(),
         summary=_summary(table, metrics),
         worst_by=html.escape(
-            f'Runs that did not finish, then by the absolute value of {_label(table, metric)}.'
+            f'Runs that did not finish, at most {WORST}, then those with the largest absolute value of '
+            f'{_label(table, metric)}.'
             if metric
-            else 'Runs that did not finish; no run has a metric.'
+            else f'Runs that did not finish, at most {WORST}; no run has a metric.'
         ),
         worst=_worst(campaign, table, metric, folder),
         check=html.escape(f'ros2 run hdd_servo_ros campaign --check {shlex.quote(str(folder.resolve()))} RUN_DIR'),
@@ -202,14 +203,19 @@ def _parallel(table: Table, parameters: Sequence[str], metrics: Sequence[str], m
     if metric:
         title = {'text': html.escape(_label(table, metric))}
         line = {'color': _finite(table[metric]), 'showscale': True, 'colorbar': {'title': title}}
-    return {'data': [{'type': 'parcoords', 'dimensions': dimensions, 'line': line}], 'layout': {'height': 420}}
+    # Names of metrics are longer than the axes are apart.
+    trace = {'type': 'parcoords', 'dimensions': dimensions, 'line': line, 'labelangle': -25}
+    return {'data': [trace], 'layout': {'height': 480, 'margin': {'t': 140}}}
 
 
 def _worst(campaign: Campaign, table: Table, metric: str, folder: Path) -> str:
     lines = []
     # Files that parameters name may be relative to where the campaign was started.
     start = f'cd {shlex.quote(str(Path.cwd()))} && '
-    for number in campaign.worst(table, metric, WORST):
+    numbers = campaign.worst(table, '', WORST)
+    if metric:
+        numbers += campaign.worst(table.where(status=FINISHED), metric, WORST)
+    for number in numbers:
         run, row = campaign.plan[number], table[number]
         command = run.command(base_file(folder, run.controller), f'runs/{campaign.spec.name}-{run_name(run)}')
         value = [f'{row[metric]:.5g}'] if metric else []

@@ -239,14 +239,12 @@ def _key(key: str, where: str) -> str:
 
 
 def _value(value: object, where: str) -> object:
-    """Return a value as a parameter file has it; YAML 1.1 takes ``1e-3`` for a text."""
-    if isinstance(value, str):
-        return scalar(value)
+    """Return a value as a run takes it."""
     if isinstance(value, list):
         return tuple(_value(element, where) for element in value)
     if isinstance(value, int) and not -_LARGEST_INTEGER - 1 <= value <= _LARGEST_INTEGER:
         raise ArgumentError(f'{where}: {shown(value)} is not allowed: an integer has 64 bits')
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool | int | float | str):
         return value
     raise ArgumentError(f'{where}: {value!r} is not the value of a parameter')
 

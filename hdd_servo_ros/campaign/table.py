@@ -111,8 +111,13 @@ class Table:
         """
         for name in values:
             self._check(name)
-        chosen = [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
-        return Table({name: [column[i] for i in chosen] for name, column in self._columns.items()}, self.units)
+        return self.take(
+            [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
+        )
+
+    def take(self, indices: Sequence[int]) -> 'Table':
+        """Return some of the rows, by their indices."""
+        return Table({name: [column[i] for i in indices] for name, column in self._columns.items()}, self.units)
 
     def csv(self) -> str:
         """Return the table as comma-separated values; floats have all their digits."""

@@ -132,6 +132,18 @@ def test_a_command_works_from_anywhere(tmp_path, monkeypatch):
     assert campaign_main.main([*arguments, str(tmp_path / 'start here' / 'runs' / 'relative-000000')]) == 0
 
 
+def test_runs_that_did_not_finish_do_not_hide_the_worst_ones(tmp_path):
+    vary = [{'pid_controller:proportional_gain': [*(-1.0 - index for index in range(11)), 0.05, 0.04]}]
+    campaign = Campaign({**SPEC, 'controllers': ['pid'], 'vary': vary, 'keep': {'worst': 1}})
+    table = campaign.run(tmp_path)
+    page = write_page(campaign, table, tmp_path).read_text('utf8')
+    rows = re.findall(r'<tr><td>(\d+)</td>.*?<td class="text">cd ', page)
+    worst = [12, 11] if table['rms_error'][12] > table['rms_error'][11] else [11, 12]
+    assert [int(number) for number in rows] == [*range(10), *worst]
+    # What was refused cannot be recorded.
+    assert [path.name for path in (tmp_path / 'runs').iterdir()] == [f'{worst[0]:06d}']
+
+
 def test_where_no_run_has_a_metric_those_that_failed_come_first(tmp_path):
     campaign = Campaign({**SPEC, 'controllers': ['pid'], 'set': {'vcm_plant:gain': 1.0}, 'vary': [], 'seeds': [1, 2]})
     table = Table(
