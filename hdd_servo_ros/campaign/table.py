@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.parameters.files import did_you_mean
 
+_TOO_LARGE = 2**63
+"""Integers from here on have no place in 64 bits."""
 _SHOWN_COLUMNS = 8
 _SHOWN_ROWS = 10
 
@@ -150,7 +152,7 @@ class Table:
             from pyarrow import parquet
         except ImportError:
             raise MissingExtra('Parquet', 'pyarrow') from None
-        arrays = [pa.array(column) for column in self._columns.values()]
+        arrays = [pa.array(_of_one_type(column)) for column in self._columns.values()]
         fields = [
             pa.field(name, array.type, metadata={'unit': self.units[name]} if name in self.units else None)
             for name, array in zip(self._columns, arrays, strict=True)
@@ -183,6 +185,15 @@ def _plain(value: Any) -> int | float | str:
     if isinstance(value, tuple | list):
         return json.dumps(value)
     return value if isinstance(value, int | float) else str(value)
+
+
+def _of_one_type(column: list[Any]) -> list[Any]:
+    """Return a column as Parquet has it: doubles where integers are mixed with them, texts where any is a text."""
+    if any(isinstance(value, str) for value in column):
+        return list(map(str, column))
+    if any(isinstance(value, float) or abs(value) >= _TOO_LARGE for value in column):
+        return list(map(float, column))
+    return column
 
 
 def _shown(value: object) -> str:

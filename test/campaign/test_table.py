@@ -27,3 +27,17 @@ def test_a_misspelt_column_is_named_with_those_that_there_are():
     with pytest.raises(KeyError, match=message):
         TABLE['controler']
     assert TABLE.where(controller='pid')['run'].tolist() == [0, 1]
+
+
+def test_columns_of_mixed_types_go_to_parquet(tmp_path):
+    parquet = pytest.importorskip('pyarrow.parquet')
+    mixed = {'a': [1, 2.5], 'b': [2**60 + 1, 2.5], 'c': [50.0, 'fast'], 'd': [1, 2**64], 'e': [True, 1.0], 'f': [1, 2]}
+    Table(mixed).write_parquet(tmp_path / 'table.parquet')
+    assert parquet.read_table(tmp_path / 'table.parquet').to_pydict() == {
+        'a': [1.0, 2.5],
+        'b': [float(2**60), 2.5],
+        'c': ['50.0', 'fast'],
+        'd': [1.0, 2.0**64],
+        'e': ['true', '1.0'],
+        'f': [1, 2],
+    }
