@@ -24,7 +24,8 @@ def _workers(text: str) -> int:
     return number
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog='campaign',
         description='Makes all runs of a specification, without middleware and without bags, and writes their table.',
@@ -51,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a campaign; exit code 0 when its table is written, whatever became of its runs."""
-    parser = _parser()
+    parser = command_line()
     options = parser.parse_args(arguments)
     if (options.spec is None) == (options.check is None):
         parser.error('give either SPEC.yaml, or --check DIR RUN_DIR')

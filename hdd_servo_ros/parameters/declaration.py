@@ -70,8 +70,24 @@ class Declaration:
     def allowed(self) -> str:
         """The allowed values, in words."""
         kind = {bool: 'true or false', int: 'an integer', float: 'a finite number', str: 'a text'}[self.element_type]
-        if self.choices:
-            kind = 'one of ' + ', '.join(self.choices)
+        text = ' '.join([self._choices or kind, self._bounds]).strip()
+        if self.is_sequence:
+            text = f'a list, each element {text}'
+        return f'{text} [{self.unit}]' if self.unit else text
+
+    @property
+    def type_and_range(self) -> str:
+        """The ROS type of the value and what is allowed of it, for tables."""
+        kind = {bool: 'bool', int: 'int', float: 'float', str: 'string'}[self.element_type]
+        kind = f'list of {kind}' if self.is_sequence else kind
+        return ', '.join(part for part in (kind, self._choices, self._bounds) if part)
+
+    @property
+    def _choices(self) -> str:
+        return 'one of ' + ', '.join(self.choices) if self.choices else ''
+
+    @property
+    def _bounds(self) -> str:
         bounds = []
         if self.above > -math.inf:
             bounds.append(f'above {self.above:g}')
@@ -79,10 +95,7 @@ class Declaration:
             bounds.append(f'at least {self.minimum:g}')
         if self.maximum < math.inf:
             bounds.append(f'at most {self.maximum:g}')
-        text = ' '.join([kind, ' and '.join(bounds)]).strip()
-        if self.is_sequence:
-            text = f'a list, each element {text}'
-        return f'{text} [{self.unit}]' if self.unit else text
+        return ' and '.join(bounds)
 
     def check(self, value: object) -> Value:
         """
