@@ -34,6 +34,8 @@ myst_enable_extensions = ['dollarmath', 'amsmath']
 # With the default, the attributes of a dataclass are documented twice.
 napoleon_use_ivar = True
 napoleon_google_docstring = False
+# Names of returned values are not types.
+napoleon_use_rtype = False
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
 autodoc_preserve_defaults = True

@@ -64,6 +64,22 @@ class Campaign:
     ------
     ArgumentError, ParameterError
         If an entry, a parameter file, a parameter or a metric is not allowed.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.campaign import Campaign
+    >>> campaign = Campaign({
+    ...     'name': 'example',
+    ...     'set': {'deterministic_timer:duration': 0.02},
+    ...     'controllers': ['pid'],
+    ...     'vary': [{'reference_generator:frequency': [100.0, 200.0]}],
+    ...     'metrics': ['rms_error'],
+    ... })
+    >>> campaign
+    Campaign('example': 2 runs, 2 points x 1 controllers x 1 seeds)
+    >>> table = campaign.run(workers=1)
+    >>> table['status'].tolist()
+    ['finished', 'finished']
     """
 
     def __init__(self, spec: str | Path | Mapping[str, Any] | Spec) -> None:

@@ -34,6 +34,22 @@ class Table:
         The columns.
     units
         Units of those that have one.
+
+    Raises
+    ------
+    ValueError
+        If the columns have different lengths.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.campaign import Table
+    >>> table = Table({'controller': ['pid', 'adaptive_nn'], 'rms_error': [6.3, 1.4]}, {'rms_error': 'nm'})
+    >>> table.where(controller='pid')['rms_error'].tolist(), table.units
+    ([6.3], {'rms_error': 'nm'})
+    >>> print(table.csv(), end='')
+    controller,rms_error
+    pid,6.3
+    adaptive_nn,1.4
     """
 
     def __init__(self, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str] | None = None) -> None:

@@ -5,7 +5,7 @@ import inspect
 import re
 from collections.abc import Iterator
 
-from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, CommandRow, resolve
+from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, CommandRow, NodeRow, resolve
 from hdd_servo_ros.graph.parameters_document import page_of
 from hdd_servo_ros.messages import exit_codes
 
@@ -42,7 +42,10 @@ node of the process has it.
 def document() -> str:
     """Return the whole document as Markdown."""
     parts = [_INTRODUCTION, _exit_codes(), '\n', _NODES]
-    with_parameters = [*NODES.values(), *(row for row in COMMANDS.values() if row.parameters)]
+    with_parameters: list[NodeRow | CommandRow] = [
+        *NODES.values(),
+        *(row for row in COMMANDS.values() if row.parameters),
+    ]
     for row in with_parameters:
         parts.append(f'| `{row.name}` | {row.purpose} | [{row.name}]({page_of(row.name)}) |\n')
     parts += ['\n## Commands\n']
