@@ -142,7 +142,7 @@ class Accelerometer:
 
     Notes
     -----
-    Source: Jinzenji, Sasamoto, Aikawa, Yoshida, Aruga, IEEE Trans. Magnetics 37(2), 2001, for the arrangement.
+    Source: a model of this package; ``docs/mobile.md`` describes it.
 
     Examples
     --------

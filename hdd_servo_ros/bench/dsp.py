@@ -125,7 +125,7 @@ class Dsp:
 
     Notes
     -----
-    Source: thesis section 5.3 for the 10 V range; delay and converter are models of this package.
+    Source: a model of this package; thesis section 5.2 describes the DSP of the experiments.
 
     Examples
     --------

@@ -317,7 +317,7 @@ class Ldv:
 
     Notes
     -----
-    Source: thesis section 5.3 for scales and range; the demodulator and the noise are models of this package.
+    Source: thesis section 5.2 for the 8 um/V; the demodulator and the noise are models of this package.
 
     Examples
     --------

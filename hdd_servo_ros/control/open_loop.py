@@ -59,7 +59,7 @@ class OpenLoop:
 
     Notes
     -----
-    Source: the open-loop experiments of thesis section 5.3.
+    Source: the open-loop experiments of thesis sections 5.3 and 5.4.
 
     Examples
     --------

@@ -184,7 +184,7 @@ class Pid:
 
     Notes
     -----
-    Source: the conventional controller of thesis section 4.4.
+    Source: a standard form; thesis section 4.4 compares with a PID controller that it does not specify.
 
     Examples
     --------

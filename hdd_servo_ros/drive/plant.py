@@ -78,7 +78,7 @@ class PlantParameters(ParameterSet):
 
     Notes
     -----
-    Source: thesis section 5.2; the friction is calibrated to what figs. 2.3 and 5.4 say, see ``docs/drive.md``.
+    Source: thesis section 5.3; the friction is calibrated to what figs. 2.3 and 5.4 say, see ``docs/drive.md``.
 
     Examples
     --------
