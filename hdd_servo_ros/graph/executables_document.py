@@ -88,6 +88,8 @@ def _usage(parser: argparse.ArgumentParser) -> str:
 
 
 def _value(action: argparse.Action) -> str:
+    if isinstance(action.metavar, tuple):
+        return ' '.join(action.metavar)
     name = action.metavar if isinstance(action.metavar, str) else (action.dest.upper() if action.option_strings else '')
     if action.choices is not None and action.metavar is None:
         name = '{' + ','.join(str(choice) for choice in action.choices) + '}'

@@ -1,5 +1,7 @@
 """A table gives columns, rows and parts of itself, and names the columns that there are."""
 
+from typing import Any
+
 import pytest
 
 from hdd_servo_ros.campaign.table import Table
@@ -31,7 +33,14 @@ def test_a_misspelt_column_is_named_with_those_that_there_are():
 
 def test_columns_of_mixed_types_go_to_parquet(tmp_path):
     parquet = pytest.importorskip('pyarrow.parquet')
-    mixed = {'a': [1, 2.5], 'b': [2**60 + 1, 2.5], 'c': [50.0, 'fast'], 'd': [1, 2**64], 'e': [True, 1.0], 'f': [1, 2]}
+    mixed: dict[str, list[Any]] = {
+        'a': [1, 2.5],
+        'b': [2**60 + 1, 2.5],
+        'c': [50.0, 'fast'],
+        'd': [1, 2**64],
+        'e': [True, 1.0],
+        'f': [1, 2],
+    }
     Table(mixed).write_parquet(tmp_path / 'table.parquet')
     assert parquet.read_table(tmp_path / 'table.parquet').to_pydict() == {
         'a': [1.0, 2.5],
