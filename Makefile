@@ -25,7 +25,7 @@ ARGS ?=
 JOBS ?= 2
 PARAMS ?= params/seagate_7200_10.yaml
 
-.PHONY: help run simulate figures test lint bench faults docs ws clean
+.PHONY: help run simulate figures test lint bench faults docs html ws clean
 
 help:
 	@echo 'make run       set up, run the whole graph, record it, sum it up; ARGS="-p rig:controller:=pid" changes it'
@@ -35,7 +35,8 @@ help:
 	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
 	@echo 'make faults    campaigns of kills, stray messages, odd parameters and damaged files, into docs/reliability.md; ARGS="kills --trials 20"'
-	@echo 'make docs      docs/parameters.md, docs/topics.md and the picture of the graph, from the declarations'
+	@echo 'make docs      the generated reference pages and the picture of the graph, from the declarations'
+	@echo 'make html      the documentation as a site that works without a network: build/html/index.html'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'
 	@echo 'make clean     remove the environment and everything built'
 
@@ -69,6 +70,11 @@ faults: $(VENV)/.develop
 docs: $(VENV)/.run
 	$(BIN)/python -m hdd_servo_ros.graph.manual docs
 
+# The folder above docs/ is the source folder, as for rosdoc2: docs/conf.py explains it.
+html: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees -c docs . build/html
+	@echo 'open build/html/index.html in a browser'
+
 ws: $(VENV)/.develop
 	AMENT_PREFIX_PATH= PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/colcon --log-base log build --packages-select hdd_servo_ros \
 		--base-paths . --build-base build --install-base install
@@ -86,6 +92,11 @@ $(VENV)/.run: setup.py constraints.txt hdd_servo_ros/graph/catalogue.py
 $(VENV)/.develop: $(VENV)/.run
 	@echo 'installing what the tests need into $(VENV), once'
 	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,test,lint,ws,campaign]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.run
+	@echo 'installing what the documentation site needs into $(VENV), once'
+	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros,docs]'
 	@touch $@
 
 define make_venv

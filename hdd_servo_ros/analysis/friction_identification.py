@@ -110,6 +110,25 @@ def identify_lugre(
         never moves.
     ParameterError
         If the fitted static map is not that of a friction (no Coulomb level).
+
+    Notes
+    -----
+    Source: thesis eqs. (2.20) to (2.22).
+
+    Examples
+    --------
+    The parameters of a LuGre contact are found again from a sliding curve and a motion that reverses:
+
+    >>> import numpy as np
+    >>> from hdd_servo_ros.analysis import identify_lugre
+    >>> from hdd_servo_ros.drive import FrictionParameters, friction_along, friction_curve
+    >>> true = FrictionParameters(coulomb_level=0.1, static_level=0.12, stiffness=0.02)
+    >>> velocity = np.geomspace(1.0, 20000.0, 60)
+    >>> position = 3.0 * np.sin(2.0 * np.pi * np.arange(200) / 100.0)
+    >>> motion = friction_along(true, position, 1e-4)
+    >>> found, residual = identify_lugre(velocity, friction_curve(true, velocity), position, motion, 1e-4)
+    >>> f'{found.coulomb_level:.3f} V, {found.static_level:.3f} V, {found.stiffness:.4f} V/um'
+    '0.100 V, 0.120 V, 0.0200 V/um'
     """
     static = fit_static_map(velocity, sliding_friction)
     x = checked_samples('position', position)

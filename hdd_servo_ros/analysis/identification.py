@@ -65,6 +65,20 @@ def identify_measured(
         :func:`~hdd_servo_ros.analysis.order_selection.select_order`.
     delay
         Of the loop's computation, before the hold [s].
+
+    Notes
+    -----
+    Source: thesis section 3.3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hdd_servo_ros.analysis import identify_measured
+    >>> from hdd_servo_ros.bench import FrequencyResponse
+    >>> frequency = np.geomspace(100.0, 3000.0, 40)
+    >>> measured = FrequencyResponse.of(frequency, -4.0e7 / (2.0 * np.pi * frequency) ** 2)
+    >>> f'{identify_measured(measured, poles=2, integrators=2).rigid_gain():.4g} um/s^2/V'
+    '4e+07 um/s^2/V'
     """
     dynamics = held(measured.frequency, measured.hold, delay)
     response = measured.response

@@ -52,9 +52,8 @@ def _frequency(text: str) -> float:
     return number
 
 
-@command('identify', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify the response of a CSV file and print gain and modes; exit code 3 for a file that cannot be."""
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='identify',
         description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
@@ -76,6 +75,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--hold', type=_time, help="hold in the response [s], instead of the file's; 0 for none")
     parser.add_argument('--delay', type=_time, default=0.0, help='computation delay in the response [s]')
     parser.add_argument('--method', choices=METHODS, default=SANATHANAN_KOERNER)
+    return parser
+
+
+@command('identify', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Identify the response of a CSV file and print gain and modes; exit code 3 for a file that cannot be."""
+    parser = command_line()
     given = parser.parse_args(arguments)
     if given.method == LEVY and given.poles is None:
         parser.error('--method levy wants --poles: the order is selected among iterated fits')

@@ -29,6 +29,8 @@ ITERATIONS = 20
 _SETTLED = 1e-6
 _LEAST_WEIGHED = 1e-15
 
+__all__ = ['identify']
+
 
 def identify(
     frequency: ArrayLike,
@@ -58,12 +60,29 @@ def identify(
         default the magnitude, so that every point counts by its relative error.
     method
         ``'levy'``: the least squares (3.25), once, without any weight, as printed. ``'sanathanan-koerner'``: weighted,
-        and iterated with 1/|D|^2 of the round before; the round with the least error (3.23) is returned.
+        and iterated with ``1/|D|^2`` of the round before; the round with the least error (3.23) is returned.
 
     Raises
     ------
     ValueError
         If there are fewer points than unknowns, or an argument is out of range.
+
+    Notes
+    -----
+    Source: thesis eqs. (3.21) to (3.25); Sanathanan and Koerner, IEEE Trans. Automatic Control 8(1), 1963.
+
+    Examples
+    --------
+    A double integrator with one mode at 4 kHz is found again from 60 points:
+
+    >>> import numpy as np
+    >>> from hdd_servo_ros.analysis.rational_fit import identify
+    >>> frequency = np.geomspace(100.0, 8000.0, 60)
+    >>> s, w = 2j * np.pi * frequency, 2.0 * np.pi * 4000.0
+    >>> response = 4.0e7 / s**2 * w**2 / (s**2 + 2.0 * 0.03 * w * s + w**2)
+    >>> model = identify(frequency, response, poles=4, zeros=0, integrators=2)
+    >>> f'{model.rigid_gain():.4g}', [f'{mode.frequency:.1f} Hz, {mode.damping:.4f}' for mode in model.modes()]
+    ('4e+07', ['4000.0 Hz, 0.0300'])
     """
     f = np.asarray(frequency, dtype=np.float64)
     measured = np.asarray(response, dtype=np.complex128)

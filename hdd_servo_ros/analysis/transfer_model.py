@@ -47,7 +47,15 @@ class Model:
     leading
         b_m/a_n of (3.21).
     error
-        Root mean square over the points of |fit - data|/deviation: 0.01 is 1 % when the deviation is the magnitude.
+        Root mean square over the points of ``|fit - data|/deviation``: 0.01 is 1 % when the deviation is the magnitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hdd_servo_ros.analysis import Model
+    >>> model = Model(zeros=np.array([]), poles=np.array([0.0, -10.0]), leading=20.0, error=0.0)
+    >>> f'{abs(model.response(1.0)):.3f}', model.rigid_gain(1)
+    ('0.270', 2.0)
     """
 
     zeros: ComplexArray

@@ -139,6 +139,21 @@ class Accelerometer:
         Sensors and converter.
     sample_time
         T [s].
+
+    Notes
+    -----
+    Source: a model of this package; ``docs/mobile.md`` describes it.
+
+    Examples
+    --------
+    A rotation of 100 rad/s^2 reads with opposite signs at the two sensors, 0.1 m apart:
+
+    >>> from hdd_servo_ros.bench import Accelerometer, AccelerometerParameters
+    >>> sensor = Accelerometer(AccelerometerParameters(noise=0.0), sample_time=1e-4)
+    >>> for tick in range(100):
+    ...     x, y = sensor.step(tick, 0.0, 100.0, 0.0)
+    >>> round(x, 4), round(y, 4)  # V
+    (0.4999, -0.4999)
     """
 
     def __init__(self, parameters: AccelerometerParameters, sample_time: float) -> None:

@@ -122,6 +122,23 @@ class Dsp:
     state
         The last command (voltage, voltage before the limit, feedback part [V]) and the number of commands that were
         limited, by the controller or here.
+
+    Notes
+    -----
+    Source: a model of this package; thesis section 5.2 describes the DSP of the experiments.
+
+    Examples
+    --------
+    A command of 12 V, for a drive that takes 10 V, held one sample late:
+
+    >>> from hdd_servo_ros.bench import Dsp, DspParameters
+    >>> dsp = Dsp(DspParameters(computation_delay=1), sample_time=1e-4, drive_limit=10.0)
+    >>> dsp.step(12.0, 12.0, 12.0)
+    (0.0, 0.0, 0.0)
+    >>> dsp.step(1.0, 1.0, 1.0)
+    (10.0, 12.0, 12.0)
+    >>> dsp.saturated_samples
+    1
     """
 
     def __init__(self, parameters: DspParameters, sample_time: float, drive_limit: float = math.inf) -> None:

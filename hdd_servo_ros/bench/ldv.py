@@ -314,6 +314,20 @@ class Ldv:
         Counts and first ticks of saturation and drop-outs, then what filters and noise remember.
     history
         Position and velocity of the last ticks, of the longest delay's length; tick k is in row k modulo the length.
+
+    Notes
+    -----
+    Source: thesis section 5.2 for the 8 um/V; the demodulator and the noise are models of this package.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.bench import Ldv, LdvParameters
+    >>> ldv = Ldv(LdvParameters(), sample_time=1e-4)
+    >>> displacement, velocity = ldv.step(0, 2.0, 100.0)  # V, of a head at 2 um and 100 um/s
+    >>> round(displacement, 5), round(velocity, 5)
+    (0.25055, 0.02014)
+    >>> ldv.saturated_samples
+    {'displacement': 0, 'velocity': 0}
     """
 
     def __init__(self, parameters: LdvParameters, sample_time: float) -> None:

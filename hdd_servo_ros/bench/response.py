@@ -82,6 +82,17 @@ class FrequencyResponse:
         How long the input was held from one sample to the next [s]: the response has that hold in it; 0 for none.
     unit
         Of the response; empty where it is not known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hdd_servo_ros.bench import FrequencyResponse
+    >>> frequency = np.array([100.0, 200.0, 400.0])
+    >>> measured = FrequencyResponse.of(frequency, -4.0968e7 / (2.0 * np.pi * frequency) ** 2)
+    >>> measured.between(150.0, 500.0).frequency.tolist()
+    [200.0, 400.0]
+    >>> [f'{value:.4g} um/V' for value in abs(measured.response)]
+    ['103.8 um/V', '25.94 um/V', '6.486 um/V']
     """
 
     frequency: Array
@@ -212,6 +223,15 @@ def read_csv(path: Path) -> FrequencyResponse:
     ------
     ValueError
         If the file holds no such table; the message names the file and the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hdd_servo_ros.bench import FrequencyResponse, read_csv
+    >>> path = Path('response.csv')
+    >>> FrequencyResponse.of([100.0, 200.0], [-100.0, -25.0]).write_csv(path)
+    >>> read_csv(path).response.round(9).tolist()
+    [(-100+0j), (-25+0j)]
     """
     try:
         text = path.read_text('utf-8-sig').splitlines()

@@ -146,6 +146,20 @@ class ServoSensor:
         Tracks, sectors and errors.
     sample_time
         T [s]; for likeness with the other blocks, every sample is a sector.
+
+    Notes
+    -----
+    Source: a model of this package; ``docs/servo-sensor.md`` describes it.
+
+    Examples
+    --------
+    A head 5.2 um from the track centre, with 25 000 tracks per inch:
+
+    >>> from hdd_servo_ros.bench import ServoSensor, ServoSensorParameters
+    >>> sensor = ServoSensor(ServoSensorParameters(noise=0.0), sample_time=1e-4)
+    >>> error, position, sector = sensor.step(0, 5.2)  # um, um
+    >>> round(error, 4), round(position, 4), sector
+    (0.1201, 5.2001, 0.0)
     """
 
     def __init__(self, parameters: ServoSensorParameters, sample_time: float) -> None:

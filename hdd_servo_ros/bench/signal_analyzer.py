@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.response import FrequencyResponse
-from hdd_servo_ros.bench.signal_analyzer_parameters import MOST_AVERAGES, SignalAnalyzerParameters
+from hdd_servo_ros.bench.signal_analyzer_parameters import MOST_AVERAGES
+from hdd_servo_ros.bench.signal_analyzer_parameters import SignalAnalyzerParameters as SignalAnalyzerParameters
 from hdd_servo_ros.bench.sweep import Point, plan
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
 from hdd_servo_ros.numerics.compiled import compiled
@@ -23,7 +24,6 @@ SignalAnalyzerArrays = tuple[
     NDArray[np.float64],
 ]
 
-__all__ = ['SignalAnalyzer', 'SignalAnalyzerParameters', 'signal_analyzer_step']
 
 # Array of constants, and of the points, one in a row.
 CONSTANTS = layout('time_step', 'overload_level', 'level_reductions')
@@ -244,6 +244,19 @@ class SignalAnalyzer:
     ------
     ParameterError
         If the sweep goes too high for the sample time.
+
+    Notes
+    -----
+    Source: thesis section 5.3.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.bench import SignalAnalyzer, SignalAnalyzerParameters
+    >>> analyzer = SignalAnalyzer(SignalAnalyzerParameters(start_frequency=400.0, stop_frequency=3000.0), 1e-4)
+    >>> len(analyzer.points), analyzer.last_tick  # points of the sweep, its last tick
+    (36, 16548)
+    >>> analyzer.points[0].length  # ticks of a record at the first frequency
+    25
     """
 
     estimate_names = ESTIMATE_NAMES

@@ -26,14 +26,18 @@ from hdd_servo_ros.campaign.measuring import (
     prepare,
 )
 from hdd_servo_ros.campaign.planning import CampaignRun, Plan
+from hdd_servo_ros.campaign.sources import digests
 from hdd_servo_ros.campaign.spec import ALL, Spec, file_name, read_spec, spec_of
 from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.messages.exit_codes import one_line
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.messages.plain_yaml import YamlError, read_yaml
+from hdd_servo_ros.messages.shown import shown
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, did_you_mean
 from hdd_servo_ros.recording.run_folder import git_revision, versions
+from hdd_servo_ros.reporting.metric_names import METRIC_NAMES
 from hdd_servo_ros.reporting.verdict import DIVERGED
 
 
@@ -60,25 +64,45 @@ class Campaign:
     ------
     ArgumentError, ParameterError
         If an entry, a parameter file, a parameter or a metric is not allowed.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.campaign import Campaign
+    >>> campaign = Campaign({
+    ...     'name': 'example',
+    ...     'set': {'deterministic_timer:duration': 0.02},
+    ...     'controllers': ['pid'],
+    ...     'vary': [{'reference_generator:frequency': [100.0, 200.0]}],
+    ...     'metrics': ['rms_error'],
+    ... })
+    >>> campaign
+    Campaign('example': 2 runs, 2 points x 1 controllers x 1 seeds)
+    >>> table = campaign.run(workers=1)
+    >>> table['status'].tolist()
+    ['finished', 'finished']
     """
 
     def __init__(self, spec: str | Path | Mapping[str, Any] | Spec) -> None:
+        file = Path(spec) if isinstance(spec, str | Path) else None
         if isinstance(spec, str | Path):
             spec = read_spec(Path(spec))
         elif isinstance(spec, Mapping):
             spec = spec_of(spec, Path.cwd())
         self.spec = spec
-        self.plan = Plan(spec)
-        for metric in filter(is_own, spec.metrics):
-            own_metric(metric)
+        try:
+            _check_names(spec)
+            self.plan = Plan(spec)
+            own = {metric: own_metric(metric) for metric in spec.metrics if is_own(metric)}
+        except (ArgumentError, ParameterError) as error:
+            raise error if file is None else ArgumentError(f'specification {file}: {error}') from error
+        # What is imported now is what runs, whatever becomes of the files meanwhile.
+        self._sources = digests(self.plan.nodes, self.plan.files, own)
 
     def __len__(self) -> int:
         return len(self.plan)
 
     def __repr__(self) -> str:
-        spec = self.spec
-        parts = [f'{len(spec.points)} points', f'{len(spec.controllers)} controllers', f'{len(spec.seeds)} seeds']
-        return f'Campaign({spec.name!r}: {len(self)} runs, {" x ".join(parts)})'
+        return f'Campaign({self.spec.name!r}: {self.plan.extent})'
 
     def run(
         self,
@@ -113,8 +137,8 @@ class Campaign:
             If another campaign is at work in the folder.
         """
         count = all_cores.cores() if workers is None else workers
-        if count < 1:
-            raise ArgumentError(f'workers = {workers} is not allowed: an integer of at least 1')
+        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+            raise ArgumentError(f'workers = {shown(workers)} is not allowed: an integer of at least 1')
         crew = _Crew(count, executor, progress)
         if directory is None:
             if self.spec.keep != 'none':
@@ -170,9 +194,8 @@ class Campaign:
         for metric in (*self.spec.metrics, *worst):
             if metric != ALL and metric not in measured:
                 names = list(measure_run((ALL,), self.spec.after, run).metrics)
-                raise _UnknownMetric(
-                    f'metrics: no run has {metric!r}{did_you_mean(metric, names)}; there are {", ".join(names)}'
-                )
+                entry = 'metrics' if metric in self.spec.metrics else 'keep: of'
+                raise _UnknownMetric(f'{entry}: no run has {metric!r}; there are {", ".join(names)}')
 
     def _table(self, results: Mapping[int, Result]) -> Table:
         runs = list(self.plan)
@@ -190,20 +213,35 @@ class Campaign:
         for result in ordered:
             units |= result.units
         # In the order in which reports have them, whatever the first run lacks.
-        for name in _in_order([tuple(result.metrics) for result in ordered]):
+        names = _in_order([tuple(result.metrics) for result in ordered])
+        # Where no run has a metric that was asked for, the column says so.
+        asked = (name for name in (*self.spec.metrics, self.spec.worst_of) if name and name != ALL)
+        for name in dict.fromkeys([*names, *asked]):
             columns[name] = [float(result.metrics.get(name, math.nan)) for result in ordered]
         columns['digest'] = [result.digest for result in ordered]
         return Table(columns, {name: unit for name, unit in units.items() if unit})
 
     def worst(self, table: Table, metric: str, count: int) -> list[int]:
-        """Return the numbers of the worst runs: those that did not finish, then by a metric the largest and nan."""
-        status, values = table['status'], table[metric]
+        """
+        Return the numbers of the worst runs.
 
-        def badness(number: int) -> tuple[bool, float]:
-            value = float(values[number])
-            return status[number] != FINISHED, math.inf if math.isnan(value) else value
-
-        return sorted(range(len(table)), key=lambda number: (*(-part for part in badness(number)), number))[:count]
+        Parameters
+        ----------
+        table
+            All runs, or some of them as :meth:`~hdd_servo_ros.campaign.table.Table.where` chooses them.
+        metric
+            By which: runs that did not finish come first, then those without it, then the largest absolute values.
+            Empty for the runs that did not finish, in the order of the plan.
+        count
+            At most how many.
+        """
+        failed = table['status'] != FINISHED
+        numbers = table['run'].tolist()
+        if not metric:
+            return [number for number, has_failed in zip(numbers, failed, strict=True) if has_failed][:count]
+        values = [math.inf if math.isnan(value) else abs(value) for value in table[metric].tolist()]
+        ordered = sorted(zip(~failed, (-value for value in values), numbers, strict=True))
+        return [number for _, _, number in ordered[:count]]
 
     def worst_metric(self, table: Table) -> str:
         """Return the metric by which runs are the worst: that of ``keep``, else the first of the table's metrics."""
@@ -219,7 +257,9 @@ class Campaign:
         metric = self.worst_metric(table)
         if self.spec.keep == 'none' or not metric:
             return []
-        return self.worst(table, metric, self.spec.worst)
+        # A run that was refused has no signals to record.
+        has_signals = [number for number, digest in enumerate(table['digest'].tolist()) if digest]
+        return self.worst(table.take(has_signals), metric, self.spec.worst)
 
     def _record_kept(self, table: Table, folder: Path, crew: '_Crew') -> None:
         """Record the runs that are kept; a recording differs in nothing from the run that was measured."""
@@ -253,6 +293,7 @@ class Campaign:
                     f'{folder} holds another campaign{f": {what}" if what else ""}; remove it, or give another folder '
                     'by --output'
                 )
+            _check_sources(folder, found.get('sources') or {}, self._sources)
         elif any(folder.iterdir()):
             raise ArgumentError(f'{folder} is not empty and holds no campaign; give another folder by --output')
         (folder / 'parameters').mkdir(exist_ok=True)
@@ -265,6 +306,7 @@ class Campaign:
             'contents': contents_of(self.plan),
             'keep': self.spec.keep,
             'digest': digest,
+            'sources': self._sources,
             'versions': versions(),
             'git_revision': git_revision(),
         }
@@ -279,6 +321,27 @@ class Campaign:
         """Return the base parameter files of a folder, by the controllers of this campaign that have one there."""
         files = {controller.name: base_file(folder, controller.name) for controller in self.spec.controllers}
         return {name: file.read_text('utf8', 'replace') for name, file in files.items() if file.is_file()}
+
+
+def _check_names(spec: Spec) -> None:
+    """Refuse metrics that no run can have."""
+    for entry, names in (('metrics', spec.metrics), ('keep: of', (spec.worst_of,) if spec.worst_of else ())):
+        for name in names:
+            if name != ALL and not is_own(name) and name not in METRIC_NAMES:
+                raise ArgumentError(
+                    f'{entry}: no run has {name!r}{did_you_mean(name, METRIC_NAMES)}; names are those in metrics.yaml '
+                    'of a report, and your own as module:function'
+                )
+
+
+def _check_sources(folder: Path, found: Mapping[str, str], due: Mapping[str, str]) -> None:
+    """Refuse to go on with other code or other files than those that the results were made with."""
+    changed = [name for name in {**found, **due} if found.get(name) != due.get(name)]
+    if changed:
+        raise ArgumentError(
+            f'{folder} holds results from before a change of {", ".join(changed)}; remove it, or give another folder '
+            'by --output'
+        )
 
 
 def base_file(folder: Path, controller: str) -> Path:

@@ -28,10 +28,13 @@ def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
     Returns
     -------
     int
-        As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 130 if interrupted.
+        As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 128 + n if ended by signal n.
     """
     if threading.current_thread() is threading.main_thread():  # Python allows no handlers elsewhere.
-        signal.signal(signal.SIGTERM, _end)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            # As `nohup` has it, which asks for the work to go on.
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, _end)
     return guard(name, lambda: _done(name, work, kept))
 
 
@@ -41,7 +44,18 @@ def _done(name: str, work: Callable[[], int], kept: str) -> int:
     except KeyboardInterrupt:
         print(f'{name}: interrupted; {kept}', file=sys.stderr)
         return 128 + signal.SIGINT
+    except _Ended as ended:
+        print(f'{name}: ended by {signal.Signals(ended.number).name}; {kept}', file=sys.stderr)
+        return 128 + ended.number
+
+
+class _Ended(SystemExit):
+    """A signal asks for the end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(128 + number)
+        self.number = number
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:
-    sys.exit(128 + number)
+    raise _Ended(number)

@@ -30,6 +30,8 @@ def make_folder(directory: Path) -> None:
 def alone_in(directory: Path) -> Iterator[None]:
     """Keep a second study out of the folder, for it would take the runs that are being made for broken ones."""
     descriptor = os.open(directory, os.O_RDONLY)
+    # A worker that is forked meanwhile would hold the lock for as long as it lives, whatever became of this process.
+    _locks.add(descriptor)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -37,4 +39,16 @@ def alone_in(directory: Path) -> Iterator[None]:
     else:
         yield
     finally:
+        _locks.discard(descriptor)
         os.close(descriptor)
+
+
+_locks: set[int] = set()
+
+
+def _drop_locks() -> None:
+    while _locks:
+        os.close(_locks.pop())
+
+
+os.register_at_fork(after_in_child=_drop_locks)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hdd_servo_ros.campaign.campaign import Campaign
+from hdd_servo_ros.campaign.check import same_runs
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.dask_cluster import dask_executor
 from hdd_servo_ros.graph.help import COMPILING
@@ -24,13 +25,14 @@ def _workers(text: str) -> int:
     return number
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='campaign',
         description='Makes all runs of a specification, without middleware and without bags, and writes their table.',
         epilog=f'A run that fails is a row of the table with its reason. {EPILOG}',
     )
-    parser.add_argument('spec', type=Path, metavar='SPEC.yaml', help='what runs, see docs/campaigns.md')
+    parser.add_argument('spec', type=Path, nargs='?', metavar='SPEC.yaml', help='what runs, see docs/campaigns.md')
     parser.add_argument(
         '--output', type=Path, metavar='DIR', help='where the results go (default: runs/ and the name of the campaign)'
     )
@@ -38,13 +40,35 @@ def _parser() -> argparse.ArgumentParser:
     cluster = parser.add_mutually_exclusive_group()
     cluster.add_argument('--dask', action='store_true', help='by a Dask cluster of N processes of this machine')
     cluster.add_argument('--scheduler', metavar='ADDRESS', help='by an existing Dask cluster, such as tcp://host:8786')
+    parser.add_argument(
+        '--check',
+        type=Path,
+        nargs=2,
+        metavar=('DIR', 'RUN_DIR'),
+        help='make no run: tell which run of the campaign in DIR has the signals of a recorded run, to the bit; '
+        'exit code 1 if none has',
+    )
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a campaign; exit code 0 when its table is written, whatever became of its runs."""
-    options = _parser().parse_args(arguments)
-    return exit_code('campaign', functools.partial(_work, options))
+    parser = command_line()
+    options = parser.parse_args(arguments)
+    if (options.spec is None) == (options.check is None):
+        parser.error('give either SPEC.yaml, or --check DIR RUN_DIR')
+    work = functools.partial(_work, options) if options.check is None else functools.partial(_check, *options.check)
+    return exit_code('campaign', work)
+
+
+def _check(folder: Path, run_dir: Path) -> int:
+    numbers = same_runs(folder, run_dir)
+    if not numbers:
+        print(f'{run_dir} has the signals of no run of {folder}')
+        return 1
+    named = f'run{"s" if len(numbers) > 1 else ""} {", ".join(map(str, numbers))}'
+    print(f'{run_dir} has the signals of {named} of {folder}, to the bit')
+    return 0
 
 
 def _work(options: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import functools
 import importlib
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 from hdd_servo_ros.campaign.planning import CampaignRun
 from hdd_servo_ros.campaign.spec import ALL
 from hdd_servo_ros.campaign.worker import end_if_signaled
+from hdd_servo_ros.graph.catalogue import CONTROLLERS
 from hdd_servo_ros.messages.exit_codes import described, one_line
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.parameters import ParameterError
@@ -24,6 +24,8 @@ from hdd_servo_ros.reporting.verdict import verdict_of
 from hdd_servo_ros.simulation.in_memory import run_in_memory
 from hdd_servo_ros.simulation.run_setup import Simulation
 
+_RAISED = (Exception, SystemExit, KeyboardInterrupt)
+"""What code of a user may raise in a run; a signal to the process is not looked at here."""
 _PREPARING_TICKS = 1000
 REFUSED = 'refused'
 """Status of a run whose parameters are not allowed: it has no tick."""
@@ -82,7 +84,7 @@ def own_metric(path: str) -> Callable[[RecordedRun], float]:
     module, _, name = path.partition(':')
     try:
         found = getattr(importlib.import_module(module), name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ArgumentError(f'metrics: {path} cannot be imported: {type(error).__name__}: {one_line(error)}') from None
     if not callable(found):
         raise ArgumentError(f'metrics: {path} is not a function')
@@ -112,11 +114,11 @@ def measure_run(metrics: Sequence[str], after: float | None, run: CampaignRun) -
         simulation = Simulation(run.arguments())
     except (ParameterError, ArgumentError) as error:
         return Result(run.number, REFUSED, one_line(error))
-    except Exception as error:
+    except _RAISED as error:
         return failed_result(run, described(error))
     try:
         return _measured(run_in_memory(simulation), run.number, metrics, after)
-    except Exception as error:
+    except _RAISED as error:
         return failed_result(run, described(error))
 
 
@@ -139,7 +141,7 @@ def _measured(made: RunInMemory, number: int, metrics: Sequence[str], after: flo
     for path in filter(is_own, metrics):
         try:
             values[path] = float(own_metric(path)(made))
-        except Exception as error:
+        except _RAISED as error:
             values[path] = math.nan
             reasons.append(f'{path}: {type(error).__name__}: {one_line(error)}')
     last_tick, digest = len(made.ticks) - 1, signals_digest(made)
@@ -165,9 +167,9 @@ def record_run(directory: Path, run: CampaignRun) -> str:
     # Late: most campaigns record nothing.
     from hdd_servo_ros.simulation.simulate import simulate
 
-    with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
-        further = {'bag_recorder:run_dir': str(directory), 'deterministic_timer:record': True}
-        exit_code, _ = simulate(Simulation(run.arguments(further)), progress=False)
+    further = {'bag_recorder:run_dir': str(directory), 'deterministic_timer:record': True}
+    # What it warns of is in the table, or the same for many runs.
+    exit_code, _ = simulate(Simulation(run.arguments(further)), progress=False, log=lambda line: None)
     end_if_signaled(exit_code)
     return signals_digest(RecordedRun.open(directory))
 
@@ -183,5 +185,8 @@ def prepare(metrics: Sequence[str], after: float | None, run: CampaignRun) -> No
     """
     with contextlib.suppress(Exception):
         simulation = Simulation(run.arguments())
+        if simulation.rig.controller not in CONTROLLERS:
+            # It is not compiled, and what it does is to be a row of the table.
+            return
         simulation.last_tick = min(simulation.last_tick, _PREPARING_TICKS)
         _measured(run_in_memory(simulation), run.number, [name for name in metrics if not is_own(name)], after)

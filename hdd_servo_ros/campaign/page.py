@@ -6,6 +6,7 @@ One HTML file that needs nothing else; plotly.js is in it.
 
 import html
 import math
+import shlex
 import string
 from collections.abc import Sequence
 from importlib.resources import files
@@ -21,7 +22,7 @@ from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.outcome import FINISHED
 
 WORST = 10
-"""Runs in the table of the worst."""
+"""Runs in the table of the worst, of those that finished and of those that did not."""
 _COLUMNS = 3
 _ROW_HEIGHT = 260
 _COLORS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#e377c2', '#7f7f7f')
@@ -53,8 +54,14 @@ def write_page(campaign: Campaign, table: Table, folder: Path) -> Path:
         subtitle=html.escape(f'{len(table)} runs, {failed} of which did not finish.'),
         plotly=get_plotlyjs(),
         summary=_summary(table, metrics),
-        worst_by=html.escape(f'Runs that did not finish, then by {_label(table, metric)}.') if metric else '',
-        worst=_worst(campaign, table, metric, folder) if metric else '',
+        worst_by=html.escape(
+            f'Runs that did not finish, at most {WORST}, then those with the largest absolute value of '
+            f'{_label(table, metric)}.'
+            if metric
+            else f'Runs that did not finish, at most {WORST}; no run has a metric.'
+        ),
+        worst=_worst(campaign, table, metric, folder),
+        check=html.escape(f'ros2 run hdd_servo_ros campaign --check {shlex.quote(str(folder.resolve()))} RUN_DIR'),
         figures=in_script(
             {
                 'distributions': _distributions(table, metrics),
@@ -196,14 +203,24 @@ def _parallel(table: Table, parameters: Sequence[str], metrics: Sequence[str], m
     if metric:
         title = {'text': html.escape(_label(table, metric))}
         line = {'color': _finite(table[metric]), 'showscale': True, 'colorbar': {'title': title}}
-    return {'data': [{'type': 'parcoords', 'dimensions': dimensions, 'line': line}], 'layout': {'height': 420}}
+    # Names of metrics are longer than the axes are apart.
+    trace = {'type': 'parcoords', 'dimensions': dimensions, 'line': line, 'labelangle': -25}
+    return {'data': [trace], 'layout': {'height': 480, 'margin': {'t': 140}}}
 
 
 def _worst(campaign: Campaign, table: Table, metric: str, folder: Path) -> str:
-    values, status, verdicts = table[metric], table['status'], table['verdict']
     lines = []
-    for number in campaign.worst(table, metric, WORST):
-        run = campaign.plan[number]
+    # Files that parameters name may be relative to where the campaign was started.
+    start = f'cd {shlex.quote(str(Path.cwd()))} && '
+    numbers = campaign.worst(table, '', WORST)
+    if metric:
+        numbers += campaign.worst(table.where(status=FINISHED), metric, WORST)
+    for number in numbers:
+        run, row = campaign.plan[number], table[number]
         command = run.command(base_file(folder, run.controller), f'runs/{campaign.spec.name}-{run_name(run)}')
-        lines.append([str(number), run.controller, f'{values[number]:.5g}', status[number], verdicts[number], command])
-    return _html_table(['run', 'controller', metric, 'status', 'verdict', 'command'], lines, (1, 3, 4, 5))
+        value = [f'{row[metric]:.5g}'] if metric else []
+        lines.append(
+            [str(number), run.controller, *value, row['status'], row['verdict'], row['reason'], start + command]
+        )
+    head = ['run', 'controller', *([metric] if metric else []), 'status', 'verdict', 'reason', 'command']
+    return _html_table(head, lines, [column for column in range(1, len(head)) if head[column] != metric])

@@ -5,14 +5,17 @@ import hashlib
 import itertools
 import json
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from hdd_servo_ros.campaign.elements import element, list_and_index, with_elements
+from hdd_servo_ros.campaign.points import Point
 from hdd_servo_ros.campaign.sampling import scaled
-from hdd_servo_ros.campaign.spec import CampaignController, Point, Spec
+from hdd_servo_ros.campaign.spec import CampaignController, Spec
 from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.roles import PLAYBACK
+from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, did_you_mean, parse_ros_arguments
 from hdd_servo_ros.parameters.ros_yaml import written, written_file
 from hdd_servo_ros.reporting.evaluation import REFERENCE_GENERATOR
@@ -87,7 +90,7 @@ class CampaignRun:
         return f'ros2 run hdd_servo_ros simulate --ros-args {shlex.join(arguments)}'
 
 
-class Plan:
+class Plan(Sequence[CampaignRun]):
     """
     All runs of a campaign.
 
@@ -109,6 +112,7 @@ class Plan:
         self.spec = spec
         self._bases = {controller.name: _Base(spec, controller) for controller in spec.controllers}
         self._check_varied()
+        self._check_after()
 
     def __len__(self) -> int:
         return self.spec.count
@@ -118,10 +122,29 @@ class Plan:
         for number, (point, controller, seed) in enumerate(combinations):
             yield self._run(number, point, controller, seed)
 
-    def __getitem__(self, number: int) -> CampaignRun:
-        """Return a run by its number; raises IndexError if there is none."""
-        if not 0 <= number < len(self):
+    @property
+    def extent(self) -> str:
+        """How many runs, and of what they are the product."""
+        spec = self.spec
+        parts = [f'{len(spec.points)} points', f'{len(spec.controllers)} controllers', f'{len(spec.seeds)} seeds']
+        return f'{len(self)} runs, {" x ".join(parts)}'
+
+    def __repr__(self) -> str:
+        return f'Plan({self.extent}, varied: {", ".join(self.varied) or "nothing"})'
+
+    @overload
+    def __getitem__(self, number: int) -> CampaignRun: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[CampaignRun]: ...
+
+    def __getitem__(self, number: int | slice) -> CampaignRun | list[CampaignRun]:
+        """Return a run by its number, from the end if it is negative; raises IndexError if there is none."""
+        if isinstance(number, slice):
+            return [self[one] for one in range(len(self))[number]]
+        if not -len(self) <= number < len(self):
             raise IndexError(f'there is no run {number}, only 0 to {len(self) - 1}')
+        number %= len(self)
         rest, seed = divmod(number, len(self.spec.seeds))
         point, controller = divmod(rest, len(self.spec.controllers))
         spec = self.spec
@@ -150,14 +173,35 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """Digest of all that the table depends on: every run's parameters, what is measured, and the version."""
+        """
+        Digest of all parameters that the table depends on, of what is measured, and of the version.
+
+        What the runs read beside them has :attr:`sources`.
+        """
+        spec = self.spec
         digest = hashlib.blake2b(digest_size=16)
-        digest.update(json.dumps([__version__, self.spec.metrics, self.spec.after]).encode())
+        controllers = [controller.name for controller in spec.controllers]
+        digest.update(json.dumps([__version__, spec.metrics, spec.after, controllers, list(spec.seeds)]).encode())
         for text in self.base_files().values():
             digest.update(text.encode())
-        for run in self:
-            digest.update(json.dumps([run.controller, run.seed, dict(run.varied)]).encode())
+        for point in spec.points:
+            values = [[key, varied.value, varied.times_base] for key, varied in point.items()]
+            digest.update(json.dumps(values).encode())
         return digest.hexdigest()
+
+    @property
+    def files(self) -> Iterator[object]:
+        """The values of parameters, beside those of the nodes, that may name files which the runs read."""
+        for base in self._bases.values():
+            yield from base.arguments.parameters_of(PLAYBACK).values()
+        texts = {key for point in self.spec.points[:1] for key, varied in point.items() if type(varied.value) is str}
+        if texts:
+            yield from dict.fromkeys(point[key].value for point in self.spec.points for key in texts)
+
+    @property
+    def nodes(self) -> list[dict[str, dict[str, Any]]]:
+        """Of each controller the nodes of its runs, with the parameters of the base."""
+        return [base.nodes for base in self._bases.values()]
 
     def base_files(self) -> dict[str, str]:
         """Return for each controller, by its name, a parameter file of what all its runs have in common."""
@@ -170,6 +214,11 @@ class Plan:
             name, index = list_and_index(key)
             if name not in known:
                 node = name.partition(':')[0]
+                if node == 'rig':
+                    other = '; list them under `controllers`' if name == 'rig:controller' else ''
+                    raise ArgumentError(
+                        f'vary: {key} does not vary, but can be in `set` of an entry of `controllers`{other}'
+                    )
                 if node not in names_with_parameters():
                     hint = did_you_mean(node, names_with_parameters())
                     raise ArgumentError(f'vary: {key}: no such node{hint}')
@@ -183,6 +232,15 @@ class Plan:
                 for base in self._bases.values():
                     scaled(base.value(key), 1.0, f'vary: {key}')
 
+    def _check_after(self) -> None:
+        """Refuse a time before which errors do not count that is behind the end of all runs with a controller."""
+        after = self.spec.after
+        if after is None or any(key.startswith('deterministic_timer:') for key in self.varied):
+            return
+        for name, base in self._bases.items():
+            if base.end is not None and after > base.end:
+                raise ArgumentError(f'after: {after:g} s is not allowed: the runs of {name} end at {base.end:g} s')
+
 
 class _Base:
     """What all runs with a controller have in common."""
@@ -194,8 +252,15 @@ class _Base:
         settings = {**spec.values, **controller.values, 'rig:controller': controller.controller}
         for key, value in {**settings, 'rig:plot': False, 'deterministic_timer:progress': False}.items():
             command += ['-p', f'{key}:={written(value)}']
-        self.arguments = parse_ros_arguments(command)
-        nodes = Simulation(self.arguments).nodes
+        try:
+            self.arguments = parse_ros_arguments(command)
+            simulation = Simulation(self.arguments)
+        except (ParameterError, ArgumentError) as error:
+            raise ArgumentError(f'{_entry(error, spec, controller)}: {error}') from error
+        timer = simulation.timer
+        self.end = simulation.last_tick * timer.sample_time if timer.duration > 0.0 else None
+        """When its runs end [s], None if that depends on a plan."""
+        self.nodes = nodes = simulation.nodes
         self.values: dict[str, Any] = {
             f'{name.rsplit("/", 1)[-1]}:{parameter}': value
             for name, node in nodes.items()
@@ -216,3 +281,14 @@ class _Base:
                 f'vary: {key}: times_base is not allowed: a controller of the campaign has no such value'
             )
         return self.values[name] if index is None else element(self.values[name], key, 'vary')
+
+
+def _entry(error: ParameterError | ArgumentError, spec: Spec, controller: CampaignController) -> str:
+    """Return the entry of the specification that an error of the parameters with a controller is about."""
+    own = f'controllers: {controller.name}'
+    for values, entry in ((controller.values, f'{own}: set'), (spec.values, 'set')):
+        for key in values:
+            is_unknown = key.partition(':')[0] not in names_with_parameters()
+            if error.name == key if isinstance(error, ParameterError) else is_unknown:
+                return entry
+    return own

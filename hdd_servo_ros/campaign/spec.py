@@ -1,15 +1,15 @@
 """The specification of a campaign: what runs, what varies, what is measured, and which runs are recorded."""
 
 import dataclasses
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hdd_servo_ros.campaign.case import parameter_file
 from hdd_servo_ros.campaign.elements import check_notation, check_once
+from hdd_servo_ros.campaign.points import MOST, Block, Column, Point, Points
+from hdd_servo_ros.campaign.points import Varied as Varied
 from hdd_servo_ros.campaign.sampling import (
     DISTRIBUTIONS,
     PLANS,
@@ -19,9 +19,9 @@ from hdd_servo_ros.campaign.sampling import (
     shares,
     values_of_range,
 )
-from hdd_servo_ros.messages.plain_yaml import read_yaml
+from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters.files import ArgumentError
-from hdd_servo_ros.parameters.ros_yaml import scalar
+from hdd_servo_ros.parameters.ros_yaml import RosYamlError, read_entries, scalar
 
 ALL = 'all'
 KEEP = ('none', 'failed', 'worst', 'all')
@@ -30,25 +30,13 @@ _CONTROLLER_KEYS = ('name', 'controller', 'files', 'set')
 _PLAN_KEYS = ('runs', 'plan', 'seed', 'draw')
 _WORST_KEYS = ('worst', 'of')
 
-Point = dict[str, 'Varied']
-"""What one run sets, under ``'node:parameter'``, elements of lists under ``'node:parameter[index]'``."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Varied:
-    """
-    What a parameter takes in one run.
-
-    Attributes
-    ----------
-    value
-        The value, or the factor of the base value.
-    times_base
-        Whether the value is a factor of the base value, of each element where that is a list.
-    """
-
-    value: object
-    times_base: bool = False
+_LARGEST_INTEGER = 2**63 - 1
+_KINDS: tuple[tuple[type | tuple[type, ...], str], ...] = (
+    (bool, 'true or false'),
+    ((int, float), 'a number'),
+    (str, 'a text'),
+    (tuple, 'a list'),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,7 +93,7 @@ class Spec:
     keep
         Which runs are recorded: ``none``, ``failed``, ``worst`` or ``all``.
     worst, worst_of
-        For ``worst``: how many, and by which metric: the largest, after those that failed.
+        For ``worst``: how many, and by which metric: those that failed, then the largest absolute values.
     """
 
     name: str
@@ -141,13 +129,11 @@ def read_spec(path: Path) -> Spec:
         If it cannot be read, or an entry is not allowed; names the file and the entry.
     """
     try:
-        content = read_yaml(path)
+        content = read_entries(path.read_bytes())
     except OSError as error:
         raise ArgumentError(f'specification {path}: {error.strerror or error}') from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise ArgumentError(f'specification {path} is not YAML: {" ".join(str(error).split())}') from None
-    if not isinstance(content, dict):
-        raise ArgumentError(f'specification {path} is not a mapping; its entries are {", ".join(_KEYS)}')
+    except RosYamlError as error:
+        raise ArgumentError(f'specification {path} is not allowed: {error}') from None
     try:
         return spec_of(content, path.resolve().parent, path.stem)
     except ArgumentError as error:
@@ -174,20 +160,27 @@ def spec_of(content: Mapping[str, Any], directory: Path, name: str = 'campaign')
     """
     only_keys(content, _KEYS, 'top level')
     keep, worst, worst_of = _keep(content.get('keep', 'none'))
+    metrics = _metrics(content.get('metrics', ALL))
+    if worst_of and worst_of not in metrics and (ALL not in metrics or ':' in worst_of):
+        raise ArgumentError(f'keep: of: {worst_of!r} is not among the metrics of the campaign: {", ".join(metrics)}')
     after = content.get('after')
-    return Spec(
+    spec = Spec(
         name=_file_name(content.get('name', name)),
         files=_files(content.get('files', []), directory, 'files'),
         values=_values(content.get('set', {}), 'set'),
         controllers=_controllers(content.get('controllers', ['adaptive_nn']), directory),
         points=_points(content.get('vary', [])),
         seeds=_seeds(content.get('seeds')),
-        metrics=_metrics(content.get('metrics', ALL)),
+        metrics=metrics,
         after=None if after is None else _number(after, 'after', least=0.0),
         keep=keep,
         worst=worst,
         worst_of=worst_of,
     )
+    if spec.count > MOST:
+        counts = f'{len(spec.points)} points x {len(spec.controllers)} controllers x {len(spec.seeds)} seeds'
+        raise ArgumentError(f'{counts} are {spec.count} runs; a campaign has at most {MOST}')
+    return spec
 
 
 def _file_name(name: object) -> str:
@@ -211,15 +204,19 @@ def _mapping(value: object, where: str) -> Mapping[str, Any]:
 def _number(value: object, where: str, least: float | None = None) -> float:
     plain = scalar(value) if isinstance(value, str) else value
     if isinstance(plain, bool) or not isinstance(plain, int | float):
-        raise ArgumentError(f'{where}: {value!r} is not a number')
+        raise ArgumentError(f'{where}: {shown(value)} is not a number')
+    if not math.isfinite(plain):
+        raise ArgumentError(f'{where}: {value!r} is not a finite number')
     if least is not None and not plain >= least:
         raise ArgumentError(f'{where}: {value!r} is not at least {least:g}')
     return float(plain)
 
 
-def _whole(value: object, where: str, least: int) -> int:
+def _whole(value: object, where: str, least: int, most: int = _LARGEST_INTEGER) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ArgumentError(f'{where}: {value!r} is not an integer of at least {least}')
+        raise ArgumentError(f'{where}: {shown(value)} is not an integer of at least {least}')
+    if value > most:
+        raise ArgumentError(f'{where}: {shown(value)} is not an integer of at most {most}')
     return value
 
 
@@ -242,12 +239,12 @@ def _key(key: str, where: str) -> str:
 
 
 def _value(value: object, where: str) -> object:
-    """Return a value as a parameter file has it; YAML 1.1 takes ``1e-3`` for a text."""
-    if isinstance(value, str):
-        return scalar(value)
+    """Return a value as a run takes it."""
     if isinstance(value, list):
         return tuple(_value(element, where) for element in value)
-    if isinstance(value, bool | int | float):
+    if isinstance(value, int) and not -_LARGEST_INTEGER - 1 <= value <= _LARGEST_INTEGER:
+        raise ArgumentError(f'{where}: {shown(value)} is not allowed: an integer has 64 bits')
+    if isinstance(value, bool | int | float | str):
         return value
     raise ArgumentError(f'{where}: {value!r} is not the value of a parameter')
 
@@ -267,9 +264,12 @@ def _controllers(value: object, directory: Path) -> tuple[CampaignController, ..
         controller = fields.get('controller')
         if not isinstance(controller, str):
             raise ArgumentError(f'controllers: {dict(fields)!r} has no controller')
-        files = _files(fields.get('files', []), directory, 'controllers: files')
-        values = _values(fields.get('set', {}), 'controllers: set')
-        found.append(CampaignController(str(fields.get('name', controller)), controller, files, values))
+        name = fields.get('name', controller)
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f'controllers: name: {name!r} is not a text')
+        files = _files(fields.get('files', []), directory, f'controllers: {name}: files')
+        values = _values(fields.get('set', {}), f'controllers: {name}: set')
+        found.append(CampaignController(name, controller, files, values))
     names = [controller.file_name for controller in found]
     for name in names:
         if names.count(name) > 1:
@@ -285,7 +285,7 @@ def _seeds(value: object) -> tuple[int | None, ...]:
         if len(set(found)) < len(found):
             raise ArgumentError(f'seeds: {value!r} has a seed twice')
         return tuple(found)
-    return tuple(range(1, _whole(value, 'seeds', 1) + 1))
+    return tuple(range(1, _whole(value, 'seeds', 1, MOST) + 1))
 
 
 def _metrics(value: object) -> tuple[str, ...]:
@@ -301,46 +301,45 @@ def _keep(value: object) -> tuple[str, int, str]:
         return value, 0, ''
     if isinstance(value, Mapping) and 'worst' in value:
         only_keys(value, _WORST_KEYS, 'keep')
-        return 'worst', _whole(value['worst'], 'keep: worst', 1), str(value.get('of', ''))
+        of = value.get('of', '')
+        if not isinstance(of, str):
+            raise ArgumentError(f'keep: of: {of!r} is not the name of a metric')
+        return 'worst', _whole(value['worst'], 'keep: worst', 1), of
     raise ArgumentError(f'keep: {value!r} is not none, failed, all or {{worst: COUNT, of: METRIC}}')
 
 
-def _points(value: object) -> list[Point]:
+def _points(value: object) -> Points:
     """Return what each run sets: the blocks of ``vary`` are crossed, the parameters of a block are zipped."""
     if isinstance(value, Mapping):
         value = [value]
-    blocks = [list(_block(_mapping(block, 'vary'))) for block in value] if isinstance(value, list) else None
-    if blocks is None:
+    if not isinstance(value, list):
         raise ArgumentError(f'vary: {value!r} is not a list of blocks')
-    points: list[Point] = []
-    for chosen in itertools.product(*blocks):
-        keys = [key for point in chosen for key in point]
-        twice = next((key for key in keys if keys.count(key) > 1), None)
-        if twice is not None:
-            raise ArgumentError(f'vary: {twice} is in two blocks')
-        if not points:
-            check_once(keys, 'vary')
-        points.append({key: varied for point in chosen for key, varied in point.items()})
-    return points
+    blocks = [_block(_mapping(block, 'vary')) for block in value]
+    keys = [key for block in blocks for key in block.columns]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice is not None:
+        raise ArgumentError(f'vary: {twice} is in two blocks')
+    check_once(keys, 'vary')
+    return Points(blocks)
 
 
-def _block(block: Mapping[str, Any]) -> Iterator[Point]:
+def _block(block: Mapping[str, Any]) -> Block:
+    if not block:
+        raise ArgumentError('vary: a block has no parameter; without `vary` each controller runs once')
     if 'draw' in block:
-        yield from _drawn(block)
-        return
+        return _drawn(block)
     columns = {_key(key, 'vary'): _column(found, f'vary: {key}') for key, found in block.items()}
-    lengths = {key: len(column) for key, column in columns.items()}
+    lengths = {key: len(column.values) for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
         listed = ', '.join(f'{key} has {length}' for key, length in lengths.items())
         raise ArgumentError(f'vary: the parameters of a block have equally many values, but {listed}')
-    for row in zip(*columns.values(), strict=True):
-        yield dict(zip(columns, row, strict=True))
+    return Block(columns)
 
 
-def _column(value: object, where: str) -> list[Varied]:
+def _column(value: object, where: str) -> Column:
     """Return the values of one parameter: a list, or a range."""
     if isinstance(value, list):
-        return [Varied(_value(found, where)) for found in _list(value, where)]
+        return Column(_of_one_kind([_value(found, where) for found in _list(value, where)], where))
     fields = _mapping(value, where)
     only_keys(fields, (*RANGES, 'values', 'times_base'), where)
     times_base = _flag(fields, where)
@@ -350,11 +349,23 @@ def _column(value: object, where: str) -> list[Varied]:
     numbers = _list(fields[kinds[0]], where)
     if kinds == ['values']:
         found = [_number(value, where) if times_base else _value(value, where) for value in numbers]
-        return [Varied(value, times_base) for value in found]
-    plain = [scalar(number) if isinstance(number, str) else number for number in numbers]
+        return Column(_of_one_kind(found, where), times_base)
+    plain: list[Any] = [scalar(number) if isinstance(number, str) else number for number in numbers]
     for number in plain:
         _number(number, where)
-    return [Varied(value, times_base) for value in values_of_range(kinds[0], plain, where)]
+    if len(plain) == 3 and plain[2] > MOST:
+        raise ArgumentError(
+            f'{where}: {kinds[0]}: {plain[2]} values are not allowed: a campaign has at most {MOST} runs'
+        )
+    return Column(values_of_range(kinds[0], plain, where), times_base)
+
+
+def _of_one_kind(values: list[object], where: str) -> list[object]:
+    """Refuse values of different types: a parameter has one type, and so has a column of the table."""
+    kinds = list(dict.fromkeys(next(name for types, name in _KINDS if isinstance(value, types)) for value in values))
+    if len(kinds) > 1:
+        raise ArgumentError(f'{where}: {shown(values)} holds {kinds[0]} and {kinds[1]}: all are to be of one type')
+    return values
 
 
 def _flag(fields: Mapping[str, Any], where: str) -> bool:
@@ -364,9 +375,9 @@ def _flag(fields: Mapping[str, Any], where: str) -> bool:
     return flag
 
 
-def _drawn(block: Mapping[str, Any]) -> Iterator[Point]:
+def _drawn(block: Mapping[str, Any]) -> Block:
     only_keys(block, _PLAN_KEYS, 'vary')
-    runs = _whole(block.get('runs'), 'vary: runs', 1)
+    runs = _whole(block.get('runs'), 'vary: runs', 1, MOST)
     plan = block.get('plan', 'random')
     if plan not in PLANS:
         raise ArgumentError(f'vary: plan: {plan!r} is none of {", ".join(PLANS)}')
@@ -374,7 +385,7 @@ def _drawn(block: Mapping[str, Any]) -> Iterator[Point]:
     if not drawn:
         raise ArgumentError('vary: draw: no parameter is drawn')
     points = shares(plan, _whole(block.get('seed', 1), 'vary: seed', 0), runs, len(drawn))
-    columns: dict[str, list[Varied]] = {}
+    columns: dict[str, Column] = {}
     for (key, entry), column in zip(drawn.items(), points.T, strict=True):
         where = f'vary: draw: {key}'
         fields = _mapping(entry, where)
@@ -383,11 +394,10 @@ def _drawn(block: Mapping[str, Any]) -> Iterator[Point]:
         numbers = fields[kinds[0]] if len(kinds) == 1 else None
         if not isinstance(numbers, list) or len(numbers) != 2:
             raise ArgumentError(f'{where}: {dict(fields)!r} is not one of {", ".join(DISTRIBUTIONS)}: [NUMBER, NUMBER]')
+        first, second = (_number(number, where) for number in numbers)
         try:
-            distribution = Distribution(kinds[0], _number(numbers[0], where), _number(numbers[1], where))
+            distribution = Distribution(kinds[0], first, second)
         except ArgumentError as error:
             raise ArgumentError(f'{where}: {error}') from None
-        times_base = _flag(fields, where)
-        columns[_key(key, 'vary: draw')] = [Varied(value, times_base) for value in distribution.at(column)]
-    for row in zip(*columns.values(), strict=True):
-        yield dict(zip(columns, row, strict=True))
+        columns[_key(key, 'vary: draw')] = Column(distribution.at(column), _flag(fields, where))
+    return Block(columns)

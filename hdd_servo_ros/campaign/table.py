@@ -8,13 +8,16 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.errors import MissingExtra
+from hdd_servo_ros.parameters.files import did_you_mean
 
+_TOO_LARGE = 2**63
+"""Integers from here on have no place in 64 bits."""
 _SHOWN_COLUMNS = 8
 _SHOWN_ROWS = 10
 
@@ -31,6 +34,22 @@ class Table:
         The columns.
     units
         Units of those that have one.
+
+    Raises
+    ------
+    ValueError
+        If the columns have different lengths.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.campaign import Table
+    >>> table = Table({'controller': ['pid', 'adaptive_nn'], 'rms_error': [6.3, 1.4]}, {'rms_error': 'nm'})
+    >>> table.where(controller='pid')['rms_error'].tolist(), table.units
+    ([6.3], {'rms_error': 'nm'})
+    >>> print(table.csv(), end='')
+    controller,rms_error
+    pid,6.3
+    adaptive_nn,1.4
     """
 
     def __init__(self, columns: Mapping[str, Sequence[Any]], units: Mapping[str, str] | None = None) -> None:
@@ -52,11 +71,43 @@ class Table:
     def __contains__(self, name: str) -> bool:
         return name in self._columns
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column, shape (runs,); raises KeyError, which lists the columns, if there is none."""
-        if name not in self._columns:
-            raise KeyError(f'no column {name!r}; there are {", ".join(self._columns)}')
+    @overload
+    def __getitem__(self, name: str) -> NDArray[Any]: ...
+
+    @overload
+    def __getitem__(self, name: int) -> dict[str, Any]: ...
+
+    @overload
+    def __getitem__(self, name: slice) -> 'Table': ...
+
+    def __getitem__(self, name: str | int | slice) -> 'NDArray[Any] | dict[str, Any] | Table':
+        """
+        Return a column by its name, a row by its index as a mapping, or the rows of a slice as a table.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column; lists those that there are.
+        IndexError
+            If there is no such row.
+        """
+        if isinstance(name, slice):
+            return Table({key: column[name] for key, column in self._columns.items()}, self.units)
+        if isinstance(name, int):
+            if not -len(self) <= name < len(self):
+                raise IndexError(f'there is no row {name}, only 0 to {len(self) - 1}')
+            return {key: column[name] for key, column in self._columns.items()}
+        self._check(name)
         return np.array(self._columns[name])
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return self.rows()
+
+    def _check(self, name: str) -> None:
+        """Raise KeyError if there is no such column."""
+        if name not in self._columns:
+            hint = did_you_mean(name, self._columns)
+            raise KeyError(f'no column {name!r}{hint}; there are {", ".join(self._columns)}')
 
     def is_number(self, name: str) -> bool:
         """Return whether a column holds numbers only."""
@@ -68,9 +119,23 @@ class Table:
             yield dict(zip(self._columns, values, strict=True))
 
     def where(self, **values: Any) -> 'Table':
-        """Return the runs whose columns have these values, such as ``controller='pid'``."""
-        chosen = [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
-        return Table({name: [column[i] for i in chosen] for name, column in self._columns.items()}, self.units)
+        """
+        Return the runs whose columns have these values, such as ``controller='pid'``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column; lists those that there are.
+        """
+        for name in values:
+            self._check(name)
+        return self.take(
+            [index for index, row in enumerate(self.rows()) if all(row[key] == values[key] for key in values)]
+        )
+
+    def take(self, indices: Sequence[int]) -> 'Table':
+        """Return some of the rows, by their indices."""
+        return Table({name: [column[i] for i in indices] for name, column in self._columns.items()}, self.units)
 
     def csv(self) -> str:
         """Return the table as comma-separated values; floats have all their digits."""
@@ -103,7 +168,7 @@ class Table:
             from pyarrow import parquet
         except ImportError:
             raise MissingExtra('Parquet', 'pyarrow') from None
-        arrays = [pa.array(column) for column in self._columns.values()]
+        arrays = [pa.array(_of_one_type(column)) for column in self._columns.values()]
         fields = [
             pa.field(name, array.type, metadata={'unit': self.units[name]} if name in self.units else None)
             for name, array in zip(self._columns, arrays, strict=True)
@@ -136,6 +201,15 @@ def _plain(value: Any) -> int | float | str:
     if isinstance(value, tuple | list):
         return json.dumps(value)
     return value if isinstance(value, int | float) else str(value)
+
+
+def _of_one_type(column: list[Any]) -> list[Any]:
+    """Return a column as Parquet has it: doubles where integers are mixed with them, texts where any is a text."""
+    if any(isinstance(value, str) for value in column):
+        return list(map(str, column))
+    if any(isinstance(value, float) or abs(value) >= _TOO_LARGE for value in column):
+        return list(map(float, column))
+    return column
 
 
 def _shown(value: object) -> str:

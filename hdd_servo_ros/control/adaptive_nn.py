@@ -13,9 +13,9 @@ from hdd_servo_ros.control.adaptive_nn_kernel import (
     ESTIMATES,
     STATE,
     WEIGHT_LAW,
-    adaptive_nn_step,
 )
-from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters
+from hdd_servo_ros.control.adaptive_nn_kernel import adaptive_nn_step as adaptive_nn_step
+from hdd_servo_ros.control.adaptive_nn_parameters import AdaptiveNnParameters as AdaptiveNnParameters
 from hdd_servo_ros.control.desired_compensation import REGRESSORS
 from hdd_servo_ros.control.rbf import largest_square_sum, lattice
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs
@@ -37,14 +37,12 @@ AdaptiveNnArrays = tuple[
     NDArray[np.float64],
 ]
 
-__all__ = ['AdaptiveNn', 'AdaptiveNnParameters', 'adaptive_nn_step']
-
 
 class AdaptiveNn:
     """
     The adaptive neural network controller of chapter 4.
 
-    With e = x - x_d, v = dx/dt,
+    With e = x - x_d, v = dx/dt::
 
         r = e' + lambda e                              (4.10)
         a_r = x_d'' - lambda e'                        (4.11)
@@ -68,6 +66,29 @@ class AdaptiveNn:
         Design constants. ``docs/controllers.md`` relates their names to the thesis's symbols.
     sample_time
         T [s].
+
+    Examples
+    --------
+    One tick with the head 0.1 um off, moving at 50 um/s:
+
+    >>> from hdd_servo_ros.control import AdaptiveNn, AdaptiveNnParameters, ControllerInputs
+    >>> controller = AdaptiveNn(AdaptiveNnParameters(), sample_time=1e-4)
+    >>> inputs = ControllerInputs(
+    ...     tick=0,
+    ...     position=0.1,
+    ...     velocity=50.0,
+    ...     displacement_volts=0.0125,
+    ...     velocity_volts=0.002,
+    ...     desired_position=0.0,
+    ...     desired_velocity=0.0,
+    ...     desired_acceleration=0.0,
+    ... )
+    >>> u, unsaturated, feedback = controller.step(inputs)  # V
+    >>> round(u, 6), round(feedback, 6)
+    (-0.028732, -0.028732)
+    >>> estimates = dict(zip(controller.estimate_names, controller.estimates.tolist(), strict=True))
+    >>> estimates['r'], estimates['sigma_hat']  # um/s, V s/um
+    (299.6, 6.9e-06)
     """
 
     estimate_names = ESTIMATE_NAMES
@@ -130,9 +151,9 @@ class AdaptiveNn:
     @property
     def gain_on_r(self) -> float:
         """
-        The linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] that the law comes to once its estimates follow |r|.
+        The linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] that the law comes to once its estimates follow r.
 
-        A steady |r| ends in phi_hat = |r|/sigma_phi and W_hat = S |r|/sigma_w, and these multiply sgn r. Where the
+        A steady r ends in ``phi_hat = |r|/sigma_phi`` and ``W_hat = S |r|/sigma_w``, which multiply sgn r. Where the
         widths adapt, the widest lattice counts.
         """
         p = self.parameters

@@ -121,6 +121,21 @@ class Observer:
     ----------
     estimates
         Estimated position [um] and velocity [um/s].
+
+    Notes
+    -----
+    Source: standard steady-state Kalman filter; ``docs/servo-sensor.md`` has its model.
+
+    Examples
+    --------
+    A head that moves at 1000 um/s without a command, seen at its positions alone:
+
+    >>> from hdd_servo_ros.control import Observer, ObserverParameters
+    >>> observer = Observer(ObserverParameters(stiffness=0.0, viscous_coefficient=0.0), sample_time=1e-4)
+    >>> for tick in range(50):
+    ...     position, velocity = observer.step(1000.0 * 1e-4 * tick, 0.0)
+    >>> round(position, 6), round(velocity, 3)  # um, um/s
+    (4.9, 1000.0)
     """
 
     estimate_names = ESTIMATE_NAMES

@@ -56,6 +56,18 @@ class OpenLoop:
         The limit.
     sample_time
         T [s].
+
+    Notes
+    -----
+    Source: the open-loop experiments of thesis sections 5.3 and 5.4.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.control import ControllerInputs, OpenLoop, OpenLoopParameters
+    >>> controller = OpenLoop(OpenLoopParameters(control_limit=1.0), sample_time=1e-4)
+    >>> controller.step(ControllerInputs(0, 0.0, 0.0, 0.0, 0.0, desired_position=1.5, desired_velocity=0.0,
+    ...                                  desired_acceleration=0.0))
+    (1.0, 1.5, 0.0)
     """
 
     estimate_names = ESTIMATE_NAMES

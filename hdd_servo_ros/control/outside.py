@@ -13,6 +13,8 @@ from hdd_servo_ros.messages.exit_codes import WRONG_ARGUMENTS
 from hdd_servo_ros.parameters import ParameterError
 
 TIME = 't'
+_RAISED = (Exception, SystemExit)
+"""What the class may raise: one that calls ``sys.exit()`` ends its run, not the process that makes it."""
 _OPTIONAL_METHODS = {
     'limit_output': 'a method limit_output(limit)',
     'warnings': 'a method warnings() that returns a list or tuple of texts',
@@ -68,7 +70,7 @@ class OutsideController:
             self._block = kind(parameters, sample_time)
         except ParameterError:
             raise
-        except Exception as error:
+        except _RAISED as error:
             raise ParameterError('controller', name, f'its __init__ raised {described(error)}') from error
         for attribute, wanted in _OPTIONAL_METHODS.items():
             found = getattr(self._block, attribute, None)
@@ -94,7 +96,7 @@ class OutsideController:
     def _limit_output(self, limit: float) -> None:
         try:
             self._block.limit_output(limit)
-        except Exception as error:
+        except _RAISED as error:
             raise ControllerError(self._name, self._tick, f'limit_output raised {described(error)}') from error
 
     def _warnings(self) -> tuple[str, ...]:
@@ -102,7 +104,7 @@ class OutsideController:
             lines = self._block.warnings()
             # A text is iterable too, letter by letter.
             found = tuple(lines) if isinstance(lines, Iterable) and not isinstance(lines, str) else (None,)
-        except Exception as error:
+        except _RAISED as error:
             raise ControllerError(self._name, self._tick, f'warnings raised {described(error)}') from error
         if not all(isinstance(line, str) for line in found):
             reason = f'warnings returned {lines!r}, not a list or tuple of texts,'
@@ -113,7 +115,7 @@ class OutsideController:
         # The run has failed already: what is wrong with the reason must not hide that, and is the reason then.
         try:
             reason = self._block.fault()
-        except Exception as error:
+        except _RAISED as error:
             return str(ControllerError(self._name, self._tick, f'fault raised {described(error)}'))
         if not isinstance(reason, str):
             return str(ControllerError(self._name, self._tick, f'fault returned {reason!r}, not a text,'))
@@ -122,7 +124,7 @@ class OutsideController:
     def _planned_last_tick(self) -> int:
         try:
             tick = self._block.last_tick
-        except Exception as error:
+        except _RAISED as error:
             raise ParameterError('controller', self._name, f'its last_tick raised {described(error)}') from error
         if not isinstance(tick, int | np.integer) or isinstance(tick, bool) or tick < 0:
             reason = f'its last_tick = {tick!r} is not the last tick of a plan, an integer at least 0'
@@ -133,7 +135,7 @@ class OutsideController:
         """Take other parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""
         try:
             self._block.update(parameters)
-        except Exception as error:
+        except _RAISED as error:
             raise ControllerError(self._name, self._tick, f'update raised {described(error)}') from error
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
@@ -148,7 +150,7 @@ class OutsideController:
         tick = self._tick = inputs.tick
         try:
             answer = self._block.step(inputs)
-        except Exception as error:
+        except _RAISED as error:
             raise ControllerError(self._name, tick, f'step raised {described(error)}') from error
         if self._has_estimates:
             self._take_estimates(tick)

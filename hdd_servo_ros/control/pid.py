@@ -164,7 +164,7 @@ class Pid:
     """
     PID controller in parallel form with filtered derivative, anti-windup and feedforward.
 
-    With e = x - x_d, the sign of (4.10),
+    With e = x - x_d, the sign of (4.10)::
 
         u = -(k_p e + k_i int e dt + k_d de/dt) + k_v dx_d/dt + k_a d2x_d/dt2.
 
@@ -181,6 +181,30 @@ class Pid:
         Gains, sources and limits.
     sample_time
         T [s].
+
+    Notes
+    -----
+    Source: a standard form; thesis section 4.4 compares with a PID controller that it does not specify.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.control import ControllerInputs, Pid, PidParameters
+    >>> controller = Pid(PidParameters(), sample_time=1e-4)
+    >>> inputs = ControllerInputs(
+    ...     tick=0,
+    ...     position=0.1,
+    ...     velocity=50.0,
+    ...     displacement_volts=0.0125,
+    ...     velocity_volts=0.002,
+    ...     desired_position=0.0,
+    ...     desired_velocity=0.0,
+    ...     desired_acceleration=0.0,
+    ... )
+    >>> u, unsaturated, feedback = controller.step(inputs)  # V
+    >>> round(u, 6)
+    -0.070266
+    >>> -round(0.627 * 0.1 + 61.6 * 1e-4 * 0.1 + 1.39e-4 * 50.0, 6)  # proportional, integral, derivative
+    -0.070266
     """
 
     estimate_names = ESTIMATE_NAMES

@@ -1,1 +1,22 @@
 """What acts on a drive in use: runout, flutter, windage, vibration and shock; no ROS, no clock."""
+
+from typing import TYPE_CHECKING
+
+from hdd_servo_ros.lazy import lazily
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
+    from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
+
+__all__ = [
+    'DisturbanceGenerator',
+    'DisturbanceParameters',
+]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        'DisturbanceGenerator': '.generator',
+        'DisturbanceParameters': '.parameters',
+    },
+)

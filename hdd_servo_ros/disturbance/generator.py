@@ -57,6 +57,24 @@ class DisturbanceGenerator:
     ParameterError
         If a file cannot be used, or a source does not go with T: a frequency beyond half the sampling frequency, or a
         sequence per sector where a revolution has no whole number of samples.
+
+    Notes
+    -----
+    Source: models of this package, with the values and papers in ``docs/mobile.md`` and ``docs/runout.md``.
+
+    Examples
+    --------
+    A half-sine shock of 10 g for 1 ms:
+
+    >>> from hdd_servo_ros.disturbance import DisturbanceGenerator, DisturbanceParameters
+    >>> from hdd_servo_ros.parameters import from_mapping
+    >>> shock = {'shock.enabled': True, 'shock.linear_amplitude': 10.0, 'shock.duration': 0.001, 'shock.time': 0.001}
+    >>> generator = DisturbanceGenerator(from_mapping(DisturbanceParameters, shock), sample_time=1e-4)
+    >>> force, base = generator.rows(0, 30)
+    >>> force.shape, base.shape
+    ((30, 3), (30, 6))
+    >>> round(float(base[:, 1].max()), 2)  # m/s^2, along y
+    96.46
     """
 
     topics: tuple[LoopTopic, ...] = (DISTURBANCE, BASE_ACCELERATION)

@@ -24,6 +24,17 @@ class ActuatorParameters(ParameterSet):
     ``rigid`` is the reduced model (3.16)-(3.18), whose gain k_t k_a l_arm/J follows from the data here; ``current`` and
     ``voltage`` add the electrical dynamics to it. The defaults give (5.1) with a rigid or current driver; they are
     illustrative otherwise, for the thesis prints none of them.
+
+    Notes
+    -----
+    Source: thesis eqs. (3.1) to (3.18).
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.drive import ActuatorParameters
+    >>> actuator = ActuatorParameters(driver='current', coil_resistance=10.0)
+    >>> round(actuator.torque_constant, 6), round(actuator.gain)  # N m/A, um/s^2/V
+    (0.08, 40968000)
     """
 
     driver: str = parameter(

@@ -50,6 +50,19 @@ class ResonanceParameters(ParameterSet):
     ``form`` says which of the lists are read, so that a parameter file can change the form without emptying the lists
     of another: ``sections`` reads numerators and denominators, ``two_parameter`` frequencies and damping ratios in
     series (3.19), ``parallel`` frequencies, damping ratios and signed residues.
+
+    Notes
+    -----
+    Source: thesis eqs. (3.19), (5.2) to (5.5).
+
+    Examples
+    --------
+    One parallel mode:
+
+    >>> from hdd_servo_ros.drive import ResonanceParameters
+    >>> mode = ResonanceParameters(form='parallel', frequencies=(5000.0,), damping_ratios=(0.02,), residues=(-1.0,))
+    >>> mode.frequencies
+    (5000.0,)
     """
 
     form: str = parameter('sections', 'how the resonances are given', choices=FORMS)

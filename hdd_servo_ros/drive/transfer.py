@@ -295,6 +295,27 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
 
     States: driver b, c as far as the driver has them and they are not instant, rigid body x, v, then q w and q' of each
     mode with its natural frequency w. Outputs: head position [um] and head velocity [um/s]. Input: control [V].
+
+    Parameters
+    ----------
+    parameters
+        The drive; its friction is left out.
+
+    Returns
+    -------
+    a, b, c, d
+        Matrices of shapes (n, n), (n, 1), (2, n) and (2, 1).
+
+    Notes
+    -----
+    Source: thesis eqs. (3.10) to (3.19), (5.1) to (5.5), in modal form.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.drive import PlantParameters, head_state_space
+    >>> a, b, c, d = head_state_space(PlantParameters())  # two states of the rigid body, two of each of four modes
+    >>> a.shape, b.shape, c.shape, d.shape
+    ((10, 10), (10, 1), (2, 10), (2, 1))
     """
     modal = modal_form(parameters.resonance)
     a, b, current = _driver(parameters.actuator, parameters.actuator.back_emf_resistance, 2 + 2 * len(modal.modes))
@@ -324,7 +345,33 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
 
 
 def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-    """Return head position over control [um/V] of the drive without friction at frequencies [Hz]."""
+    """
+    Return head position over control [um/V] of the drive without friction at frequencies [Hz].
+
+    Parameters
+    ----------
+    parameters
+        The drive; its friction is left out.
+    frequencies
+        [Hz], of any shape, above 0.
+
+    Returns
+    -------
+    ndarray
+        Complex response [um/V], of the frequencies' shape.
+
+    Notes
+    -----
+    Source: thesis eqs. (3.10) to (3.19), (5.1) to (5.5).
+
+    Examples
+    --------
+    The rigid body has 4.0968e7/(2 pi f)^2; at 100 Hz the resonances hardly matter:
+
+    >>> from hdd_servo_ros.drive import PlantParameters, frequency_response
+    >>> [f'{abs(value):.4g} um/V' for value in frequency_response(PlantParameters(), [100.0, 4000.0])]
+    ['103.8 um/V', '0.1123 um/V']
+    """
     s = 2.0j * np.pi * np.asarray(frequencies, dtype=np.float64)
     actuator = parameters.actuator
     if not actuator.is_electrical:
@@ -352,6 +399,34 @@ def sampled_frequency_response(
 
     This is the exact response that the discrete drive has; it differs from :func:`frequency_response` by the hold and,
     near half the sampling rate and beyond, by what is folded back.
+
+    Parameters
+    ----------
+    parameters
+        The drive; its friction is left out.
+    sample_time
+        T [s].
+    frequencies
+        [Hz], of any shape, above 0.
+
+    Returns
+    -------
+    ndarray
+        Complex response [um/V], of the frequencies' shape.
+
+    Notes
+    -----
+    Source: the zero-order hold of :func:`head_state_space`, exact.
+
+    Examples
+    --------
+    Near half the sampling rate, aliasing and the hold change the response:
+
+    >>> from hdd_servo_ros.drive import PlantParameters, frequency_response, sampled_frequency_response
+    >>> drive, frequencies = PlantParameters(), [100.0, 4500.0]
+    >>> ratio = abs(sampled_frequency_response(drive, 1e-4, frequencies) / frequency_response(drive, frequencies))
+    >>> ratio.round(3).tolist()
+    [1.0, 0.98]
     """
     a, b, c, d = head_state_space(parameters)
     discrete_a, discrete_b, _, _, _ = signal.cont2discrete((a, b, c, d), sample_time)

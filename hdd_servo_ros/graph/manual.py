@@ -1,22 +1,28 @@
 """
-The documents that follow from declarations: parameters, topics, and the picture of the graph; no ROS import.
+The documents that follow from declarations: executables, parameters, topics, and the picture of the graph.
 
 ``python -m hdd_servo_ros.graph.manual FOLDER`` writes them into the folder of the documents (`make docs`).
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hdd_servo_ros.graph import parameters_document, picture, topics_document
+from hdd_servo_ros.graph import executables_document, parameters_document, picture, topics_document
 from hdd_servo_ros.messages.command_line import CommandParser
 
-DOCUMENTS = {
-    'parameters.md': parameters_document.document,
+DOCUMENTS: dict[str, Callable[[], str]] = {
+    'reference/executables.md': executables_document.document,
     'topics.md': topics_document.document,
     'images/graph.svg': picture.drawing,
 }
-"""What makes the content of each file of the folder."""
+"""What makes the content of each file of the folder, but for the pages of parameters."""
+
+
+def contents() -> dict[str, str]:
+    """Return the content of every generated file by its path in the folder of the documents."""
+    found = {name: make() for name, make in DOCUMENTS.items()}
+    return found | {f'reference/{name}': text for name, text in parameters_document.pages().items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,10 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = CommandParser(prog='python -m hdd_servo_ros.graph.manual', description=__doc__.strip())
     parser.add_argument('folder', type=Path, help='where to write them')
     folder: Path = parser.parse_args(arguments).folder
-    for name, make in DOCUMENTS.items():
+    for name, text in contents().items():
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(make(), 'utf8')
+        file.write_text(text, 'utf8')
     return 0
 
 

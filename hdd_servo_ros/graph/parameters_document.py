@@ -1,7 +1,10 @@
-"""`docs/parameters.md`: every parameter of every node, from the declarations that the nodes themselves use."""
+"""
+`docs/reference/parameters/`: every parameter of every node, from the declarations that the nodes themselves use.
+
+A page per node and one for the sets that several nodes have.
+"""
 
 import collections
-import dataclasses
 import inspect
 from collections.abc import Iterator
 from typing import Any
@@ -9,33 +12,82 @@ from typing import Any
 from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets, purpose
 from hdd_servo_ros.parameters import Declaration, declarations
 
-_INTRODUCTION = """\
+FOLDER = 'parameters'
+"""Of these pages, in the folder of the reference."""
+_SHARED = 'shared.md'
+_INDEX = """\
 # Parameters
 
 Written by `make docs` from the declarations in the code, the same that `ros2 param describe`, `NAME --help` and the
-checks at start and during a run come from. Change the declarations, not this file.
+checks at start and during a run come from. Change the declarations, not these files.
 
-Numbers without a unit are ratios, counts or seeds. A *fixed* parameter cannot be changed once its node has started; all
-others can at any time, take effect at the node's next tick, and the bag shows at which. A change that is refused says
-why, and changes nothing; several set together (`set_parameters_atomically`) change together or not at all.
+Numbers without a unit are ratios, counts or seeds. A *fixed* parameter cannot be changed once its node has started. All
+others can at any time, take effect at the node's next tick, and the bag shows at which. A change that is refused gives
+the reason and changes nothing. Several that are set together (`set_parameters_atomically`) change together or not at
+all.
+
+| node | purpose |
+|---|---|
 """
-_HEADER = '| parameter | default | unit | allowed | meaning |\n|---|---|---|---|---|'
+_SHARED_INTRODUCTION = """\
+# Parameters of several nodes
+
+Written by `make docs` from the declarations in the code. The page of each node names those of these sets that it has.
+"""
+_HEADER = '| parameter | default | unit | type and range | meaning |\n|---|---|---|---|---|'
 
 
-def document() -> str:
-    """Return the whole document as Markdown."""
-    used = collections.Counter(kind for name in names_with_parameters() for kind in parameter_sets(name))
-    shared = [kind for kind, count in used.items() if count > 1]
-    parts = [_INTRODUCTION]
-    for name in names_with_parameters():
-        kinds = parameter_sets(name)
-        links = [_link(kind) for kind in kinds if kind in shared]
-        parts.append(f'## {name}\n\n{purpose(name)}' + (f' Has {" and ".join(links)}.' if links else '') + '\n')
-        parts += _table(row for kind in kinds if kind not in shared for row in _rows(kind))
-    for kind in shared:
-        parts.append(f'## {_title(kind)}\n\n{inspect.getdoc(kind)}\n')
+def page_of(name: str) -> str:
+    """Return the path of the page of a node or command from the folder of the reference."""
+    return f'{FOLDER}/{name}.md'
+
+
+def pages() -> dict[str, str]:
+    """Return the pages as Markdown by their paths from the folder of the reference."""
+    found = {f'{FOLDER}/index.md': _index()}
+    found |= {page_of(name): _page(name) for name in names_with_parameters()}
+    found[f'{FOLDER}/{_SHARED}'] = _shared_page()
+    return found
+
+
+def _index() -> str:
+    names = names_with_parameters()
+    rows = [f'| [`{name}`]({name}.md) | {purpose(name)} |' for name in names]
+    rows.append(f'| [several nodes]({_SHARED}) | What several nodes have in common. |')
+    entries = '\n'.join([*names, _SHARED.removesuffix('.md')])
+    return _INDEX + '\n'.join(rows) + f'\n\n```{{toctree}}\n:hidden:\n\n{entries}\n```\n'
+
+
+def _page(name: str) -> str:
+    shared, kinds = _shared(), parameter_sets(name)
+    links = [_link(kind) for kind in kinds if kind in shared]
+    has = f' It also has {_listed(links)}.' if links else ''
+    parts = [f'# {name}\n\n{purpose(name)}{has}\n']
+    parts += _table(row for kind in kinds if kind not in shared for row in _rows(kind))
+    return '\n'.join(parts)
+
+
+def _shared_page() -> str:
+    parts = [_SHARED_INTRODUCTION]
+    for kind in _shared():
+        parts.append(f'## {_title(kind)}\n\n{_summary(kind)}\n')
         parts += _table(_rows(kind))
     return '\n'.join(parts)
+
+
+def _shared() -> list[type[Any]]:
+    """Return the sets of parameters that more than one node has."""
+    used = collections.Counter(kind for name in names_with_parameters() for kind in parameter_sets(name))
+    return [kind for kind, count in used.items() if count > 1]
+
+
+def _summary(kind: type[Any]) -> str:
+    """Return what a docstring says before its sections, which are for readers of the code."""
+    return (inspect.getdoc(kind) or '').partition('\n\nAttributes\n')[0].partition('\n\nExamples\n')[0]
+
+
+def _listed(links: list[str]) -> str:
+    return ' and '.join([', '.join(links[:-1]), links[-1]] if len(links) > 1 else links)
 
 
 def _table(rows: Iterator[str]) -> list[str]:
@@ -45,12 +97,11 @@ def _table(rows: Iterator[str]) -> list[str]:
 
 def _rows(kind: type[Any]) -> Iterator[str]:
     for declaration in declarations(kind):
-        allowed = dataclasses.replace(declaration, unit='').allowed + (', fixed' if declaration.read_only else '')
         cells = [
             f'`{declaration.name}`',
             f'`{_value(declaration)}`',
             declaration.unit,
-            allowed,
+            declaration.type_and_range + (', fixed' if declaration.read_only else ''),
             declaration.description,
         ]
         yield '| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |'
@@ -72,9 +123,9 @@ def _scalar(value: object) -> str:
 
 def _title(kind: type[Any]) -> str:
     words = ''.join(' ' + letter.lower() if letter.isupper() else letter for letter in kind.__name__).strip()
-    return f'The {words}'
+    return words[0].upper() + words[1:]
 
 
 def _link(kind: type[Any]) -> str:
     title = _title(kind)
-    return f'[{title[0].lower()}{title[1:]}](#{title.lower().replace(" ", "-")})'
+    return f'[{title[0].lower()}{title[1:]}]({_SHARED}#{title.lower().replace(" ", "-")})'

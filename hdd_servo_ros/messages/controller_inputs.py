@@ -8,14 +8,30 @@ class ControllerInputs(NamedTuple):
     What a controller gets at tick k, by name; a topic that comes later adds a field and changes no controller.
 
     Lengths are in the drive's own unit (um unless its parameter file says otherwise).
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.control import ControllerInputs
+    >>> inputs = ControllerInputs(
+    ...     tick=0,
+    ...     position=0.1,
+    ...     velocity=50.0,
+    ...     displacement_volts=0.0125,
+    ...     velocity_volts=0.002,
+    ...     desired_position=0.0,
+    ...     desired_velocity=0.0,
+    ...     desired_acceleration=0.0,
+    ... )
+    >>> inputs.position - inputs.desired_position
+    0.1
     """
 
     tick: int
     """Number k of the tick; its time is k T."""
     position: float
-    """Measured head position [um]: the sensor's displacement output, times the sensor's own scale."""
+    """Measured head position [um], the sensor's displacement output times the sensor's own scale."""
     velocity: float
-    """Measured head velocity [um/s]: the sensor's velocity output, times the sensor's own scale; or the observer's."""
+    """Measured head velocity [um/s], the sensor's velocity output times the sensor's own scale; or the observer's."""
     displacement_volts: float
     """Displacement output of the sensor [V]; with the servo sensor, which has no voltages, the position [um]."""
     velocity_volts: float

@@ -118,7 +118,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def head(self) -> SignalArray:
-        """Ground truth: head position [um], velocity [um/s] and pivot friction [V], shape (n, 3)."""
+        """Ground truth of head position [um], velocity [um/s] and pivot friction [V], shape (n, 3)."""
         return self._rows(HEAD)
 
     @functools.cached_property
@@ -188,7 +188,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def relative_position(self) -> Array:
-        """True head position in the sensor's frame [um]: less the track centre's displacement with the servo sensor."""
+        """True head position in the sensor's frame [um], less the track centre's displacement with the servo sensor."""
         if not self.is_track_following or DISTURBANCE.name not in self:
             return self.position
         return np.asarray(self.position - self[DISTURBANCE.name][:, 1])

@@ -7,6 +7,8 @@ import numba
 
 from hdd_servo_ros.numerics.kernel_cache import keep_compiled
 
+__all__ = ['compiled', 'compiled_apart']
+
 jit: Any = numba.njit
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -24,6 +26,25 @@ def compiled(function: Function) -> Function:
 
     A kernel is inlined into the kernels that call it (``forceinline``): a call costs some ns, for its arrays and what
     the registers held go through memory, and one tick of the closed loop has dozens of calls.
+
+    Parameters
+    ----------
+    function
+        A function of numbers and arrays, in the part of Python that Numba compiles.
+
+    Raises
+    ------
+    numba.core.errors.TypingError
+        At the first call, if Numba cannot compile it.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.numerics.compiled import compiled
+    >>> @compiled
+    ... def limited(u: float, limit: float) -> float:
+    ...     return min(max(u, -limit), limit)
+    >>> limited(12.0, 10.0)
+    10.0
     """
     return _compiled(function, forceinline=True)
 
@@ -34,6 +55,20 @@ def compiled_apart(function: Function) -> Function:
 
     For kernels that are long, called from several places, and rarely at that: copies of them would only make the
     compiled code larger, which every start has to load.
+
+    Parameters
+    ----------
+    function
+        As of :func:`compiled`.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.numerics.compiled import compiled_apart
+    >>> @compiled_apart
+    ... def magnitude(u: float) -> float:
+    ...     return abs(u)
+    >>> magnitude(-2.5)
+    2.5
     """
     return _compiled(function, forceinline=False)
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from hdd_servo_ros.numerics.compiled import compiled
 
+__all__ = ['exp', 'log', 'sine_cosine_of_turns']
+
 LN2_HIGH = 6.93147180369123816490e-01
 LN2_LOW = 1.90821492927058770002e-10
 INVERSE_LN2 = 1.44269504088896338700e00
@@ -24,7 +26,25 @@ TWO_PI = 6.283185307179586476925286766559
 
 @compiled
 def exp(x: float) -> float:
-    """Return e**x; 0 below x = -708 (no subnormal results), infinity above 709.78 (fdlibm ``e_exp.c``)."""
+    """
+    Return e**x; 0 below x = -708 (no subnormal results), infinity above 709.78 (fdlibm ``e_exp.c``).
+
+    Parameters
+    ----------
+    x
+        Exponent.
+
+    Returns
+    -------
+    float
+        Within one unit in the last place.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.numerics.elementary import exp
+    >>> exp(1.0), exp(-1000.0)
+    (2.7182818284590455, 0.0)
+    """
     if x != x:
         return x
     if x > 709.782712893383973096:
@@ -60,7 +80,25 @@ def _power_of_two(n: int) -> float:
 
 @compiled
 def log(x: float) -> float:
-    """Return the natural logarithm of a normal x > 0, not a number of what is not finite (fdlibm ``e_log.c``)."""
+    """
+    Return the natural logarithm of a normal x > 0, not a number of what is not finite (fdlibm ``e_log.c``).
+
+    Parameters
+    ----------
+    x
+        A normal number above 0.
+
+    Returns
+    -------
+    float
+        Within one unit in the last place.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.numerics.elementary import log
+    >>> log(2.0)
+    0.6931471805599453
+    """
     if not x < math.inf:
         return x - x
     # x = mantissa * 2**exponent, mantissa in [0.5, 1), without ``math.frexp``: that is a call of the C library.
@@ -122,6 +160,26 @@ def sine_cosine_of_turns(turns: float) -> tuple[float, float]:
     Return sin and cos of 2 pi ``turns``.
 
     The argument is a number of turns, so that its reduction to an eighth of a turn is exact however long a run lasts.
+
+    Parameters
+    ----------
+    turns
+        Number of turns.
+
+    Returns
+    -------
+    sine, cosine
+        Each within one unit in the last place.
+
+    Notes
+    -----
+    Source: fdlibm ``k_sin.c`` and ``k_cos.c`` (Sun Microsystems, 1993).
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.numerics.elementary import sine_cosine_of_turns
+    >>> sine_cosine_of_turns(0.25), sine_cosine_of_turns(1e9 + 0.125)[0]
+    ((1.0, -0.0), 0.7071067811865476)
     """
     quarter = np.floor(4.0 * turns + 0.5)
     x = (turns - 0.25 * quarter) * TWO_PI

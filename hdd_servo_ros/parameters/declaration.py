@@ -49,7 +49,23 @@ class ParameterError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Declaration:
-    """What is declared of one parameter: meaning, unit and allowed values."""
+    """
+    What is declared of one parameter: meaning, unit and allowed values.
+
+    Raises
+    ------
+    ParameterError
+        By :meth:`check`, for a value that is not allowed.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.parameters import Declaration
+    >>> declaration = Declaration('gain', 0.5, 'feedback gain', unit='V/um', minimum=0.0)
+    >>> declaration.allowed
+    'a finite number at least 0 [V/um]'
+    >>> declaration.check(2)
+    2.0
+    """
 
     name: str
     default: Value
@@ -81,8 +97,24 @@ class Declaration:
     def allowed(self) -> str:
         """The allowed values, in words."""
         kind = {bool: 'true or false', int: 'an integer', float: 'a finite number', str: 'a text'}[self.element_type]
-        if self.choices:
-            kind = 'one of ' + ', '.join(self.choices)
+        text = ' '.join([self._choices or kind, self._bounds]).strip()
+        if self.is_sequence:
+            text = f'a list, each element {text}'
+        return f'{text} [{self.unit}]' if self.unit else text
+
+    @property
+    def type_and_range(self) -> str:
+        """The ROS type of the value and what is allowed of it, for tables."""
+        kind = {bool: 'bool', int: 'int', float: 'float', str: 'string'}[self.element_type]
+        kind = f'list of {kind}' if self.is_sequence else kind
+        return ', '.join(part for part in (kind, self._choices, self._bounds) if part)
+
+    @property
+    def _choices(self) -> str:
+        return 'one of ' + ', '.join(self.choices) if self.choices else ''
+
+    @property
+    def _bounds(self) -> str:
         bounds = []
         if self.above > -math.inf:
             bounds.append(f'above {self.above:g}')
@@ -90,10 +122,7 @@ class Declaration:
             bounds.append(f'at least {self.minimum:g}')
         if self.maximum < math.inf:
             bounds.append(f'at most {self.maximum:g}')
-        text = ' '.join([kind, ' and '.join(bounds)]).strip()
-        if self.is_sequence:
-            text = f'a list, each element {text}'
-        return f'{text} [{self.unit}]' if self.unit else text
+        return ' and '.join(bounds)
 
     def check(self, value: object) -> Value:
         """
@@ -139,13 +168,69 @@ def parameter(
     read_only: bool = False,
     element: type = float,
 ) -> Any:
-    """Declare a field of a parameter dataclass; see :class:`Declaration` for the arguments."""
+    """
+    Declare a field of a parameter dataclass; see :class:`Declaration` for the arguments.
+
+    Parameters
+    ----------
+    default
+        Value where nothing else is given; its type is that of the parameter, a tuple makes a list.
+    description
+        Meaning, in a line for help texts and documents.
+    unit
+        Unit of the value; empty for a ratio, a count or a seed.
+    minimum, maximum
+        Bounds that are allowed themselves.
+    above
+        A lower bound that is not allowed itself.
+    choices
+        What a string may be; empty for any.
+    read_only
+        Whether the value is fixed once the node has started.
+    element
+        Type of the elements of a list whose default is empty.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterSet, parameter
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(ParameterSet):
+    ...     stiffness: float = parameter(0.02, 'stiffness', unit='V/um', minimum=0.0)
+
+    >>> Spring(stiffness=0.1)
+    Spring(stiffness=0.1)
+    >>> Spring(stiffness=-1.0)
+    Traceback (most recent call last):
+        ...
+    ParameterError: parameter stiffness = -1.0 is refused: a finite number at least 0 [V/um]
+    """
     declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only, element)
     return dataclasses.field(default=default, metadata={'declaration': declaration})
 
 
 def group(parameters: type[Any]) -> Any:
-    """Declare a field that holds another parameter dataclass; its names are prefixed with the field's and a dot."""
+    """
+    Declare a field that holds another parameter dataclass; its names are prefixed with the field's and a dot.
+
+    Parameters
+    ----------
+    parameters
+        The dataclass, made by :func:`parameter` as well.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterSet, group, parameter, to_mapping
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(ParameterSet):
+    ...     stiffness: float = parameter(0.02, 'stiffness', unit='V/um', minimum=0.0)
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Contact(ParameterSet):
+    ...     spring: Spring = group(Spring)
+    >>> to_mapping(Contact())
+    {'spring.stiffness': 0.02}
+    """
     return dataclasses.field(default_factory=parameters)
 
 
@@ -154,6 +239,28 @@ class ParameterSet:
     Base of the parameter dataclasses: checks every field when constructed.
 
     A subclass with rules that tie several parameters together overrides :meth:`check_together`.
+
+    Raises
+    ------
+    ParameterError
+        If a value is not allowed, with its name, the value and what is allowed.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Band(ParameterSet):
+    ...     lowest: float = parameter(10.0, 'lowest frequency', unit='Hz', above=0.0)
+    ...     highest: float = parameter(100.0, 'highest frequency', unit='Hz', above=0.0)
+    ...
+    ...     def check_together(self):
+    ...         if self.highest < self.lowest:
+    ...             raise ParameterError('highest', self.highest, f'at least lowest, which is {self.lowest:g} Hz')
+    >>> Band(highest=5.0)
+    Traceback (most recent call last):
+        ...
+    ParameterError: parameter highest = 5.0 is refused: at least lowest, which is 10 Hz
     """
 
     def __post_init__(self) -> None:
@@ -166,7 +273,27 @@ class ParameterSet:
 
 
 def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaration]:
-    """Iterate over the declarations of a parameter dataclass, nested ones under their dotted names."""
+    """
+    Iterate over the declarations of a parameter dataclass, nested ones under their dotted names.
+
+    Parameters
+    ----------
+    parameters
+        The dataclass.
+    prefix
+        What precedes each name.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterSet, declarations, parameter
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(ParameterSet):
+    ...     stiffness: float = parameter(0.02, 'stiffness', unit='V/um', minimum=0.0)
+
+    >>> [(found.name, found.default, found.unit) for found in declarations(Spring)]
+    [('stiffness', 0.02, 'V/um')]
+    """
     return iter(_all_declarations(parameters, prefix))  # type: ignore[arg-type]
 
 
@@ -205,6 +332,17 @@ def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: 
     ------
     ParameterError
         If a name is unknown or a value is not allowed; the error carries the dotted name.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterSet, from_mapping, parameter
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(ParameterSet):
+    ...     stiffness: float = parameter(0.02, 'stiffness', unit='V/um', minimum=0.0)
+
+    >>> from_mapping(Spring, {'stiffness': 0.05})
+    Spring(stiffness=0.05)
     """
     key = _exact(parameters, values)
     if key is None:
@@ -269,12 +407,45 @@ def _constructed(parameters: type[Block], values: Mapping[str, object], prefix: 
 
 
 def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters as messages and ``run.yaml`` hold them, with the tuples of the dataclasses for their lists."""
+    """
+    Return parameters as messages and ``run.yaml`` hold them, with the tuples of the dataclasses for their lists.
+
+    Parameters
+    ----------
+    values
+        Parameters by name.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.parameters import with_tuples
+    >>> with_tuples({'gains': [1.0, 2.0], 'name': 'a'})
+    {'gains': (1.0, 2.0), 'name': 'a'}
+    """
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def to_mapping(values: object, prefix: str = '') -> dict[str, Value]:
-    """Return a parameter dataclass as dotted names and values, in the order of declaration."""
+    """
+    Return a parameter dataclass as dotted names and values, in the order of declaration.
+
+    Parameters
+    ----------
+    values
+        An instance of a parameter dataclass.
+    prefix
+        What precedes each name.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> from hdd_servo_ros.parameters import ParameterSet, parameter, to_mapping
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Spring(ParameterSet):
+    ...     stiffness: float = parameter(0.02, 'stiffness', unit='V/um', minimum=0.0)
+
+    >>> to_mapping(Spring())
+    {'stiffness': 0.02}
+    """
     mapping: dict[str, Value] = {}
     for field in dataclasses.fields(values):  # type: ignore[arg-type]
         value = getattr(values, field.name)

@@ -103,6 +103,26 @@ def read_sections(data: bytes) -> Iterator[Section]:
         yield from _nodes(events, '')
 
 
+def read_entries(data: bytes) -> dict[str, Any]:
+    """
+    Return the entries of a file that holds parameters among other things, such as the specification of a campaign.
+
+    Its scalars are those of a parameter file, but mappings and lists may hold each other.
+
+    Raises
+    ------
+    RosYamlError
+        If it is no mapping, or ROS would not take a scalar, or a key is in a mapping twice.
+    """
+    events = _Events(data)
+    event = events.next()
+    if not isinstance(event, yaml.MappingStartEvent):
+        raise RosYamlError('expected a mapping at the top', None if _is_end(event) else _line(event))
+    found: dict[str, Any] = _entry(events, event, 0)
+    events.end()
+    return found
+
+
 def written(value: object) -> str:
     """
     Return a value as a text that :func:`read_value`, and ROS, read to the bit.
@@ -271,6 +291,33 @@ def _sequence(events: _Events, start: Any) -> tuple[object, ...]:
         mixed = ' and '.join(_KINDS[kind] for kind in kinds[:2])
         raise RosYamlError(f'{shown(elements)} holds {mixed}: all are to be of one type{hint}', _line(start))
     return tuple(elements)
+
+
+def _is_end(event: Any) -> bool:
+    return isinstance(event, yaml.StreamEndEvent)
+
+
+def _entry(events: _Events, event: Any, depth: int) -> Any:
+    """Return what begins with an event: a scalar, a list or a mapping."""
+    if isinstance(event, yaml.ScalarEvent):
+        return _scalar(event)
+    if depth == _DEEPEST:
+        raise RosYamlError(f'entries are nested more than {_DEEPEST} deep', _line(event))
+    if isinstance(event, yaml.SequenceStartEvent):
+        elements = []
+        while not isinstance(event := events.next(), yaml.SequenceEndEvent):
+            elements.append(_entry(events, event, depth + 1))
+        return elements
+    entries: dict[str, Any] = {}
+    while not isinstance(event := events.next(), yaml.MappingEndEvent):
+        key = _key(event)
+        if key in entries:
+            raise RosYamlError(f'{shown(key)} is there twice', _line(event))
+        try:
+            entries[key] = _entry(events, events.next(), depth + 1)
+        except RosYamlError as error:
+            raise RosYamlError(f'{key}: {error.reason}', error.line) from None
+    return entries
 
 
 def _nodes(events: _Events, prefix: str, depth: int = 0) -> Iterator[Section]:

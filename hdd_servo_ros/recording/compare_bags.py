@@ -232,16 +232,21 @@ def _hexadecimal(message: bytes, start: int) -> str:
     return f'{message[start:end].hex() or "none"}{"..." if len(message) > end else ""} of {len(message)}'
 
 
-@command('compare_bags', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare two runs; exit code 0 if they are identical, 1 if not, 3 if one cannot be read."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='compare_bags',
         description='Compare the loop topics of two recorded runs byte by byte, and print the first difference.',
         epilog='Exit code: 0 the runs are identical, 1 they differ, 2 wrong arguments, 3 one of them cannot be read.',
     )
     parser.add_argument('run', type=Path, nargs=2, help='run folder or bag')
-    left, right = parser.parse_args(arguments).run
+    return parser
+
+
+@command('compare_bags', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compare two runs; exit code 0 if they are identical, 1 if not, 3 if one cannot be read."""
+    left, right = command_line().parse_args(arguments).run
     sides = []
     for path in (left, right):
         with reading(path):

@@ -266,7 +266,7 @@ class RecordedRun(Signals):
 
     @property
     def status(self) -> str:
-        """How the run ended: ``finished``, ``interrupted`` or ``failed``; ``running`` if it was killed."""
+        """How the run ended, ``finished``, ``interrupted`` or ``failed``; ``running`` if it was killed."""
         return str(self.description.get('status', 'unknown'))
 
     @property
@@ -301,7 +301,7 @@ class RecordedRun(Signals):
 
     @property
     def error_unit(self) -> str:
-        """Unit in which errors are shown: nm where lengths are in um, else the unit of lengths."""
+        """Unit in which errors are shown, nm where lengths are in um, else the unit of lengths."""
         return self.units.error
 
     @property

@@ -1,5 +1,6 @@
 """Mending a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
 
+import contextlib
 import dataclasses
 import itertools
 import math
@@ -353,10 +354,11 @@ def _free_name(path: Path) -> Path:
 def _user_of(file: Path) -> int | None:
     """Return a process that has a file open, as far as this user may know; None where there is no /proc."""
     target = file.resolve()
-    for descriptor in Path('/proc').glob('[0-9]*/fd/*'):
-        try:
-            if descriptor.readlink() == target:
-                return int(descriptor.parts[2])
-        except OSError:
-            continue
+    for process in Path('/proc').glob('[0-9]*'):
+        # Processes end while they are looked at, and descriptors are closed.
+        with contextlib.suppress(OSError):
+            for descriptor in (process / 'fd').iterdir():
+                with contextlib.suppress(OSError):
+                    if descriptor.readlink() == target:
+                        return int(process.name)
     return None

@@ -207,6 +207,20 @@ class Reference:
         Waveform and its numbers.
     sample_time
         T [s].
+
+    Notes
+    -----
+    Source: thesis sections 4.4 and 5.5; seeks as in ``docs/seek-reference.md``.
+
+    Examples
+    --------
+    Position [um], velocity [um/s] and acceleration [um/s^2] of a 100 Hz sine of 2 um at 2.5 ms, its first crest:
+
+    >>> from hdd_servo_ros.signals import Reference, ReferenceParameters
+    >>> reference = Reference(ReferenceParameters(amplitude=2.0, frequency=100.0), sample_time=1e-4)
+    >>> position, velocity, acceleration = reference.step(25)
+    >>> position, round(velocity, 9) + 0.0, round(acceleration)
+    (2.0, 0.0, -789568)
     """
 
     def __init__(self, parameters: ReferenceParameters, sample_time: float) -> None:

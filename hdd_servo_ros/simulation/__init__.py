@@ -1,1 +1,19 @@
 """The closed loop without middleware: one compiled kernel, the experiment around it, and the command `simulate`."""
+
+from typing import TYPE_CHECKING
+
+from hdd_servo_ros.lazy import lazily
+
+if TYPE_CHECKING:
+    from hdd_servo_ros.simulation.experiment import Experiment
+
+__all__ = [
+    'Experiment',
+]
+
+__getattr__ = lazily(
+    __name__,
+    {
+        'Experiment': '.experiment',
+    },
+)

@@ -8,7 +8,7 @@ import dataclasses
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,10 @@ from hdd_servo_ros.simulation.pieces import run_piece
 from hdd_servo_ros.simulation.run_setup import Simulation
 
 
+def _to_stderr(line: str) -> None:
+    print(f'simulate: {line}', file=sys.stderr)
+
+
 class SimulatedRun:
     """
     A simulation under way: its pieces one after the other, into the bag if there is one.
@@ -43,14 +47,17 @@ class SimulatedRun:
     ----------
     simulation
         What to run.
+    log
+        Gets warnings, a line each.
     """
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, log: Callable[[str], None] = _to_stderr) -> None:
         self._simulation = simulation
+        self._log = log
         self._experiment = simulation.experiment
         self._experiment.compile()
         for warning in self._experiment.warnings():
-            print(f'simulate: warning: {warning}', file=sys.stderr)
+            log(f'warning: {warning}')
         self.recorder: RunRecorder | None = None
         if simulation.timer.record:
             self.recorder = RunRecorder(
@@ -104,7 +111,7 @@ class SimulatedRun:
         """Warn of instrument outputs that have saturated since, as the nodes do."""
         warnings = self._experiment.saturation_warnings()
         for output in sorted(warnings.keys() - self._warned):
-            print(f'simulate: warning: {output[0]}: {warnings[output]}', file=sys.stderr)
+            self._log(f'warning: {output[0]}: {warnings[output]}')
         self._warned = frozenset(warnings)
 
     def _transient(self) -> float:
@@ -138,19 +145,30 @@ class SimulatedRun:
         if isinstance(self._experiment.controller, SignalAnalyzer):
             directory = None if self.recorder is None else self.recorder.directory
             for line in write_response(self._experiment.controller, directory):
-                print(f'simulate: {line}', file=sys.stderr)
+                self._log(line)
 
 
-def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | None]:
+def simulate(
+    simulation: Simulation, *, progress: bool, log: Callable[[str], None] = _to_stderr
+) -> tuple[int, Path | None]:
     """
     Run a simulation, recording it unless its timer's parameter ``record`` is false.
+
+    Parameters
+    ----------
+    simulation
+        What to run.
+    progress
+        Whether to show a bar.
+    log
+        Gets warnings and how the run ended, a line each.
 
     Returns
     -------
     exit_code, directory
         As of `rig`; the run's folder, None if it was not recorded.
     """
-    run = SimulatedRun(simulation)
+    run = SimulatedRun(simulation, log)
     with interrupts() as requests:
         outcome = FINISHED_OUTCOME
         try:
@@ -168,7 +186,7 @@ def simulate(simulation: Simulation, *, progress: bool) -> tuple[int, Path | Non
         finally:
             outcome = _finished(run, outcome)
     if outcome != FINISHED_OUTCOME:
-        print(f'simulate: run {outcome.status}: {outcome.reason}', file=sys.stderr)
+        log(f'run {outcome.status}: {outcome.reason}')
     elif run.recorder is None:
         print(run.summary(outcome))
     return outcome.exit_code, None if run.recorder is None else run.recorder.directory

@@ -269,7 +269,8 @@ def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
     return save(figure, path)
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='compare',
         description='Run several controllers on the same experiments, and put them into one table and one picture.',
@@ -342,7 +343,7 @@ def _comparison(options: argparse.Namespace) -> Comparison:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     directory = options.output or Path('runs') / ('compare-without-ros' if options.without_ros else 'compare')
 
     def work() -> int:

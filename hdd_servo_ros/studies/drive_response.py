@@ -219,9 +219,8 @@ def print_convergence(write: Callable[[str], None] = print) -> None:
         write('')
 
 
-@command('drive_response')
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='drive_response',
         description="Draw the default drive's frequency responses (figs. 2.3, 5.3 and 5.4) as PNG files.",
@@ -231,7 +230,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'directory', nargs='?', type=Path, default=Path('runs/drive_response'), help='default: %(default)s'
     )
     parser.add_argument('--convergence', action='store_true', help='print the convergence of the step instead')
-    options = parser.parse_args(arguments)
+    return parser
+
+
+@command('drive_response')
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
+    options = command_line().parse_args(arguments)
     if options.convergence:
         print_convergence()
         return 0

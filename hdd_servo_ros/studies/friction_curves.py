@@ -192,9 +192,8 @@ def _label(axis: Axes, title: str, x: str, y: str) -> None:
     axis.grid(alpha=0.3)
 
 
-@command('friction_curves')
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the plots; exit code 0 done, 1 if a file cannot be written."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='friction_curves',
         description='Draw the friction curves of figs. 2.1, 2.2 and 5.5 as PNG files.',
@@ -203,7 +202,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         'directory', nargs='?', type=Path, default=Path('runs/friction_curves'), help='default: %(default)s'
     )
-    directory = parser.parse_args(arguments).directory
+    return parser
+
+
+@command('friction_curves')
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the plots; exit code 0 done, 1 if a file cannot be written."""
+    directory = command_line().parse_args(arguments).directory
     for path in write_plots(directory):
         print(path)
     return 0

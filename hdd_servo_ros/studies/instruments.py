@@ -75,9 +75,8 @@ def _print_head(first: str) -> None:
     _print_row(['---'] * (1 + len(names)))
 
 
-@command('instruments')
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the tables; 0 done, 2 invalid arguments or parameters."""
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='instruments',
         description='Tabulate what each instrument of the bench does to the tracking error of a 2 um sine.',
@@ -86,7 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--params-file', nargs='*', default=[], help='parameter files, later ones win')
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
     parser.add_argument('--seconds', type=float, default=12.0, help='length of the runs [s]')
-    options = parser.parse_args(arguments)
+    return parser
+
+
+@command('instruments')
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the tables; 0 done, 2 invalid arguments or parameters."""
+    options = command_line().parse_args(arguments)
     _print_tables(options)
     return 0
 

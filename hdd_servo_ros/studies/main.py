@@ -21,7 +21,8 @@ MINIMUM_SAMPLES = 50
 """Of a period of a reference, with ``--sample-time``: what the thesis has at 200 Hz with its 0.1 ms."""
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='study',
         description="Run the thesis's experiments, those in mobile use or of seeks: bags, figures and tables.",
@@ -72,7 +73,7 @@ def _refuse_too_coarse(cases: Iterable[Case], defaults: Mapping[str, object], di
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the study; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
-    options = _parser().parse_args(arguments)
+    options = command_line().parse_args(arguments)
     defaults = {} if options.sample_time is None else {'deterministic_timer:sample_time': options.sample_time}
     directory = options.output or _default_output(options)
 

@@ -190,9 +190,8 @@ def draw(report: Report, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-@command('stability_certificate', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print and draw the certificate of a run; exit code 2 if there is none to give."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='stability_certificate',
         description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
@@ -202,6 +201,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('run', type=Path, help='run folder')
     parser.add_argument('--disturbance', type=float, help='bound of a disturbance from a node of its own [V]')
+    return parser
+
+
+@command('stability_certificate', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print and draw the certificate of a run; exit code 2 if there is none to give."""
+    parser = command_line()
     options = parser.parse_args(arguments)
     if options.disturbance is not None and not 0.0 <= options.disturbance < math.inf:
         parser.error(f'--disturbance {options.disturbance:g} is no bound: a finite number at least 0 [V]')

@@ -85,9 +85,8 @@ def _deviation(found: float | None, true: float, digits: int) -> str:
     return f'{found:.{digits}g} ({100.0 * (found / true - 1.0):+.2g} %)'
 
 
-@command('swept_sine', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify one run; exit code 3 if it is not a sweep or cannot be read, 1 if a file cannot be written."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='swept_sine',
         description='Compute the response of a recorded sweep from its bag alone (response.csv and response.png in the '
@@ -99,7 +98,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--noise', type=float, default=0.0, help='relative rms of noise to add before identifying')
     parser.add_argument('--seed', type=int, default=0, help='of that noise')
     parser.add_argument('--from', type=float, default=FROM, dest='lowest', metavar='HZ', help='lowest frequency used')
-    given = parser.parse_args(arguments)
+    return parser
+
+
+@command('swept_sine', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Identify one run; exit code 3 if it is not a sweep or cannot be read, 1 if a file cannot be written."""
+    given = command_line().parse_args(arguments)
     with reading(given.run):
         run = RecordedRun.open(given.run)
         measured = response_of_run(run)

@@ -68,8 +68,8 @@ def _print_section(node: str, gains: Mapping[str, object]) -> None:
         print(f'    {name}: {value}')
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Tune, print the parameters and what they do; 0 done, 2 wrong arguments or parameters, 130 interrupted."""
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='tune',
         description='Tune the adaptive NN and the PID controller for a drive by one rule, the largest gains with a '
@@ -90,7 +90,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--same-peak', action='store_true', help='tune PID alone, under the peak control of the adaptive NN controller'
     )
-    options = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Tune, print the parameters and what they do; 0 done, 2 wrong arguments or parameters, 130 interrupted."""
+    options = command_line().parse_args(arguments)
     return exit_code('tune', lambda: _tune(options), kept='nothing is kept')
 
 

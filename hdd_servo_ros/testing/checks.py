@@ -44,6 +44,21 @@ class Checks(TrackChecks, SeekChecks):
     ----------
     run
         The run.
+
+    Raises
+    ------
+    CheckFailed
+        By a check that does not hold, with value, limit and tick; a plot of the signal is saved.
+    ValueError
+        If a limit is not a finite number of at least 0, or there is no tick between the times.
+
+    Examples
+    --------
+    >>> from hdd_servo_ros import Run
+    >>> run = Run.open('runs/first')
+    >>> checks = run.check.finished().rms_error(at_most=2.0, after=0.2).peak_control(at_most=1.0).unsaturated()
+    >>> isinstance(checks, hdd_servo_ros.testing.Checks)
+    True
     """
 
     def __init__(self, run: RecordedRun) -> None:

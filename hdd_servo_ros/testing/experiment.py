@@ -53,6 +53,14 @@ def make_run(
     ------
     ExperimentFailed
         If the run fails, is refused, or takes too long.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from hdd_servo_ros.testing import make_run
+    >>> run = make_run([], Path('runs/made'), overrides={'duration': 0.01}, without_ros=True)
+    >>> run.last_tick
+    100
     """
     values: dict[str, Any] = {'progress': False}
     if controller is not None:

@@ -10,9 +10,8 @@ from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 from hdd_servo_ros.recording.recovery import BACKUP, Recovery
 
 
-@command('recover', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='recover',
         description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
@@ -23,7 +22,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
     parser.add_argument('--output', type=Path, metavar='DIR', help='leave RUN as it is and write the mended run here')
     parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
-    parsed = parser.parse_args(arguments)
+    return parser
+
+
+@command('recover', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
+    parsed = command_line().parse_args(arguments)
     with reading(parsed.run):
         recovery = Recovery(parsed.run)
     finding = recovery.finding

@@ -267,9 +267,8 @@ def replay(run: Path, output: Path, *, without_ros: bool, trusted: bool = False)
     return 0
 
 
-@command('replay', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 3 if it cannot be rerun."""
+def command_line() -> CommandParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='replay',
         description='Rerun a recorded run from its run.yaml and the changes in its bag, and compare the bits.',
@@ -282,7 +281,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--trust', action='store_true', help="run code that the run's folder names: a custom controller's class"
     )
-    parsed = parser.parse_args(arguments)
+    return parser
+
+
+@command('replay', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 3 if it cannot be rerun."""
+    parsed = command_line().parse_args(arguments)
     if parsed.output is not None:
         if parsed.output.exists():
             raise FileExistsError(f'{parsed.output} exists, and a run is never overwritten')

@@ -66,9 +66,8 @@ def _seconds(text: str) -> float:
     return number
 
 
-@command('report', UNREADABLE)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Report runs; exit code 0, or 3 if one cannot be read or, with ``--by-source``, run again."""
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='report',
         description='Metrics, a picture (report.png) and a page (report.html) of each run, from its bag alone; '
@@ -99,7 +98,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         action='store_true',
         help="with --by-source: run code that a run's folder names, a custom controller's class",
     )
-    options = parser.parse_args(arguments)
+    return parser
+
+
+@command('report', UNREADABLE)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Report runs; exit code 0, or 3 if one cannot be read or, with ``--by-source``, run again."""
+    options = command_line().parse_args(arguments)
     runs = []
     for path in options.run:
         with reading(path):

@@ -192,20 +192,27 @@ class ViewError(Exception):
     exit_code = WRONG_ARGUMENTS
 
 
-def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = CommandParser(
         prog='scope',
         description='Show the signals of a run while it goes on: in a window, or without a display in the browser.',
         epilog='Waits for a run, ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',
     )
     parser.add_argument(
-        '--window', type=_seconds, default=0.5, metavar='S', help='how much of the run to show [s] (0.5)'
+        '--window', type=_seconds, default=0.5, metavar='S', help='how much of the run is shown [s]; default 0.5'
     )
     parser.add_argument('--web', action='store_true', help='show it in the browser although there is a display')
-    parser.add_argument('--port', type=_port, default=8988, help='port of the view in the browser (8988)')
+    parser.add_argument('--port', type=_port, default=8988, help='port of the view in the browser; default 8988')
     parser.add_argument('--save', type=_picture, metavar='FILE', help='collect for a while, write one picture, and end')
-    parser.add_argument('--seconds', type=_seconds, default=3.0, metavar='S', help='how long --save collects [s] (3)')
-    return parser.parse_args(arguments)
+    parser.add_argument(
+        '--seconds', type=_seconds, default=3.0, metavar='S', help='for how long --save collects [s]; default 3'
+    )
+    return parser
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    return command_line().parse_args(arguments)
 
 
 def _seconds(text: str) -> float:

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -36,3 +38,22 @@ def kill_always(run):
 def fail(run):
     """Raise."""
     raise RuntimeError('no such thing')
+
+
+def wait(run):
+    """Tell which process this is and wait, while there is the mark ``wait``."""
+    folder = Path(os.environ[MARKS])
+    if (folder / 'wait').exists():
+        (folder / str(os.getpid())).touch()
+        time.sleep(300.0)
+    return 1.0
+
+
+def end(run):
+    """End the process, as a script does."""
+    sys.exit(3)
+
+
+def interrupt(run):
+    """Raise what Ctrl-C raises."""
+    raise KeyboardInterrupt

@@ -3,6 +3,7 @@
 import concurrent.futures
 import csv
 import json
+import math
 import os
 import re
 import shlex
@@ -20,6 +21,7 @@ import yaml
 from hdd_servo_ros.campaign import main as campaign_main
 from hdd_servo_ros.campaign.campaign import Campaign, base_file
 from hdd_servo_ros.campaign.folder import StudyError, alone_in
+from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.signals_digest import signals_digest
@@ -354,6 +356,103 @@ def test_a_metric_that_no_run_has_is_refused_and_leaves_the_folder_empty(tmp_pat
         Campaign({**AMPLITUDES, 'metrics': ['nowhere:f']})
 
 
+@pytest.mark.parametrize(
+    ('entries', 'message'),
+    [
+        ({'metrics': ['all', 'rms_eror']}, "metrics: no run has 'rms_eror'; did you mean rms_error?"),
+        ({'keep': {'worst': 1, 'of': 'rms_eror'}}, "keep: of: no run has 'rms_eror'; did you mean rms_error?"),
+    ],
+)
+def test_a_misspelt_metric_is_refused_before_the_first_run_even_if_none_would_finish(entries, message):
+    spec = {**AMPLITUDES, 'vary': [{'pid_controller:proportional_gain': [-1.0]}], **entries}
+    with pytest.raises(ArgumentError, match=re.escape(message)):
+        Campaign(spec)
+
+
+def test_a_metric_that_only_other_runs_have_is_refused_when_it_is_known(tmp_path):
+    with pytest.raises(ArgumentError, match="keep: of: no run has 'seeks'; there are rms_error, max_error"):
+        Campaign({**AMPLITUDES, 'keep': {'worst': 1, 'of': 'seeks'}}).run(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_campaign_in_which_every_run_is_refused_has_a_table_a_picture_and_a_page(tmp_path, capsys):
+    vary = {'vary': [{'pid_controller:proportional_gain': [-1.0, -2.0]}]}
+    (tmp_path / 'spec.yaml').write_text(json.dumps({**AMPLITUDES, **vary, 'keep': {'worst': 1, 'of': 'rms_error'}}))
+    assert campaign_main.main([str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out')]) == 0
+    assert '2 of 2 runs did not finish' in capsys.readouterr().out
+    with (tmp_path / 'out' / 'table.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row['status'], row['rms_error']) for row in rows] == 2 * [('refused', 'nan')]
+    assert 'pid_controller:proportional_gain = -2.0 is refused' in rows[1]['reason']
+    assert 'proportional_gain = -1.0 is refused' in (tmp_path / 'out' / 'campaign.html').read_text()
+
+
+def test_the_worst_runs_are_those_of_the_largest_absolute_value_by_their_numbers():
+    campaign = Campaign(AMPLITUDES)
+    table = Table(
+        {
+            'run': [0, 1, 2, 3, 4],
+            'status': ['finished', 'finished', 'failed', 'finished', 'finished'],
+            'mean_error': [1.0, -3.0, 0.0, math.nan, 2.0],
+        }
+    )
+    assert campaign.worst(table, 'mean_error', 9) == [2, 3, 1, 4, 0]
+    assert campaign.worst(table, 'mean_error', 2) == [2, 3]
+    assert campaign.worst(table.where(status='finished')[2:], 'mean_error', 9) == [3, 4]
+    assert campaign.worst(table, '', 9) == [2]
+
+
+@pytest.mark.parametrize('metric', ['end', 'interrupt'])
+def test_a_metric_that_would_end_the_process_is_a_reason(own_metrics, metric):
+    found = Campaign({**AMPLITUDES, 'metrics': ['max_error', f'killing_metric:{metric}']}).run(workers=2)
+    error = {'end': 'SystemExit: 3', 'interrupt': 'KeyboardInterrupt: '}[metric]
+    assert set(found['reason'].tolist()) == {f'killing_metric:{metric}: {error}'}
+    assert set(found['status'].tolist()) == {'finished'}
+    assert (found['max_error'] > 0.0).all()
+
+
+@pytest.mark.parametrize('controller', ['Ending', 'Interrupting'])
+def test_a_controller_that_would_end_the_process_is_a_failed_row(own_metrics, controller):
+    spec = {
+        **AMPLITUDES,
+        'controllers': ['pid', f'killing_controller:{controller}'],
+        'vary': [{'reference_generator:amplitude': [1.0]}],
+    }
+    found = Campaign(spec).run(workers=2)
+    assert found['status'].tolist() == ['finished', 'failed']
+    error = {'Ending': 'SystemExit: 3', 'Interrupting': 'KeyboardInterrupt'}[controller]
+    assert error in found['reason'].tolist()[1]
+
+
+@pytest.mark.parametrize('workers', ['2', 2.5, 0, True])
+def test_a_wrong_number_of_workers_is_refused(workers):
+    with pytest.raises(ArgumentError, match=re.escape(f'workers = {workers!r} is not allowed: an integer of at least')):
+        Campaign(AMPLITUDES).run(workers=workers)
+
+
+def test_a_changed_metric_is_refused_on_the_way_on(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = tmp_path / 'changing_metric.py'
+    module.write_text('def one(run):\n    return 1.0\n')
+    spec = {**AMPLITUDES, 'metrics': ['rms_error', 'changing_metric:one']}
+    Campaign(spec).run(tmp_path / 'out', workers=1)
+    Campaign(spec).run(tmp_path / 'out', workers=1)
+    module.write_text('def one(run):\n    return 2.0\n')
+    changed = 'results from before a change of metric changing_metric:one, changing_metric.py; remove it'
+    with pytest.raises(ArgumentError, match=changed):
+        Campaign(spec).run(tmp_path / 'out', workers=1)
+
+
+def test_kept_runs_of_threads_leave_the_output_alone(tmp_path, capsys):
+    spec = {**AMPLITUDES, 'keep': 'all'}
+    streams = sys.stdout, sys.stderr
+    Campaign(spec).run(tmp_path, workers=3, executor=concurrent.futures.ThreadPoolExecutor)
+    assert (sys.stdout, sys.stderr) == streams
+    print('still here')
+    assert capsys.readouterr() == ('still here\n', '')
+    assert len(list((tmp_path / 'runs').iterdir())) == 3
+
+
 def test_the_command_writes_the_table(tmp_path, capsys):
     spec = {**AMPLITUDES, 'controllers': ['pid', {'name': 'off', 'controller': 'pid'}]}
     (tmp_path / 'spec.yaml').write_text(json.dumps(spec))
@@ -367,8 +466,20 @@ def test_the_command_writes_the_table(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('text', 'line'),
     [
-        ('controllers: [pidd]', "campaign: parameter controller = 'pidd' is refused"),
+        ('controllers: [pidd]', "spec.yaml: controllers: pidd: parameter controller = 'pidd' is refused"),
+        ('set: {vcm_plant:gain: -1.0}', 'spec.yaml: set: parameter vcm_plant:gain = -1.0 is refused'),
+        ('set: {vcm_plan:gain: 1.0}', "spec.yaml: set: parameters for '/vcm_plan', but there are"),
+        (
+            'controllers: [{name: a, controller: pid, set: {vcm_plant:gain: -1.0}}]',
+            'spec.yaml: controllers: a: set: parameter vcm_plant:gain = -1.0 is refused',
+        ),
+        ('metrics: [nowhere:f]', 'spec.yaml: metrics: nowhere:f cannot be imported'),
         ('vary: 3', 'spec.yaml: vary: 3 is not a list of blocks'),
+        ('vary: {}', 'spec.yaml: vary: a block has no parameter'),
+        ('vary: [{}]', 'spec.yaml: vary: a block has no parameter'),
+        ('seeds: 2\nseeds: 3', "spec.yaml is not allowed: line 2: 'seeds' is there twice"),
+        ('vary: ' + 5000 * '[', 'spec.yaml is not allowed: line 1: vary: entries are nested more than 32 deep'),
+        ('seeds: [99999999999999999999]', 'spec.yaml: seeds: 1e+20 is not an integer'),
         ('files: [spec.yaml]', 'spec.yaml'),
     ],
 )

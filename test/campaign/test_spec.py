@@ -9,12 +9,14 @@ import yaml
 from hdd_servo_ros.campaign.planning import Plan
 from hdd_servo_ros.campaign.spec import read_spec, spec_of
 from hdd_servo_ros.parameters.files import ArgumentError
+from hdd_servo_ros.parameters.ros_yaml import read_entries
 
 BASE = 'files: [seagate_7200_10.yaml]\nset: {deterministic_timer:duration: 0.01}\n'
 
 
 def plan(text):
-    return Plan(spec_of(yaml.safe_load(BASE + text), Path.cwd()))
+    entries = read_entries(BASE.encode()) | (read_entries(text.encode()) if text else {})
+    return Plan(spec_of(entries, Path.cwd()))
 
 
 def test_blocks_are_crossed_and_parameters_of_a_block_zipped():
@@ -124,6 +126,41 @@ def test_files_are_relative_to_the_specification(tmp_path):
     assert Plan(spec)[0].varied == {'vcm_plant:gain': 5e7}
 
 
+def test_a_plan_is_a_sequence():
+    found = plan('controllers: [pid]\nvary: [{vcm_plant:gain: [1.0, 2.0, 3.0]}]')
+    assert found[-1] == found[2]
+    assert found[1:] == [found[1], found[2]]
+    assert repr(found) == 'Plan(3 runs, 3 points x 1 controllers x 1 seeds, varied: vcm_plant:gain)'
+    with pytest.raises(IndexError, match='there is no run -4, only 0 to 2'):
+        found[-4]
+
+
+def test_a_time_of_runs_that_differ_in_their_duration_is_not_judged_beforehand():
+    assert len(plan('after: 0.5\nvary: [{deterministic_timer:duration: [0.1, 1.0]}]')) == 2
+
+
+def test_values_of_a_file_are_read_as_those_of_a_parameter_file(tmp_path):
+    (tmp_path / 'spec.yaml').write_text(
+        "files: [seagate_7200_10.yaml]\nset: {deterministic_timer:duration: 1e-2, vcm_plant:frame_id: 'on'}\n"
+        "vary: [{vcm_plant:gain: [1e7, 2.5e+7]}, {vcm_plant:frame_id: ['1', 'off']}]\n"
+    )
+    spec = read_spec(tmp_path / 'spec.yaml')
+    assert spec.values == {'deterministic_timer:duration': 0.01, 'vcm_plant:frame_id': 'on'}
+    varied = [tuple(run.varied.values()) for run in Plan(spec)]
+    assert varied == [(1e7, '1'), (1e7, 'off'), (2.5e7, '1'), (2.5e7, 'off')]
+
+
+def test_integers_and_floats_may_be_mixed():
+    assert [run.varied['vcm_plant:gain'] for run in plan('vary: [{vcm_plant:gain: [1, 2.5]}]')] == [1, 2.5]
+
+
+def test_a_million_runs_are_planned_one_by_one():
+    found = plan('seeds: 1000\nvary: [{vcm_plant:gain: {linspace: [1, 2, 1000]}}]')
+    assert len(found) == 10**6
+    assert found[-1].settings['ldv_sensor:seed'] == 1000
+    assert len(found.digest) == 32
+
+
 def test_without_vary_there_is_one_run():
     assert [run.varied for run in plan('')] == [{}]
 
@@ -193,11 +230,57 @@ def test_without_vary_there_is_one_run():
         ('name: a/b', "name: 'a/b' is not the name of a folder"),
         ('after: -1', 'after: -1 is not at least 0'),
         ('metrics: []', 'metrics: [] is not a list of at least one element'),
+        ('after: .inf', 'after: inf is not a finite number'),
+        ('after: 0.5', 'after: 0.5 s is not allowed: the runs of adaptive_nn end at 0.01 s'),
+        ('vary: {}', 'vary: a block has no parameter'),
+        ('vary: [{vcm_plant:gain: [1.0]}, {}]', 'vary: a block has no parameter'),
+        ('vary: [{vcm_plant:gain: [50.0, fast]}]', "vcm_plant:gain: [50.0, 'fast'] holds a number and a text"),
+        ('vary: [{vcm_plant:gain: [50.0, true]}]', 'vcm_plant:gain: [50.0, True] holds a number and true or false'),
+        (
+            'vary: [{vcm_plant:gain: [50.0, [1.0, 2.0]]}]',
+            'vcm_plant:gain: [50.0, (1.0, 2.0)] holds a number and a list',
+        ),
+        ('seeds: [99999999999999999999]', 'seeds: 1e+20 is not an integer of at least 0'),
+        ('seeds: 2147483648', 'seeds: 2147483648 is not an integer of at most 1000000'),
+        (
+            'vary: [{vcm_plant:gain: {linspace: [1, 2, 1000000000]}}]',
+            '1000000000 values are not allowed: a campaign has',
+        ),
+        ('vary: [{runs: 1000001, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]', 'runs: 1000001 is not an integer of at'),
+        (
+            'vary: [{vcm_plant:gain: {linspace: [1, 2, 3000]}}, {vcm_plant:track_pitch: {linspace: [1, 2, 3000]}}]',
+            '9000000 points x 1 controllers x 1 seeds are 9000000 runs; a campaign has at most 1000000',
+        ),
+        ('vary: [{rig:controller: [pid]}]', 'vary: rig:controller does not vary, but can be in `set` of an entry of'),
+        ('controllers: [{name: 3, controller: pid}]', 'controllers: name: 3 is not a text'),
+        ('metrics: [rms_error]\nkeep: {worst: 1, of: max_error}', "keep: of: 'max_error' is not among the metrics of"),
+        ('keep: {worst: 1, of: 3}', 'keep: of: 3 is not the name of a metric'),
+        (
+            'controllers: [{name: a, controller: pid, set: {gain: 1.0}}]',
+            "controllers: a: set: 'gain' is not NODE:PARAMETER",
+        ),
     ],
 )
 def test_a_wrong_entry_is_named(text, message):
     with pytest.raises(ArgumentError, match=re.escape(message)):
         plan(text)
+
+
+@pytest.mark.parametrize(
+    ('entries', 'message'),
+    [
+        (
+            {'vary': [{'vcm_plant:gain': [10**20]}]},
+            'gain: 100000000000000000000 is not allowed: an integer has 64 bits',
+        ),
+        ({'seeds': [10**20]}, '100000000000000000000 is not an integer of at most 9223372036854775807'),
+        ({'controllers': [{'name': None, 'controller': 'pid'}]}, 'controllers: name: None is not a text'),
+        ({'vary': [{'vcm_plant:gain': [None]}]}, 'vcm_plant:gain: None is not the value of a parameter'),
+    ],
+)
+def test_an_entry_from_python_is_named(entries, message):
+    with pytest.raises(ArgumentError, match=re.escape(message)):
+        spec_of(entries, Path.cwd())
 
 
 @pytest.mark.parametrize('text', ['[1, 2]', 'a: [', ''])

@@ -37,7 +37,7 @@ def answering(answer):
 
     class Answering(Proportional):
         def step(self, inputs):
-            if isinstance(answer, Exception):
+            if isinstance(answer, BaseException):
                 raise answer
             return answer
 
@@ -85,6 +85,11 @@ def test_an_exception_is_told_in_one_line_with_its_place():
     assert said.startswith('mine: step raised ValueError: no good (')
     assert f'{__file__}:' in said
     assert said.endswith(' at tick 3')
+
+
+def test_a_step_that_would_end_the_process_is_told_as_an_exception():
+    with pytest.raises(ControllerError, match=r'^mine: step raised SystemExit: 3 \(.* at tick 7$'):
+        step(answering(SystemExit(3)), 7)
 
 
 def test_a_failing_update_names_the_last_tick():

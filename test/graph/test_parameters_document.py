@@ -1,27 +1,36 @@
-from pathlib import Path
-
 import pytest
 
 from hdd_servo_ros.graph import parameters_document
 from hdd_servo_ros.graph.catalogue import names_with_parameters
 from hdd_servo_ros.graph.known_parameters import node_declarations
 
-PUBLISHED = Path(__file__).parents[2] / 'docs' / 'parameters.md'
+PAGES = parameters_document.pages()
 
 
-def test_the_published_document_is_what_the_declarations_say():
-    assert PUBLISHED.read_text('utf8') == parameters_document.document(), 'run `make docs`'
-
-
-def test_every_parameter_is_in_it_with_unit_and_meaning():
-    sections = parameters_document.document().split('\n## ')
-    shared = [section for section in sections if 'Has [' not in section]
+def test_there_is_a_page_per_node_and_the_index_lists_all():
+    index = PAGES['parameters/index.md']
     for node in names_with_parameters():
-        (own,) = [section for section in sections if section.startswith(f'{node}\n')]
-        text = own + ''.join(shared)
-        for declaration in node_declarations(node):
-            rows = [row for row in text.splitlines() if row.startswith(f'| `{declaration.name}` |')]
-            assert any(f'| {declaration.unit} |' in row and declaration.description in row for row in rows)
+        assert PAGES[f'parameters/{node}.md'].startswith(f'# {node}\n')
+        assert f'({node}.md)' in index
+        assert f'\n{node}\n' in index
+    assert len(PAGES) == len(names_with_parameters()) + 2
+
+
+@pytest.mark.parametrize('node', names_with_parameters())
+def test_every_parameter_is_in_it_with_unit_and_meaning(node):
+    own, shared = PAGES[f'parameters/{node}.md'], PAGES['parameters/shared.md']
+    sets = [part for part in shared.split('\n## ')[1:] if f'(shared.md#{slug(part.splitlines()[0])})' in own]
+    text = '\n'.join([own, *sets])
+    declared = list(node_declarations(node))
+    for declaration in declared:
+        (row,) = [row for row in text.splitlines() if row.startswith(f'| `{declaration.name}` |')]
+        assert f'| {declaration.unit} | {declaration.type_and_range}' in row
+        assert declaration.description.replace('|', r'\|') in row
+    assert text.count('\n| `') == len(declared)
+
+
+def slug(title):
+    return title.lower().replace(' ', '-')
 
 
 @pytest.mark.parametrize('node', names_with_parameters())

@@ -1,7 +1,9 @@
 """Runs that a crash cut short, mended: nothing complete is lost, nothing original is overwritten."""
 
 import contextlib
+import errno
 import itertools
+import os
 import shutil
 import sqlite3
 
@@ -243,6 +245,27 @@ def test_a_whole_run_is_left_alone(runs, tmp_path, capsys):
     assert recover([str(run)]) == 0
     assert 'is whole: finished, last tick 2500' in capsys.readouterr().out
     assert not (run / 'damaged').exists()
+
+
+def test_processes_that_end_meanwhile_do_no_harm(runs, tmp_path, monkeypatch):
+    """Then /proc answers that there is no such process."""
+    own, scan = f'/proc/{os.getpid()}/fd', os.scandir
+
+    def scandir(path):
+        if os.fspath(path) == own:
+            raise ProcessLookupError(errno.ESRCH, os.strerror(errno.ESRCH))
+        return scan(path)
+
+    def listdir(path, names=os.listdir):
+        if os.fspath(path) == own:
+            raise ProcessLookupError(errno.ESRCH, os.strerror(errno.ESRCH))
+        return names(path)
+
+    monkeypatch.setattr(os, 'scandir', scandir)
+    monkeypatch.setattr(os, 'listdir', listdir)
+    run = tmp_path / 'run'
+    shutil.copytree(runs['mcap'], run)
+    assert not Recovery(run).finding.faults
 
 
 def test_what_cannot_be_mended(runs, tmp_path, capsys):

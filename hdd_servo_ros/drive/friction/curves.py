@@ -35,6 +35,16 @@ def friction_curve(
     -------
     ndarray
         Friction [V], of the broadcast shape.
+
+    Notes
+    -----
+    Source: thesis eqs. (2.1) to (2.27).
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.drive import FrictionParameters, friction_curve
+    >>> friction_curve(FrictionParameters(), [-1000.0, 0.0, 1000.0, 10000.0]).round(4).tolist()
+    [-0.1346, 0.0, 0.1346, 0.176]
     """
     velocities, positions = np.broadcast_arrays(
         np.asarray(velocity, dtype=np.float64), np.asarray(position, dtype=np.float64)
@@ -78,6 +88,20 @@ def friction_along(
     ------
     ValueError
         If the sample time is not positive and finite, or an array is not one-dimensional, of equal length and finite.
+
+    Notes
+    -----
+    Source: thesis eqs. (2.2), (2.13), (2.15), (2.20) to (2.24).
+
+    Examples
+    --------
+    Presliding: the friction follows the position like a spring, and lags behind it on the way back.
+
+    >>> import numpy as np
+    >>> from hdd_servo_ros.drive import FrictionParameters, friction_along
+    >>> position = np.array([0.0, 0.5, 1.0, 0.5, 0.0])
+    >>> friction_along(FrictionParameters(), position, sample_time=1e-3).round(5).tolist()
+    [0.0, 0.01377, 0.01999, 0.00449, -0.00645]
     """
     positions = checked_samples('position', position)
     if not 0.0 < sample_time < math.inf:

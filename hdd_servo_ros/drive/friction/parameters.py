@@ -86,6 +86,20 @@ class FrictionParameters(ParameterSet):
 
     The default is the LuGre model calibrated to what figs. 2.3 and 5.4 say of the low-frequency responses (the thesis
     gives no friction parameters in volts and micrometres); see ``docs/drive.md``. The units are the default drive's.
+
+    Notes
+    -----
+    Source: thesis eqs. (2.1) to (2.27).
+
+    Examples
+    --------
+    >>> from hdd_servo_ros.drive import FrictionParameters
+    >>> FrictionParameters(model='dahl', coulomb_level=0.1).stiffness
+    0.02168
+    >>> FrictionParameters(coulomb_level=0.2, static_level=0.1)
+    Traceback (most recent call last):
+        ...
+    ParameterError: parameter static_level = 0.1 is refused: at least coulomb_level, which is 0.2 [V]
     """
 
     model: str = parameter('lugre', 'friction model', choices=MODELS)

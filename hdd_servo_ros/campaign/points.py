@@ -1,0 +1,120 @@
+"""The points of a campaign, each what one run sets: made when they are asked for, so that many take no memory."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import overload
+
+MOST = 1_000_000
+"""Most runs of a campaign: a day of two cores with short runs, and a table that fits in memory."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Varied:
+    """
+    What a parameter takes in one run.
+
+    Attributes
+    ----------
+    value
+        The value, or the factor of the base value.
+    times_base
+        Whether the value is a factor of the base value, of each element where that is a list.
+    """
+
+    value: object
+    times_base: bool = False
+
+
+Point = dict[str, Varied]
+"""What one run sets, under ``'node:parameter'``, elements of lists under ``'node:parameter[index]'``."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """
+    The values of one parameter of a block.
+
+    Attributes
+    ----------
+    values
+        One per point.
+    times_base
+        Whether they are factors of the base value.
+    """
+
+    values: Sequence[object]
+    times_base: bool = False
+
+
+class Block(Sequence[Point]):
+    """
+    Points whose parameters are zipped.
+
+    Parameters
+    ----------
+    columns
+        By parameter; all have the same length, and there is at least one.
+    """
+
+    def __init__(self, columns: Mapping[str, Column]) -> None:
+        self.columns = dict(columns)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())).values)
+
+    @overload
+    def __getitem__(self, index: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Point]: ...
+
+    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(len(self))[index]]
+        return {key: Varied(column.values[index], column.times_base) for key, column in self.columns.items()}
+
+
+class Points(Sequence[Point]):
+    """
+    Blocks that are crossed: each point of one with each of the others, the last one fastest.
+
+    Parameters
+    ----------
+    blocks
+        The blocks, which have no parameter in common; without any there is one empty point.
+    """
+
+    def __init__(self, blocks: Sequence[Sequence[Point]]) -> None:
+        self.blocks = tuple(blocks)
+
+    def __len__(self) -> int:
+        return math.prod(map(len, self.blocks))
+
+    def __iter__(self) -> Iterator[Point]:
+        for chosen in itertools.product(*(range(len(block)) for block in self.blocks)):
+            yield self._crossed(chosen)
+
+    @overload
+    def __getitem__(self, index: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Point]: ...
+
+    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(len(self))[index]]
+        rest = range(len(self))[index]
+        chosen = []
+        for block in reversed(self.blocks):
+            rest, own = divmod(rest, len(block))
+            chosen.append(own)
+        return self._crossed(chosen[::-1])
+
+    def _crossed(self, chosen: Sequence[int]) -> Point:
+        return {
+            key: varied
+            for block, index in zip(self.blocks, chosen, strict=True)
+            for key, varied in block[index].items()
+        }

@@ -1,0 +1,78 @@
+"""Digests of the code and the files that the runs of a campaign read beside their parameters."""
+
+import hashlib
+import importlib
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+_PIECE = 1 << 20
+
+
+def digests(
+    nodes: Iterable[Mapping[str, Mapping[str, Any]]],
+    further: Iterable[object],
+    metrics: Mapping[str, Callable[..., float]],
+) -> dict[str, str]:
+    """
+    Return digests of what a campaign reads, each under what a message calls it.
+
+    Of a metric and of a custom controller it is that of the file which defines it; modules that it imports are not
+    followed.
+
+    Parameters
+    ----------
+    nodes
+        Of each controller the nodes of its runs by full name, as :attr:`Simulation.nodes` has them.
+    further
+        Further values of parameters.
+    metrics
+        Own metrics by import path.
+    """
+    found: dict[str, str] = {}
+    texts = [value for value in further if isinstance(value, str)]
+    for node in (node for of_controller in nodes for node in of_controller.values()):
+        offers = node['offers']
+        if 'controller_sha256' in offers:
+            found[f'controller {offers["controller_class"]}'] = offers['controller_sha256']
+        texts += [value for value in node['parameters'].values() if isinstance(value, str)]
+    for text in dict.fromkeys(texts):
+        for file in _files(text):
+            found[f'file {file}'] = _digest(file)
+    for path, metric in metrics.items():
+        for file in _sources(path, metric):
+            found[f'metric {path}, {file.name}'] = _digest(file)
+    return found
+
+
+def _files(text: str) -> Iterator[Path]:
+    """Iterate over the files that the value of a parameter names: itself, or those of a recorded run."""
+    path = Path(text)
+    try:
+        if text and path.is_file():
+            yield path
+        elif text and (path / 'run.yaml').is_file():
+            yield from sorted(file for file in path.rglob('*') if file.is_file())
+    except (OSError, ValueError):
+        # No name of a file at all.
+        return
+
+
+def _sources(path: str, metric: Callable[..., float]) -> list[Path]:
+    """Return the files that define a metric: that of its module, and that of its function if it is another."""
+    found = [getattr(importlib.import_module(path.partition(':')[0]), '__file__', None)]
+    try:
+        found.append(inspect.getsourcefile(inspect.unwrap(metric)))
+    except TypeError:
+        # Built in, or an instance.
+        found.append(None)
+    return [file for file in map(Path, dict.fromkeys(filter(None, found))) if file.is_file()]
+
+
+def _digest(file: Path) -> str:
+    digest = hashlib.sha256()
+    with file.open('rb') as opened:
+        while piece := opened.read(_PIECE):
+            digest.update(piece)
+    return digest.hexdigest()
