@@ -34,7 +34,7 @@ help:
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
 	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
-	@echo 'make faults    campaigns of kills, stray messages, odd parameters and damaged files, into docs/reliability.md; ARGS="kills --trials 20"'
+	@echo 'make faults    campaigns of kills, stray messages, odd parameters, damaged files, full disks and a long run, into docs/reliability.md; ARGS="kills --trials 20"'
 	@echo 'make docs      the generated reference pages and the picture of the graph, from the declarations'
 	@echo 'make html      the documentation as a site that works without a network: build/html/index.html'
 	@echo 'make ws        colcon build, as ros2 run expects it in install/'

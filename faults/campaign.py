@@ -2,9 +2,11 @@
 
 import collections
 import dataclasses
+import itertools
 import random
 import time
-from collections.abc import Callable, Iterable, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 HANG = 'hangs'
@@ -14,6 +16,8 @@ WRONG = 'wrong verdicts'
 NOT_FINITE = 'values that are not finite in a finished run'
 KINDS = (HANG, TRACEBACK, ORPHAN, WRONG, NOT_FINITE)
 """What must never be; every campaign is held to none of each."""
+SAID_EVERY = 20.0
+"""Time between two lines that tell how far a campaign is [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,10 +30,25 @@ class Fault:
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """How a trial ended: in a few words, of which a campaign has some tens at most, and its faults."""
+    """
+    How a trial ended.
+
+    Attributes
+    ----------
+    outcome
+        In a few words, of which a campaign has some tens at most.
+    faults
+        What must not be.
+    counts
+        How often what happened in it, where it tries many things; a campaign has the sums.
+    figures
+        What was measured in it, with the unit in the name; a campaign has the largest of each.
+    """
 
     outcome: str
     faults: Sequence[Fault] = ()
+    counts: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    figures: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +66,10 @@ class Campaign:
         How many trials a whole campaign has, and the part in the tests.
     seconds
         Time that a whole one takes at most; what is left of it then is not tried [s].
+    trial_seconds
+        Time after which a trial that does not return by itself is ended, and counts as a hang [s].
+    jobs
+        How many trials are made at a time at most.
     trial
         Makes one trial in a folder of its own; its choices come from the generator alone.
     """
@@ -57,6 +80,8 @@ class Campaign:
     short: int
     seconds: float
     trial: Callable[[Path, random.Random], Trial]
+    trial_seconds: float = 1500.0
+    jobs: int = 2
 
 
 @dataclasses.dataclass
@@ -65,6 +90,8 @@ class Result:
 
     campaign: Campaign
     outcomes: collections.Counter[str] = dataclasses.field(default_factory=collections.Counter)
+    counts: collections.Counter[str] = dataclasses.field(default_factory=collections.Counter)
+    figures: dict[str, float] = dataclasses.field(default_factory=dict)
     faults: list[tuple[int, Fault]] = dataclasses.field(default_factory=list)
     """Number of the trial, by which it can be made again, and the fault."""
     seconds: float = 0.0
@@ -77,6 +104,14 @@ class Result:
     def count(self, kind: str) -> int:
         """Return how many faults of a kind there were."""
         return sum(fault.kind == kind for _, fault in self.faults)
+
+    def add(self, number: int, trial: Trial) -> None:
+        """Take a trial into account."""
+        self.outcomes[trial.outcome] += 1
+        self.counts.update(trial.counts)
+        for name, figure in trial.figures.items():
+            self.figures[name] = max(figure, self.figures.get(name, figure))
+        self.faults += [(number, fault) for fault in trial.faults]
 
     def lines(self) -> Iterable[str]:
         """Iterate over the lines of its section."""
@@ -91,10 +126,56 @@ class Result:
         for kind in KINDS:
             yield f'| {kind} | {self.count(kind)} |'
         yield ''
+        if self.counts:
+            yield '| in these trials | number |'
+            yield '|---|---|'
+            for name, count in sorted(self.counts.items()):
+                yield f'| {name} | {count} |'
+            yield ''
+        if self.figures:
+            yield '| largest | |'
+            yield '|---|---|'
+            for name, figure in sorted(self.figures.items()):
+                yield f'| {name} | {figure:.4g} |'
+            yield ''
+
+
+Made = Callable[[Campaign, Path, Iterator[int]], Iterator[tuple[int, Trial]]]
+"""Makes trials of these numbers, and gives each as it ends."""
+
+
+def one_by_one(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iterator[tuple[int, Trial]]:
+    """Make trials in this process; what the judge itself raises goes on."""
+    for number in numbers:
+        yield number, make(campaign, folder, number)
+
+
+def make(campaign: Campaign, folder: Path, number: int) -> Trial:
+    """Make one trial; its folder is kept if it has a fault."""
+    place = folder / f'{campaign.name}-{number}'
+    place.mkdir(parents=True)
+    trial = campaign.trial(place, random.Random(f'{campaign.name} {number}'))
+    if not trial.faults:
+        remove(place)
+    return trial
+
+
+def judged(campaign: Campaign, folder: Path, number: int) -> Trial:
+    """Make one trial as :func:`make` does; what the judge itself raises is a fault."""
+    try:
+        return make(campaign, folder, number)
+    except Exception:
+        return Trial('not judged', [Fault(WRONG, traceback.format_exc())])
 
 
 def run(
-    campaign: Campaign, folder: Path, trials: int, *, first: int = 0, say: Callable[[str], None] = lambda _: None
+    campaign: Campaign,
+    folder: Path,
+    trials: int,
+    *,
+    first: int = 0,
+    say: Callable[[str], None] = lambda _: None,
+    made: Made = one_by_one,
 ) -> Result:
     """
     Make trials of a campaign.
@@ -109,24 +190,25 @@ def run(
         How many, and the number of the first one; the number is the seed of a trial.
     say
         Is told each fault, and from time to time how far the campaign is.
+    made
+        How they are made.
     """
     result = Result(campaign)
     started = said = time.monotonic()
-    for number in range(first, first + trials):
-        if time.monotonic() - started > campaign.seconds:
-            break
-        place = folder / f'{campaign.name}-{number}'
-        place.mkdir(parents=True)
-        trial = campaign.trial(place, random.Random(f'{campaign.name} {number}'))
-        result.outcomes[trial.outcome] += 1
+    in_time = itertools.takewhile(
+        lambda _: time.monotonic() - started <= campaign.seconds, range(first, first + trials)
+    )
+    for number, trial in made(campaign, folder, in_time):
+        result.add(number, trial)
         for fault in trial.faults:
-            result.faults.append((number, fault))
             say(f'{campaign.name} {number}: {fault.kind}: {fault.seen}')
-        if not trial.faults:
-            remove(place)
-        if time.monotonic() - said > 20.0:
+        if time.monotonic() - said > SAID_EVERY:
             said = time.monotonic()
-            say(f'{campaign.name}: {result.trials} of {trials} trials, {len(result.faults)} faults')
+            left = min((said - started) / result.trials * (trials - result.trials), started + campaign.seconds - said)
+            say(
+                f'{campaign.name}: {result.trials} of {trials} trials, {len(result.faults)} faults, '
+                f'about {max(left, 0.0) / 60.0:.1f} min left'
+            )
     result.seconds = time.monotonic() - started
     return result
 

@@ -39,10 +39,15 @@ _TOPICS = ('reference', 'head', 'ldv', 'control', 'estimates')
 
 
 @functools.cache
-def originals() -> dict[str, Path]:
-    """Return whole runs, one a kind of storage."""
-    folder = Path(tempfile.mkdtemp(prefix='hdd_servo_ros-faults-'))
-    kinds = {'mcap': (), 'zstd': ('-p', 'compression:=zstd'), 'sqlite3': ('-p', 'storage:=sqlite3')}
+def originals(where: Path) -> dict[str, Path]:
+    """Return whole runs in a folder of one that is there, one a kind of storage; made once."""
+    folder = Path(tempfile.mkdtemp(prefix='originals-', dir=where))
+    kinds = {
+        'mcap': (),
+        'zstd': ('-p', 'compression:=zstd'),
+        'split': ('-p', 'max_bag_duration:=0.005'),
+        'sqlite3': ('-p', 'storage:=sqlite3'),
+    }
     return {name: simulated(folder / name, '-p', 'duration:=0.02', *given) for name, given in kinds.items()}
 
 
@@ -50,12 +55,13 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     """Damage one file, and let the commands read it."""
     if choice.random() < 0.25:
         return _parameter_file(folder, choice)
-    storage, original = choice.choice(list(originals().items()))
+    storage, original = choice.choice(list(originals(folder.parent).items()))
     damaged = folder / 'run'
     shutil.copytree(original, damaged)
-    path = choice.choice([damaged / 'run.yaml', damaged / 'bag' / 'metadata.yaml', *_bags(damaged)])
+    is_of_bag = choice.random() < 0.5
+    path = choice.choice(_bags(damaged) if is_of_bag else [damaged / 'run.yaml', damaged / 'bag' / 'metadata.yaml'])
     how = damage(path, choice)
-    what = f'{storage if path in _bags(damaged) else path.name}, {how}'
+    what = f'{storage if is_of_bag else path.name}, {how}'
     if path.exists() and path.read_bytes() == (original / path.relative_to(damaged)).read_bytes():
         return Trial('unchanged')
     faults = []
@@ -67,28 +73,53 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     ):
         code, printed, found = call(command, arguments)
         faults += found
-        if code == 0:
+        # A dry run that finds something to repair ends with 0 too.
+        if code == 0 and (command is not recover or ' is whole: ' in printed):
             accepted.append(command.__module__.rpartition('.')[2])
         elif not found and not printed.strip():
             faults.append(Fault(WRONG, f'{command.__module__} ends with {code} and says nothing'))
-    if 'compare_bags' in accepted and not _is_same(original, damaged):
-        faults.append(Fault(WRONG, f'{what}: compare_bags says that it is the same'))
-    if 'recover' in accepted and path in _bags(damaged) and not _is_same(original, damaged):
-        faults.append(Fault(WRONG, f'{what}: recover says that it is whole'))
-    return Trial(f'{path.suffix[1:]}: {"all read it" if len(accepted) == 3 else "refused or told"}', faults)
+        if code not in (0, 1, 3) and not found:
+            faults.append(Fault(WRONG, f'{command.__module__} ends with {code}: {printed[-200:]}'))
+    outcome = 'all read it' if len(accepted) == 3 else 'refused or told'
+    is_same = _is_same(original, damaged)
+    if is_same is False:
+        faults.append(Fault(WRONG, 'the run opens with other values'))
+    if is_same is None and is_of_bag:
+        faults += [Fault(WRONG, f'{name} accepts a run that does not open') for name in accepted]
+    if is_of_bag:
+        outcome = 'all read it' if len(accepted) == 3 else _recovered(original, damaged, faults)
+    faults = [Fault(fault.kind, f'{what}: {fault.seen}') for fault in faults]
+    return Trial(f'{path.suffix[1:]}: {outcome}', faults)
+
+
+def _recovered(original: Path, damaged: Path, faults: list[Fault]) -> str:
+    """Let `recover` do what it can; return what that was."""
+    output = damaged.parent / 'recovered'
+    code, printed, found = call(recover, [str(damaged), '--output', str(output)])
+    faults += found
+    if code != 0:
+        return 'refused, nothing to be recovered'
+    if not (output / 'run.yaml').exists():
+        faults.append(Fault(WRONG, f'recover writes nothing and ends with 0: {printed[-200:]}'))
+    elif _is_same(original, output, is_part=True) is not True:
+        faults.append(Fault(WRONG, f'what recover has written has other values, or does not open: {printed[-200:]}'))
+    return 'refused, recovered'
 
 
 def _bags(run: Path) -> list[Path]:
     return sorted(path for path in (run / 'bag').iterdir() if path.suffix in ('.mcap', '.db3'))
 
 
-def _is_same(original: Path, damaged: Path) -> bool:
-    """Return whether the numbers of two runs are the same, or those of the damaged one refused."""
+def _is_same(original: Path, other: Path, *, is_part: bool = False) -> bool | None:
+    """Return whether the numbers of two runs are the same, as far as the other one comes; None if it does not open."""
     try:
-        left, right = Run.open(original), Run.open(damaged)
-        return all(np.asarray(left[topic]).tobytes() == np.asarray(right[topic]).tobytes() for topic in _TOPICS)
+        left, right = Run.open(original), Run.open(other)
+        pairs = [(np.asarray(left[topic]), np.asarray(right[topic])) for topic in _TOPICS]
     except (OSError, BagError, LookupError, ValueError):
-        return True
+        return None
+    if is_part:
+        pairs = [(whole[: len(part)], part) for whole, part in pairs]
+    return all(whole.tobytes() == part.tobytes() for whole, part in pairs)
 
 
 def _parameter_file(folder: Path, choice: random.Random) -> Trial:
@@ -128,4 +159,4 @@ def damage(path: Path, choice: random.Random) -> str:
     return how
 
 
-CAMPAIGN = Campaign('files', 'Damaged bags, metadata, run.yaml and parameter files', 2000, 18, 2400.0, trial)
+CAMPAIGN = Campaign('files', 'Damaged bags, metadata, run.yaml and parameter files', 2000, 18, 3600.0, trial)

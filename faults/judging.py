@@ -17,7 +17,9 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.recording.bag_columns import BagError
 
 LONGEST_CALL = 20.0
-"""Time for what is called in this process and takes some hundredths of that [s]."""
+"""Processor time for what is called in this process and takes some hundredths of that [s]."""
+LONGEST_WAIT = 60.0
+"""Wall time for the same call, as a multiple: a call that sleeps for ever takes no processor time."""
 
 
 class _TooLong(BaseException):
@@ -38,8 +40,11 @@ def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[
         raise _TooLong
 
     printed = io.StringIO()
-    previous = signal.signal(signal.SIGALRM, end)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_CALL)
+    # Wall time alone would take a busy machine for a hang.
+    timers = {signal.ITIMER_PROF: signal.SIGPROF, signal.ITIMER_REAL: signal.SIGALRM}
+    previous = {number: signal.signal(number, end) for number in timers.values()}
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_CALL)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_CALL * LONGEST_WAIT)
     code, faults = None, []
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
@@ -47,12 +52,14 @@ def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[
     except SystemExit as ended:
         code = ended.code
     except _TooLong:
-        faults.append(Fault(HANG, f'{function.__module__} did not return in {LONGEST_CALL:g} s'))
+        limit = f'{LONGEST_CALL:g} s of processor time or {LONGEST_WAIT:g} times that'
+        faults.append(Fault(HANG, f'{function.__module__} did not return in {limit}'))
     except BaseException as error:
         faults.append(Fault(TRACEBACK, f'{function.__module__}: {type(error).__name__}: {str(error)[:200]}'))
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, previous)
+        for timer, number in timers.items():
+            signal.setitimer(timer, 0.0)
+            signal.signal(number, previous[number])
     faults += tracebacks(printed.getvalue(), function.__module__)
     return code, printed.getvalue(), faults
 
@@ -91,9 +98,13 @@ def false_claims(folder: Path, code: int | None, reference: Run | None) -> Itera
         yield Fault(WRONG, f'status {status} without a reason')
     if status == 'running':
         return
+    if content['last_tick'] is None or content['last_tick'] < 0:
+        if status == 'finished':
+            yield Fault(WRONG, 'finished without a tick')
+        return
     try:
         run = Run.open(folder)
-    except BagError as error:
+    except (BagError, FileNotFoundError) as error:
         yield Fault(WRONG, str(error))
         return
     if len(run.time) != content['last_tick'] + 1:

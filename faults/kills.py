@@ -6,53 +6,118 @@ import signal
 import time
 from pathlib import Path
 
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
 from faults.campaign import WRONG, Campaign, Fault, Trial
-from faults.judging import call, false_claims, first_line, status_of, wait_until
-from faults.processes import NODES, Processes, processes
+from faults.judging import call, false_claims, first_line, status_of
+from faults.outside import Outside, outside
+from faults.processes import LONGEST_START, NODES, Processes, processes
 from faults.reference import LENGTH, reference_run
+from hdd_servo_ros.messages.topics import RECORDER
+from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.tools.recover import main as recover
 
 _SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+_STORAGES = {
+    'mcap': (),
+    'mcap with zstd': ('-p', 'compression:=zstd'),
+    'sqlite3': ('-p', 'storage:=sqlite3'),
+}
+_SAMPLE_TIME = 1e-4
+MOST_LOST = 0.2
+"""Of the run, by any kill [s]."""
 _COMPLETE = 'finished before the signal'
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
     """Run the graph, in one process or in many, and send one of its processes a signal."""
-    with processes(folder) as run:
-        return _killed(run, folder / 'run', choice)
+    with processes(folder) as run, outside(run.domain) as listener:
+        return _killed(run, listener, folder / 'run', choice)
 
 
-def _killed(run: Processes, recorded: Path, choice: random.Random) -> Trial:
-    arguments = ('-p', f'duration:={LENGTH}', '-p', 'run_dir:=run', '-p', 'rate:=1.0', '-p', 'peer_timeout:=1.0')
-    victim = choice.choice(['rig', 'writer', *NODES])
-    for name in ['rig'] if victim in ('rig', 'writer') else NODES:
-        run.start(name, *arguments, *(('-p', 'rig:plot:=false') if name == 'rig' else ()))
-    if not wait_until(lambda: (recorded / 'bag').exists() or _one_has_ended(run), 120.0):
-        return Trial('did not start', [Fault(WRONG, first_line(run.outputs(), 'ERROR') or 'it never started')])
-    time.sleep(choice.uniform(0.0, 3.0))
+def _killed(run: Processes, listener: Outside, recorded: Path, choice: random.Random) -> Trial:
+    storage = choice.choice(list(_STORAGES))
+    given = ('-p', f'duration:={LENGTH}', '-p', 'run_dir:=run', '-p', 'rate:=1.0', *_STORAGES[storage])
+    victim = choice.choice(['rig', 'writer'] if choice.random() < 0.5 else [*NODES, RECORDER, RECORDER])
     number = choice.choice(_SIGNALS)
+    clock = _Clock(listener)
+    for name in ['rig'] if victim in ('rig', 'writer') else NODES:
+        run.start(name, *given, *(('-p', 'rig:plot:=false') if name == 'rig' else ()))
+    if choice.random() < 0.1:
+        # At any moment before the run begins, too.
+        time.sleep(choice.uniform(0.0, 5.0))
+    elif not listener.spin_until(lambda: clock.tick >= 0 or _one_has_ended(run), LONGEST_START):
+        return Trial('did not start', [Fault(WRONG, first_line(run.outputs(), 'ERROR') or 'it never started')])
+    else:
+        time.sleep(choice.uniform(0.0, 2.5))
     target = _pid(run, victim)
     if target is None:
         return Trial(_COMPLETE, run.ended())
+    known = clock.last()
     os.kill(target, number)
     faults = run.ended()
+    kind = victim if victim in ('rig', 'writer', RECORDER) else 'another node'
     if faults:
-        return Trial(f'{victim} and {number.name}', faults)
+        return Trial(f'{kind} and {number.name}', faults)
     codes = {name: process.returncode for name, process in run.started.items()}
     killed = number == signal.SIGKILL and victim != 'writer'
     faults += _wrong_codes(codes, victim, number)
     status = status_of(recorded)
     if status == 'none':
+        if known >= 0:
+            faults.append(Fault(WRONG, f'there is no run.yaml at tick {known}'))
         return Trial('before there was a run', faults)
-    code = codes.get('bag_recorder', codes.get('rig'))
-    keeper_is_dead = killed and victim in ('rig', 'bag_recorder')
-    faults += false_claims(recorded, None if keeper_is_dead else code, reference_run())
+    code = codes.get(RECORDER, codes.get('rig'))
+    keeper_is_dead = killed and victim in ('rig', RECORDER)
+    reference = reference_run(recorded.parent.parent)
     if status == 'running' and not keeper_is_dead:
         faults.append(Fault(WRONG, f'status running after {number.name} to {victim}'))
-    if status == 'running':
+    claimed = _last_tick(recorded)
+    is_open = not (recorded / 'bag' / 'metadata.yaml').exists()
+    if is_open and status != 'running' and not (victim == 'writer' and number == signal.SIGKILL):
+        faults.append(Fault(WRONG, f'the bag was not closed after {number.name} to {victim}'))
+    if is_open or status == 'running':
+        # Nobody is left who could have closed the bag.
         faults += _unrecoverable(recorded)
-        return Trial(f'{victim} killed: recovered', faults)
-    return Trial(f'{"killed" if killed else "asked to end"}: {status}', faults)
+    faults += false_claims(recorded, None if keeper_is_dead else code, reference)
+    last_tick = _last_tick(recorded)
+    if claimed > last_tick:
+        faults.append(Fault(WRONG, f'run.yaml says {claimed} for the last tick, the bag holds {last_tick}'))
+    lost = (known - last_tick) * _SAMPLE_TIME
+    if lost > MOST_LOST:
+        faults.append(Fault(WRONG, f'{lost:.4f} s lost by {number.name} to {victim}, {storage}'))
+    outcome = 'recovered' if is_open or status == 'running' else status
+    return Trial(
+        f'{kind}, {number.name}: {outcome}', faults, figures={f'lost by {kind}, {storage} [s]': max(lost, 0.0)}
+    )
+
+
+class _Clock:
+    """The last tick that somebody outside has seen."""
+
+    def __init__(self, listener: Outside) -> None:
+        self.tick = -1
+        self._listener = listener
+        # The newest message alone: 10,000 of them a second would keep the judge busy.
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # type: ignore[no-untyped-call]
+        listener.node.create_subscription(Clock, 'clock', self._take, newest)
+
+    def _take(self, message: Clock) -> None:
+        self.tick = round((message.clock.sec + message.clock.nanosec * 1e-9) / _SAMPLE_TIME)
+
+    def last(self) -> int:
+        """Return the last tick until now, -1 if there was none."""
+        before = self.tick
+        if before >= 0:
+            self._listener.spin_until(lambda: self.tick != before, 0.1)
+        return self.tick
+
+
+def _last_tick(recorded: Path) -> int:
+    """Return what `run.yaml` says, -1 for none."""
+    found = read_run_yaml(recorded)['last_tick']
+    return -1 if found is None else int(found)
 
 
 def _one_has_ended(run: Processes) -> bool:
@@ -82,9 +147,7 @@ def _unrecoverable(recorded: Path) -> list[Fault]:
     code, printed, faults = call(recover, [str(recorded)])
     if code not in (0, 1):
         faults.append(Fault(WRONG, f'recover: exit code {code}: {printed[-200:]}'))
-    elif code == 0 and not faults:
-        faults += false_claims(recorded, None, reference_run())
     return faults
 
 
-CAMPAIGN = Campaign('kills', 'Kills of every process at random ticks', 300, 3, 3600.0, trial)
+CAMPAIGN = Campaign('kills', 'Kills of every process at random ticks', 300, 3, 7200.0, trial)

@@ -16,8 +16,10 @@ from hdd_servo_ros.testing.domain import take_domain
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
-LONGEST_END = 40.0
-"""Time in which the processes of a run end when something is wrong; `peer_timeout` is 3 s of it [s]."""
+LONGEST_START = 600.0
+"""Time in which a run begins; it is some seconds unless the machine is busy [s]."""
+LONGEST_END = 300.0
+"""Time in which the processes of a run end when something is wrong; alike [s]."""
 
 
 class Processes:

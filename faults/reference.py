@@ -14,9 +14,9 @@ LENGTH = '3.0'
 
 
 @functools.cache
-def reference_run() -> Run:
-    """Return it, made once."""
-    folder = Path(tempfile.mkdtemp(prefix='hdd_servo_ros-faults-')) / 'reference'
+def reference_run(where: Path) -> Run:
+    """Return it, made once, in a folder of one that is there."""
+    folder = Path(tempfile.mkdtemp(prefix='reference-', dir=where)) / 'run'
     return Run.open(simulated(folder, '-p', f'duration:={LENGTH}'))
 
 

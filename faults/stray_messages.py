@@ -4,20 +4,20 @@ import json
 import random
 import struct
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from geometry_msgs.msg import Vector3Stamped
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.context import Context
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from faults.campaign import WRONG, Campaign, Fault, Trial
 from faults.judging import false_claims, wait_until
-from faults.processes import processes
+from faults.outside import outside
+from faults.processes import LONGEST_START, processes
 from faults.reference import reference_run
 
 SERVICE = {'lockstep': String, 'recorded': Header, 'scope': Float64MultiArray, 'parameter_events': ParameterEvent}
@@ -34,17 +34,17 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     with processes(folder) as run:
         over_dds = choice.random() < 0.5 or not is_service
         rig = run.start(
-            'rig', *('-p', 'duration:=0.4', '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false'),
+            'rig', *('-p', 'duration:=0.25', '-p', 'rate:=0.1', '-p', 'run_dir:=run', '-p', 'plot:=false'),
             *('-p', f'rig:intra_process:={str(not over_dds).lower()}'),
         )  # fmt: skip
-        if not wait_until((folder / 'run' / 'bag').exists, 120.0):
+        if not wait_until((folder / 'run' / 'bag').exists, LONGEST_START):
             return Trial('did not start', [Fault(WRONG, run.output('rig')[-300:])])
         _publish(run.domain, f'/{topic}', kind, message, lambda: rig.poll() is None)
         faults = run.ended()
         code = rig.returncode
         if faults:
             return Trial(f'/{topic}', faults)
-        faults += false_claims(folder / 'run', code, reference_run())
+        faults += false_claims(folder / 'run', code, reference_run(folder.parent))
         if is_service and code != 0:
             faults.append(Fault(WRONG, f'/{topic} ended the run: {run.output("rig")[-300:]}; {message[:80]!r}'))
         if not is_service and code != 0 and f'/{topic}: ' not in run.output('rig'):
@@ -52,18 +52,12 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         return Trial(f'/{topic}: {"goes on" if code == 0 else "ends with topic and publisher"}', faults)
 
 
-def _publish(domain: int, topic: str, kind: Any, message: bytes, goes_on: Any) -> None:
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    try:
-        node = rclpy.create_node('stranger', context=context)
-        publisher = node.create_publisher(kind, topic, 10)
+def _publish(domain: int, topic: str, kind: Any, message: bytes, goes_on: Callable[[], bool]) -> None:
+    with outside(domain) as stranger:
+        publisher = stranger.node.create_publisher(kind, topic, 10)
         while goes_on():
             publisher.publish(message)
             time.sleep(0.02)
-        node.destroy_node()  # type: ignore[no-untyped-call]
-    finally:
-        rclpy.shutdown(context=context)
 
 
 def payload(kind: Any, choice: random.Random) -> bytes:
@@ -106,4 +100,4 @@ def _text(choice: random.Random) -> str:
     return choice.choice([json.dumps(kept), '[' * choice.randint(0, 9000), json.dumps(number), 'hello'])
 
 
-CAMPAIGN = Campaign('messages', 'Stray messages on every topic', 200, 3, 2400.0, trial)
+CAMPAIGN = Campaign('messages', 'Stray messages on every topic', 200, 3, 3600.0, trial)

@@ -64,11 +64,13 @@ def bag_directory(path: Path) -> Path:
     Raises
     ------
     FileNotFoundError
-        If it is neither.
+        If it is neither, or a run whose bag was not closed.
     """
     for candidate in (path / 'bag', path):
         if (candidate / 'metadata.yaml').is_file():
             return candidate
+    if (path / 'run.yaml').is_file() and any((path / 'bag').glob('*')):
+        raise FileNotFoundError(f'{path}: its bag was not closed: no metadata.yaml in it; `recover {path}` repairs it')
     raise FileNotFoundError(f'{path} is neither a run folder nor a closed bag: no metadata.yaml in it or in its bag/')
 
 

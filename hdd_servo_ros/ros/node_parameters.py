@@ -1,5 +1,6 @@
 """Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of whole sets, live changes."""
 
+import array
 import copy
 import difflib
 import math
@@ -161,7 +162,14 @@ class ParameterNode(Node):
                 hint = f'; did you mean {similar[0]}?' if similar else ''
                 reason = f'{self.get_fully_qualified_name()} has no parameter {parameter.name}{hint}'
                 return SetParametersResult(successful=False, reason=reason)
-        return super().set_parameters_atomically([self._as_declared(parameter) for parameter in parameter_list])
+        given = [self._as_declared(parameter) for parameter in parameter_list]
+        for parameter in given:
+            declaration = self.declared.get(parameter.name)
+            # rclpy refuses another type too, and names neither the parameter nor what is allowed.
+            if declaration is not None and parameter.type_ != _type_of(declaration):
+                refusal = ParameterError(parameter.name, _as_list(parameter.value), declaration.allowed)
+                return SetParametersResult(successful=False, reason=str(refusal))
+        return super().set_parameters_atomically(given)
 
 
 class NodeParameters:
@@ -255,9 +263,8 @@ class NodeParameters:
         declared = {declaration.name: declaration for kind in self.kinds for declaration in declarations(kind)}
         changes = []
         for name, value in values.items():
-            types = _ARRAY_TYPES if declared[name].is_sequence else _TYPES
             plain = list(value) if isinstance(value, tuple) else value
-            changes.append(Parameter(name, types[declared[name].element_type], plain))
+            changes.append(Parameter(name, _type_of(declared[name]), plain))
         result = self._node.set_parameters_atomically(changes)
         return '' if result.successful else result.reason
 
@@ -283,6 +290,15 @@ class NodeParameters:
             self._on_change()
         if self._report is not None:
             self._report({change.name: _plain(change.value) for change in changes})
+
+
+def _as_list(value: Any) -> Any:
+    """Return arrays as lists, as a user writes them, and all other values as they are."""
+    return list(value) if isinstance(value, array.array) else value
+
+
+def _type_of(declaration: Declaration) -> Parameter.Type:
+    return (_ARRAY_TYPES if declaration.is_sequence else _TYPES)[declaration.element_type]
 
 
 def _plain(value: Any) -> Any:

@@ -338,6 +338,17 @@ def test_a_run_that_lost_its_bag(directory, tmp_path):
         Run.open(tmp_path / 'run')
 
 
+def test_a_run_whose_bag_was_not_closed_names_its_cure(tmp_path):
+    """As a killed writer leaves it."""
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'run.yaml').write_text(yaml.safe_dump({'status': 'failed', 'topics': {}}))
+    (tmp_path / 'bag' / 'bag.mcap').write_bytes(b'')
+    with pytest.raises(
+        FileNotFoundError, match=f'{tmp_path}: its bag was not closed: .*; `recover {tmp_path}` repairs'
+    ):
+        Run.open(tmp_path)
+
+
 def test_the_package_offers_run_and_nothing_else():
     assert hdd_servo_ros.Run is Run
     with pytest.raises(AttributeError, match="has no attribute 'Walk'"):

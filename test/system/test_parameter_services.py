@@ -2,6 +2,7 @@
 
 import math
 import statistics
+from typing import Any
 
 import pytest
 from geometry_msgs.msg import Vector3Stamped
@@ -144,6 +145,20 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
         result = run.ask(node, SetParameters, parameters=[parameter(name, value)]).results[0]
         assert not result.successful, refused
         assert reason in result.reason, refused
+    # A value of another type is refused in the same words, alone and beside one that could be taken.
+    of_other_types: tuple[tuple[str, str, Any, int, str], ...] = (
+        ('reference_generator', 'frequency', [1.0], LISTS[float], 'frequency = [1.0] is refused: a finite number at'),
+        ('reference_generator', 'frequency', 'fast', SCALARS[str], "frequency = 'fast' is refused: a finite number at"),
+        ('vcm_plant', 'substeps', True, SCALARS[bool], 'substeps = True is refused: an integer'),
+        ('vcm_plant', 'substeps', 2.0, SCALARS[float], 'substeps = 2.0 is refused: an integer'),
+    )
+    for node, name, other, kind, reason in of_other_types:
+        changes = [parameter(name, other, kind)]
+        (result,) = run.ask(node, SetParameters, parameters=changes).results
+        together = run.ask(node, SetParametersAtomically, parameters=changes).result
+        assert not result.successful
+        assert result.reason.startswith(f'parameter {reason}')
+        assert together == result
     kind = ParameterType.PARAMETER_STRING
     change = parameter('waveform', 'sawtooth', kind)
     result = run.ask('reference_generator', SetParameters, parameters=[change]).results[0]

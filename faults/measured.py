@@ -7,8 +7,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 
-from benchmarks.graph_runs import ROOT
+from faults.processes import ROOT
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,13 +23,37 @@ class Measured:
     memory: float
 
 
-def run_measured(module, *arguments, environment=None, most_seconds=3600.0):
-    """Run a module of this package and measure it; what it writes goes to files, so that nothing waits for a pipe."""
+def run_measured(
+    module: str,
+    *arguments: object,
+    environment: Mapping[str, str] | None = None,
+    most_seconds: float = 3600.0,
+    inside: Sequence[str] = (),
+) -> Measured:
+    """
+    Run a module of this package and measure it; what it writes goes to files, so that nothing waits for a pipe.
+
+    Parameters
+    ----------
+    module
+        Its name; its arguments follow.
+    environment
+        What its environment has besides.
+    most_seconds
+        Wall time after which it is killed [s].
+    inside
+        A command that becomes this one, such as one that enters a name space.
+
+    Raises
+    ------
+    TimeoutError
+        If it was killed.
+    """
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
     with tempfile.TemporaryFile('w+') as output, tempfile.TemporaryFile('w+') as errors:
         started = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, '-m', module, *map(str, arguments)],
+            [*inside, sys.executable, '-m', module, *map(str, arguments)],
             env={**os.environ, 'PYTHONPATH': path, **(environment or {})},
             stdout=output,
             stderr=errors,

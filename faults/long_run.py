@@ -1,0 +1,113 @@
+"""An hour's recording by `simulate`, with the memory that it and its tools take, and the same bits by `rig`."""
+
+import random
+from pathlib import Path
+
+from faults.campaign import HANG, WRONG, Campaign, Fault, Trial
+from faults.judging import tracebacks
+from faults.measured import run_measured
+from faults.processes import PARAMS
+from hdd_servo_ros.recording.compare_bags import first_difference
+from hdd_servo_ros.recording.run_folder import read_run_yaml
+
+HOUR, RIG = 36_000_000, 1_000_000
+"""Ticks of 0.1 ms."""
+MOST_MEMORY = 500.0
+"""Of any command [MB]."""
+MOST_GROWTH = 100.0
+"""By how much the memory of a command for the hour may exceed that for the 100 s of the rig [MB]."""
+_LONGEST = 7200.0
+"""Time for one command [s]."""
+_COMMANDS = ('simulate', 'recover', 'replay')
+
+
+def trial(folder: Path, choice: random.Random) -> Trial:
+    """Record the hour, read it and replay it; nothing is left to choice."""
+    return recorded(folder, HOUR, RIG)
+
+
+def recorded(folder: Path, ticks: int, rig_ticks: int) -> Trial:
+    """
+    Record as many ticks, read them and replay them.
+
+    Parameters
+    ----------
+    folder
+        Where; an hour takes 10 GB, compressed, and its replay as much again.
+    ticks
+        Of `simulate`.
+    rig_ticks
+        Of `rig`, and of a short recording by `simulate`, with whose memory the long one's is compared; 0 for none.
+    """
+    made = _Recordings(folder)
+    if rig_ticks:
+        made.record('short', rig_ticks)
+        made.run('rig', 'hdd_servo_ros.nodes.rig', *_arguments(folder / 'rig', rig_ticks))
+    made.record('long', ticks)
+    if not made.faults:
+        made.compare('long', ticks, 'again', ticks)
+        if rig_ticks:
+            made.compare('long', ticks, 'rig', rig_ticks)
+            made.refuse_growth()
+    return Trial(f'{ticks} ticks by simulate, {rig_ticks} by rig', made.faults, figures=made.figures)
+
+
+class _Recordings:
+    """Commands that were run, and what was measured."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.figures: dict[str, float] = {}
+        self.faults: list[Fault] = []
+
+    def record(self, name: str, ticks: int) -> None:
+        """Record a run, look at it and replay it."""
+        run, again = self._folder / name, self._folder / ('again' if name == 'long' else f'{name}-again')
+        self.run(f'{name} simulate', 'hdd_servo_ros.simulation.simulate', *_arguments(run, ticks))
+        self.run(f'{name} recover', 'hdd_servo_ros.tools.recover', run, '--dry-run')
+        self.run(f'{name} replay', 'hdd_servo_ros.tools.replay', run, '--without-ros', '--output', again)
+
+    def run(self, name: str, module: str, *arguments: object) -> None:
+        """Run a command and measure it; nothing more once one has failed."""
+        if self.faults:
+            return
+        alone = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
+        try:
+            done = run_measured(module, *arguments, environment=alone, most_seconds=_LONGEST)
+        except TimeoutError as error:
+            self.faults.append(Fault(HANG, str(error)))
+            return
+        self.figures[f'memory of {name} [MB]'] = done.memory
+        self.figures[f'time of {name} [s]'] = done.seconds
+        self.faults += tracebacks(done.errors, name)
+        if done.exit_code:
+            self.faults.append(Fault(WRONG, f'{name}: exit code {done.exit_code}: {done.errors[-500:]}'))
+        if done.memory > MOST_MEMORY:
+            self.faults.append(Fault(WRONG, f'{name}: {done.memory:.0f} MB, more than {MOST_MEMORY:.0f} MB'))
+
+    def compare(self, left: str, left_ticks: int, right: str, right_ticks: int) -> None:
+        """Expect the runs' length, and the same bits in both as far as the right one comes."""
+        for name, ticks in ((left, left_ticks), (right, right_ticks)):
+            last_tick = read_run_yaml(self._folder / name)['last_tick']
+            if last_tick != ticks:
+                self.faults.append(Fault(WRONG, f'{name}: last tick {last_tick}, not {ticks}'))
+        difference = first_difference(self._folder / right, self._folder / left, right_ticks)
+        if difference is not None:
+            self.faults.append(Fault(WRONG, f'{left} and {right} differ: {difference}'))
+
+    def refuse_growth(self) -> None:
+        """Expect the memory of each command not to grow with the run."""
+        for name in _COMMANDS:
+            short, long = (self.figures[f'memory of {length} {name} [MB]'] for length in ('short', 'long'))
+            if long - short > MOST_GROWTH:
+                self.faults.append(
+                    Fault(WRONG, f'{name}: {short:.0f} MB for the short run, {long:.0f} MB for the long one')
+                )
+
+
+def _arguments(run: Path, ticks: int) -> tuple[object, ...]:
+    given = ('-p', f'run_dir:={run}', '-p', f'duration:={ticks * 1e-4}', '-p', 'compression:=zstd')
+    return '--ros-args', '--params-file', PARAMS, *given, '-p', 'plot:=true', '-p', 'progress:=false'
+
+
+CAMPAIGN = Campaign('long_run', "An hour's recording", 1, 0, 14400.0, trial, trial_seconds=14400.0, jobs=1)
