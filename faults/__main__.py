@@ -1,11 +1,11 @@
 """
 Make the campaigns of faults, and write their tables into ``docs/reliability.md``.
 
-``python -m faults [NAME ...] [--trials N] [--first K] [--jobs J] [--no-write]``; exit code 1 if there is a fault.
-``python -m faults NAME --first K --trials 1`` makes trial K of a fault again.
+Exit code 1 if there is a fault; ``python -m faults NAME --first K --trials 1`` makes its trial K again.
 """
 
 import argparse
+import dataclasses
 import shutil
 import signal
 import sys
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('names', nargs='*', metavar='NAME', help='of the campaigns; all if none')
     parser.add_argument('--trials', type=int, help='as many of each, instead of a whole campaign; no table is written')
     parser.add_argument('--first', type=int, default=0, help='number of the first trial (0)')
+    parser.add_argument('--minutes', type=float, help='end each campaign after so long, instead of its own time')
     parser.add_argument('--jobs', type=int, default=2, help='trials at a time (2)')
     parser.add_argument('--folder', help='where to make a temporary folder, instead of the usual one')
     parser.add_argument('--no-write', action='store_true', help='leave the document as it is')
@@ -54,6 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results = []
     for name in parsed.names or CAMPAIGNS:
         chosen = CAMPAIGNS[name]
+        if parsed.minutes is not None:
+            chosen = dataclasses.replace(chosen, seconds=60.0 * parsed.minutes)
         count = chosen.trials if parsed.trials is None else parsed.trials
         _say(f'{name}: {count} trials, {chosen.seconds / 60.0:.0f} min at most')
         made = at_the_same_time(parsed.jobs)

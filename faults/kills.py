@@ -27,7 +27,7 @@ _STORAGES = {
 _SAMPLE_TIME = 1e-4
 MOST_LOST = 0.2
 """Of the run, by any kill [s]."""
-_COMPLETE = 'finished before the signal'
+_COMPLETE = 'ended before the signal, or its writer had not begun'
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
@@ -53,7 +53,12 @@ def _killed(run: Processes, listener: Outside, recorded: Path, choice: random.Ra
         time.sleep(choice.uniform(0.0, 2.5))
     target = _pid(run, victim)
     if target is None:
-        return Trial(_COMPLETE, run.ended())
+        faults = run.ended()
+        if not faults and status_of(recorded) != 'none':
+            keeper = run.started.get(RECORDER, run.started.get('rig'))
+            assert keeper is not None
+            faults += false_claims(recorded, keeper.returncode, reference_run(recorded.parent.parent))
+        return Trial(_COMPLETE, faults)
     known = clock.last()
     os.kill(target, number)
     faults = run.ended()

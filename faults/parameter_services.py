@@ -185,11 +185,14 @@ class _Session:
         for part, result in zip([given] if is_together else [[each] for each in given], results, strict=True):
             self.counts[f'{how}: {"accepted" if result.successful else "refused"}'] += 1
             if not result.successful:
-                self.faults += _wrong_reason(node, part, result.reason)
+                # One of the same request that was accepted before may be what it does not go with.
+                self.faults += _wrong_reason(node, given, result.reason)
                 continue
-            self.faults += [Fault(WRONG, f'{node} accepts {_written(each)}') for each in part if _is_wrong(node, each)]
+            # The last value of a name is the one that holds; the others are never in force.
+            held = {each.name: each for each in part}.values()
+            self.faults += [Fault(WRONG, f'{node} accepts {_written(each)}') for each in held if _is_wrong(node, each)]
             self.accepted = [*self.accepted[-9:], f'{node} {[_written(each) for each in part]}']
-            changed += {each.name: each for each in part}.values()
+            changed += held
         self.changed += len(changed)
         return changed
 

@@ -376,4 +376,5 @@ class AdaptiveNnParameters(ParameterSet):
 
 def _check_range(name: str, minimum: float, maximum: float) -> None:
     if not maximum > minimum:
-        raise ParameterError(name, maximum, f'above the minimum of its axis, {minimum:g}')
+        # Either of the two may be the one that was changed.
+        raise ParameterError(name, maximum, f'above {name.replace("maximum", "minimum")} = {minimum:g}')

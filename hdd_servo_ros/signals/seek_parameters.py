@@ -77,10 +77,10 @@ class SeekParameters(ParameterSet):
             if len(self.targets) > MOST_SEEKS:
                 raise ParameterError('targets', f'a list of {len(self.targets)}', f'at most {MOST_SEEKS} targets')
         elif self.longest < self.shortest:
-            raise ParameterError('longest', self.longest, f'at least the shortest, {self.shortest!r} um')
+            raise ParameterError('longest', self.longest, f'at least shortest = {self.shortest!r} um')
         elif self.travel < self.longest:
             raise ParameterError(
-                'travel', self.travel, f'at least the longest, {self.longest!r} um, so that one direction is free'
+                'travel', self.travel, f'at least longest = {self.longest!r} um, so that one direction is free'
             )
         seeks = len(self.targets) if self.source == 'list' else self.count
         if len(self.dwell_times) not in (1, seeks):

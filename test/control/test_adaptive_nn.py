@@ -434,6 +434,13 @@ def test_what_is_refused(name, values):
         parameters_of(**values)
 
 
+def test_a_refused_range_names_both_of_its_ends():
+    """The one that was changed may be either; found by a service that set the minimum alone."""
+    allowed = 'network.velocity_maximum = 5.0 is refused: above velocity_minimum = 7'
+    with pytest.raises(ParameterError, match=allowed.replace('.', r'\.')):
+        parameters_of(**{'network.velocity_minimum': 7.0})
+
+
 def test_every_parameter_says_what_it_is():
     for declaration in declarations(AdaptiveNnParameters):
         assert declaration.description

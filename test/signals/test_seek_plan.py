@@ -216,6 +216,15 @@ def test_what_is_refused(name, values):
     assert refused.value.name == name
 
 
+def test_a_refused_length_names_the_one_that_it_does_not_go_with():
+    for values, allowed in (
+        ({'shortest': 200.0}, 'seek.longest = 100.0 is refused: at least shortest = 200.0 um'),
+        ({'travel': 99.0}, 'seek.travel = 99.0 is refused: at least longest = 100.0 um'),
+    ):
+        with pytest.raises(ParameterError, match=allowed):
+            parameters(source='random', **values)
+
+
 @pytest.mark.parametrize(
     ('values', 'number'),
     [
