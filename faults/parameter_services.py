@@ -20,7 +20,7 @@ from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.tools.replay import main as replay
 
-SETS = 100
+SETS = 400
 """Requests of a trial, each for one to three parameters."""
 _ANSWER = 120.0
 """Time in which a request is answered; the rig looks for them ten times a second, unless the machine is busy [s]."""
@@ -46,7 +46,7 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     controller = choice.choice([name for name in CONTROLLERS if CONTROLLERS[name] != 'signal_analyzer'])
     with processes(folder) as run:
         rig = run.start(
-            'rig', '-p', 'duration:=0.6', '-p', 'rate:=0.02', '-p', 'run_dir:=run', '-p', 'plot:=false',
+            'rig', '-p', 'duration:=1.0', '-p', 'rate:=0.01', '-p', 'run_dir:=run', '-p', 'plot:=false',
             '-p', f'rig:controller:={controller}',
         )  # fmt: skip
         if not wait_until((folder / 'run' / 'bag').exists, LONGEST_START):
@@ -266,5 +266,5 @@ def _wrong_reason(node: str, given: Sequence[Parameter], reason: str) -> Iterato
         yield Fault(TRACEBACK, f'{node} refuses {what} in more than a line: {reason[:300]!r}')
 
 
-CAMPAIGN = Campaign('services', 'Parameter values by the services of a running rig', 80, 1, 3600.0, trial)
-"""8,000 sets in all."""
+CAMPAIGN = Campaign('services', 'Parameter values by the services of a running rig', 20, 1, 3600.0, trial)
+"""8,000 requests in all."""

@@ -1,10 +1,12 @@
 """Messages that no process of a run sends, on every topic of it, while it goes on."""
 
+import collections
+import itertools
 import json
 import random
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +24,17 @@ from faults.reference import reference_run
 
 SERVICE = {'lockstep': String, 'recorded': Header, 'scope': Float64MultiArray, 'parameter_events': ParameterEvent}
 LOOP = {'clock': Clock, 'reference': Vector3Stamped, 'ldv': Vector3Stamped, 'control': Vector3Stamped}
+MANY = 10
+"""Messages of a trial that the run must ignore; one that it need not ends it."""
 _STATES = ('waiting', 'ready', 'running', 'done', 'finished', 'failed', 'interrupted', 'asleep', None, 3)
 _NODES = ('/vcm_plant', '/ldv_sensor', '/nobody', '', 7)
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Publish one stray message again and again while a rig runs."""
+    """Publish stray messages while a rig runs: some that it must ignore, or one that ends it."""
     is_service = choice.random() < 0.8
-    topic, kind = choice.choice(list((SERVICE if is_service else LOOP).items()))
-    message = payload(kind, choice)
+    topics = choice.choices(list(SERVICE), k=MANY) if is_service else [choice.choice(list(LOOP))]
+    strays = [(topic, payload({**SERVICE, **LOOP}[topic], choice)) for topic in topics]
     with processes(folder) as run:
         over_dds = choice.random() < 0.5 or not is_service
         rig = run.start(
@@ -39,25 +43,36 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         )  # fmt: skip
         if not wait_until((folder / 'run' / 'bag').exists, LONGEST_START):
             return Trial('did not start', [Fault(WRONG, run.output('rig')[-300:])])
-        _publish(run.domain, f'/{topic}', kind, message, lambda: rig.poll() is None)
+        published = _publish(run.domain, strays, lambda: rig.poll() is None)
         faults = run.ended()
         code = rig.returncode
+        where = 'topics that serve the run' if is_service else f'/{topics[0]}'
         if faults:
-            return Trial(f'/{topic}', faults)
+            return Trial(where, faults)
         faults += false_claims(folder / 'run', code, reference_run(folder.parent))
         if is_service and code != 0:
-            faults.append(Fault(WRONG, f'/{topic} ended the run: {run.output("rig")[-300:]}; {message[:80]!r}'))
-        if not is_service and code != 0 and f'/{topic}: ' not in run.output('rig'):
-            faults.append(Fault(WRONG, f'/{topic} is not named: {run.output("rig")[-300:]}'))
-        return Trial(f'/{topic}: {"goes on" if code == 0 else "ends with topic and publisher"}', faults)
+            faults.append(Fault(WRONG, f'the run was ended: {run.output("rig")[-300:]}; {strays!r}'))
+        if not is_service and code != 0 and f'/{topics[0]}: ' not in run.output('rig'):
+            faults.append(Fault(WRONG, f'/{topics[0]} is not named: {run.output("rig")[-300:]}'))
+        outcome = f'{where}: {"goes on" if code == 0 else "ends with topic and publisher"}'
+        return Trial(outcome, faults, counts={f'messages on /{topic}': count for topic, count in published.items()})
 
 
-def _publish(domain: int, topic: str, kind: Any, message: bytes, goes_on: Callable[[], bool]) -> None:
+def _publish(domain: int, strays: Sequence[tuple[str, bytes]], goes_on: Callable[[], bool]) -> collections.Counter[str]:
+    """Publish the messages in turn while a run goes on; return how many different ones on each topic."""
+    different: set[tuple[str, bytes]] = set()
     with outside(domain) as stranger:
-        publisher = stranger.node.create_publisher(kind, topic, 10)
-        while goes_on():
-            publisher.publish(message)
+        kinds = {**SERVICE, **LOOP}
+        create = stranger.node.create_publisher
+        publishers = {topic: create(kinds[topic], f'/{topic}', 10) for topic in dict(strays)}
+        for topic, message in itertools.cycle(strays):
+            if not goes_on():
+                break
+            if publishers[topic].get_subscription_count():
+                publishers[topic].publish(message)
+                different.add((topic, message))
             time.sleep(0.02)
+    return collections.Counter(topic for topic, _ in different)
 
 
 def payload(kind: Any, choice: random.Random) -> bytes:
