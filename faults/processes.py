@@ -19,7 +19,7 @@ NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 LONGEST_START = 600.0
 """Time in which a run begins; it is some seconds unless the machine is busy [s]."""
 LONGEST_END = 300.0
-"""Time in which the processes of a run end when something is wrong; alike [s]."""
+"""Time in which the processes of a run end when something is wrong, or report their progress; alike [s]."""
 
 
 class Processes:
@@ -77,13 +77,22 @@ class Processes:
         """Wait until all have ended; return the hangs, the orphans and the tracebacks."""
         faults = []
         for name, process in self.started.items():
-            if not _ends(process, seconds):
-                faults.append(Fault(HANG, f'{name} did not end within {seconds:g} s'))
+            if not self._ends(process, seconds):
+                faults.append(Fault(HANG, f'{name} did not end, nor print anything, within {seconds:g} s'))
         if not faults and not wait_until(lambda: not self.family(), seconds):
             faults.append(Fault(ORPHAN, f'processes {self.family()} are left'))
         for name in self.started:
             faults += tracebacks(self.output(name), name)
         return faults
+
+    def _ends(self, process: 'subprocess.Popen[bytes]', seconds: float) -> bool:
+        """Wait for the end of a process; while one of the run prints its progress, it is slow and does not hang."""
+        printed = -1
+        while (present := sum(len(text) for text in self.outputs())) > printed:
+            printed = present
+            if wait_until(lambda: process.poll() is not None, seconds):
+                return True
+        return False
 
     def close(self) -> None:
         """End what is left."""
@@ -93,10 +102,6 @@ class Processes:
         for process in self.started.values():
             process.wait()
         self._lock.close()
-
-
-def _ends(process: 'subprocess.Popen[bytes]', seconds: float) -> bool:
-    return wait_until(lambda: process.poll() is not None, seconds)
 
 
 _MARK = 'HDD_SERVO_ROS_TRIAL'

@@ -170,6 +170,14 @@ def test_an_orphan_and_a_hang_are_seen(tmp_path):
     assert child.poll() is not None
 
 
+def test_a_slow_run_that_prints_its_progress_is_no_hang(tmp_path):
+    program = 'import time\nfor _ in range(8): print(end="on ", flush=True); time.sleep(0.25)'
+    with processes(tmp_path) as made, (tmp_path / 'slow.log').open('wb') as log:
+        made.started['slow'] = subprocess.Popen([sys.executable, '-c', program], env=made.environment, stdout=log)
+        assert made.ended(1.0) == []
+        assert made.started['slow'].returncode == 0
+
+
 def test_a_false_claim_is_seen(tmp_path, simulated):
     run = simulated(tmp_path / 'run', '-p', 'duration:=0.01', '-p', 'plot:=false')
     assert list(false_claims(run, 0, None)) == []
