@@ -15,10 +15,9 @@ HOUR, RIG = 36_000_000, 1_000_000
 MOST_MEMORY = 500.0
 """Of any command [MB]."""
 MOST_GROWTH = 100.0
-"""By how much the memory of a command for the hour may exceed that for the 100 s of the rig [MB]."""
+"""By how much the memory of recording the hour may exceed that of recording the 100 s of the rig [MB]."""
 _LONGEST = 7200.0
 """Time for one command [s]."""
-_COMMANDS = ('simulate', 'recover', 'replay')
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
@@ -96,13 +95,11 @@ class _Recordings:
             self.faults.append(Fault(WRONG, f'{left} and {right} differ: {difference}'))
 
     def refuse_growth(self) -> None:
-        """Expect the memory of each command not to grow with the run."""
-        for name in _COMMANDS:
-            short, long = (self.figures[f'memory of {length} {name} [MB]'] for length in ('short', 'long'))
-            if long - short > MOST_GROWTH:
-                self.faults.append(
-                    Fault(WRONG, f'{name}: {short:.0f} MB for the short run, {long:.0f} MB for the long one')
-                )
+        """Expect the memory of recording not to grow with the run."""
+        short, long = (self.figures[f'memory of {length} simulate [MB]'] for length in ('short', 'long'))
+        if long - short > MOST_GROWTH:
+            growth = f'{short:.0f} MB for the short run, {long:.0f} MB for the long one'
+            self.faults.append(Fault(WRONG, f'simulate: {growth}'))
 
 
 def _arguments(run: Path, ticks: int) -> tuple[object, ...]:
