@@ -16,6 +16,7 @@ MOST_MEMORY = 500.0
 """Of any command [MB]."""
 MOST_GROWTH = 100.0
 """By how much the memory of recording the hour may exceed that of recording the 100 s of the rig [MB]."""
+_ALONE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
 _LONGEST = 7200.0
 """Time for one command [s]."""
 
@@ -38,6 +39,9 @@ def recorded(folder: Path, ticks: int, rig_ticks: int) -> Trial:
     rig_ticks
         Of `rig`, and of a short recording by `simulate`, with whose memory the long one's is compared; 0 for none.
     """
+    # A command that finds no compiled kernels compiles them, and the compiler takes more memory than the command.
+    for module in ('hdd_servo_ros.simulation.simulate', *(['hdd_servo_ros.nodes.rig'] if rig_ticks else [])):
+        run_measured(module, *_arguments(folder / module, 100), environment=_ALONE, most_seconds=_LONGEST)
     made = _Recordings(folder)
     if rig_ticks:
         made.record('short', rig_ticks)
@@ -60,9 +64,10 @@ class _Recordings:
         self.faults: list[Fault] = []
 
     def record(self, name: str, ticks: int) -> None:
-        """Record a run, look at it and replay it."""
+        """Record a run, report it, look for damage in it and replay it."""
         run, again = self._folder / name, self._folder / ('again' if name == 'long' else f'{name}-again')
         self.run(f'{name} simulate', 'hdd_servo_ros.simulation.simulate', *_arguments(run, ticks))
+        self.run(f'{name} report', 'hdd_servo_ros.tools.report', run)
         self.run(f'{name} recover', 'hdd_servo_ros.tools.recover', run, '--dry-run')
         self.run(f'{name} replay', 'hdd_servo_ros.tools.replay', run, '--without-ros', '--output', again)
 
@@ -70,9 +75,8 @@ class _Recordings:
         """Run a command and measure it; nothing more once one has failed."""
         if self.faults:
             return
-        alone = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
         try:
-            done = run_measured(module, *arguments, environment=alone, most_seconds=_LONGEST)
+            done = run_measured(module, *arguments, environment=_ALONE, most_seconds=_LONGEST)
         except TimeoutError as error:
             self.faults.append(Fault(HANG, str(error)))
             return

@@ -42,7 +42,7 @@ def test_a_short_recording_by_simulate_and_rig(tmp_path):
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(ROOT), os.environ.get('PYTHONPATH', '')])}
     ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=900.0)
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    for name in ('simulate', 'recover', 'replay'):
+    for name in ('simulate', 'report', 'recover', 'replay'):
         assert f'memory of long {name} [MB]' in ran.stdout
 
 
