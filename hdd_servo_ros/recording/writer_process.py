@@ -36,6 +36,8 @@ _BATCH_TICKS = 256
 """Ticks that are handed over at once where a tick has few messages."""
 STALL_TIMEOUT = 4.0
 """How long the pipe may stay full before the run fails [s]."""
+OPEN_TIMEOUT = 60.0
+"""How long the writer may take to start and to open the bag [s]."""
 CLOSE_TIMEOUT = 60.0
 """How long the writer may take to write what it has and close the bag [s]."""
 
@@ -94,8 +96,13 @@ class WriterProcess:
             'options': dataclasses.asdict(options),
         }
         self._send(json.dumps(opening).encode() + b'\n')
-        assert self._process.stdout is not None
-        if self._process.stdout.readline() != b'open\n':
+        answer = self._process.stdout
+        assert answer is not None
+        if not select.select((answer,), (), (), OPEN_TIMEOUT)[0]:
+            self._process.kill()
+            self._fault = f'the bag writer did not open the bag within {OPEN_TIMEOUT:g} s'
+            raise WriterError(self._fault)
+        if answer.readline() != b'open\n':
             self._raise()
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:

@@ -1,3 +1,5 @@
+import os
+import signal
 from typing import Any
 
 import pytest
@@ -5,7 +7,9 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from hdd_servo_ros.messages.cdr import ClockCodec, VectorCodec
+from hdd_servo_ros.messages.errors import WriterError
 from hdd_servo_ros.messages.ticks import Ticks
+from hdd_servo_ros.recording import writer_process
 from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.writer_process import BATCH_MESSAGES, WriterProcess
 
@@ -126,3 +130,12 @@ def test_a_pipe_that_ends_early_leaves_a_closed_bag(tmp_path):
     assert writer._process.wait(100.0) == 2
     with AnyReader([tmp_path / 'bag']) as reader:
         assert sum(1 for _ in reader.messages()) == BATCH_MESSAGES
+
+
+def test_a_writer_that_does_not_start_fails_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_process, 'OPEN_TIMEOUT', 0.5)
+    process = writer_process.launch_writer()
+    os.kill(process.pid, signal.SIGSTOP)
+    with pytest.raises(WriterError, match=r'the bag writer did not open the bag within 0.5 s'):
+        WriterProcess(tmp_path / 'bag', 'mcap', [('/clock', 'rosgraph_msgs/msg/Clock', 10)], {}, process=process)
+    assert process.wait(100.0) == -signal.SIGKILL
