@@ -21,8 +21,8 @@ IN_ROS = LD_LIBRARY_PATH="$(CURDIR)/$(VENV)/lib$$(printf ':%s' "$(CURDIR)/$(VENV
 	_ROS_WHEELS_BOOTSTRAP_COMPLETE=1
 
 ARGS ?=
-# Test files that run at a time; half of what a system test waits for is another process.
-JOBS ?= 2
+# Test files that run at a time: one more than most machines of CI have cores, since system tests wait for the pace of runs.
+JOBS ?= 3
 PARAMS ?= params/seagate_7200_10.yaml
 
 .PHONY: help run simulate figures test lint bench faults docs html ws clean

@@ -12,6 +12,13 @@ print(json.dumps([__name__, sys.argv, sys.path[0], os.getcwd(), sorted(os.enviro
 print([signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD)])
 print('an error', file=sys.stderr)
 """
+# Of whoever runs the tests in the background SIGINT is ignored.
+PROGRAM_THAT_WAITS = """
+import signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+print('here', flush=True)
+time.sleep(600)
+"""
 ENDS = {
     'falls off': '',
     'none': 'sys.exit()',
@@ -44,7 +51,7 @@ def test_the_same_as_in_a_new_interpreter(bench, new, how, end):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_signals_end_a_copy(bench, number):
-    (bench.directory / 'program.py').write_text("import time\nprint('here', flush=True)\ntime.sleep(600)")
+    (bench.directory / 'program.py').write_text(PROGRAM_THAT_WAITS)
     process = bench.start_python('program', 'program.py')
     process.wait_for('here')
     process.signal(number)

@@ -11,6 +11,7 @@ from geometry_msgs.msg import Vector3Stamped
 from hdd_servo_ros import Run
 
 HERE = Path(__file__).parent
+BYTES_OF_SOME_TICKS = 50_000  # a tick has some 840; what the bag begins with, some 10,000
 SLOW = ('-p', 'deterministic_timer:rate:=0.02', '-p', 'deterministic_timer:duration:=10.0')
 """A run that goes on long enough to be disturbed, and leaves the machine idle."""
 PATIENCE = ('-p', 'start_timeout:=6.0')
@@ -43,12 +44,11 @@ def expect_bag(bench, run='run'):
 
 
 def wait_for_ticks(bench, run='run'):
-    """Wait until the run is under way."""
+    """Wait until the run is under way, and some of its ticks are in the bag."""
     deadline = time.monotonic() + 200.0
-    while not (bench.directory / run / 'run.yaml').exists():
+    while sum(file.stat().st_size for file in (bench.directory / run / 'bag').glob('*.mcap')) < BYTES_OF_SOME_TICKS:
         assert time.monotonic() < deadline, [(p.name, p.output) for p in bench.processes]
         time.sleep(0.02)
-    time.sleep(2.0)  # the folder is made before the processes have all begun
 
 
 def test_missing_peer(bench):
