@@ -14,6 +14,7 @@ import pytest
 import yaml
 from hypothesis import settings
 
+from hdd_servo_ros.graph import catalogue
 from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
@@ -201,6 +202,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
             whole = Experiment(1e-4, name)
             whole.run(0, 2)
             Experiment(1e-4, whole.controller).run(0, 2)  # block by block, as the nodes do
+
+
+@pytest.fixture(scope='module', autouse=True)
+def only_its_own_controllers() -> Iterator[None]:
+    """Remove the custom controllers that the tests of a file have loaded from the catalogue of this process."""
+    before = dict(catalogue.NODES)
+    yield
+    catalogue.NODES.clear()
+    catalogue.NODES.update(before)
 
 
 @pytest.fixture(scope='session')

@@ -9,7 +9,6 @@ from typing import Any
 from hdd_servo_ros.campaign.case import parameter_file
 from hdd_servo_ros.campaign.elements import check_notation, check_once
 from hdd_servo_ros.campaign.points import MOST, Block, Column, Point, Points
-from hdd_servo_ros.campaign.points import Varied as Varied
 from hdd_servo_ros.campaign.sampling import (
     DISTRIBUTIONS,
     PLANS,

@@ -5,7 +5,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from hdd_servo_ros.campaign.campaign import Campaign
-from hdd_servo_ros.campaign.spec import CampaignController, Spec, Varied
+from hdd_servo_ros.campaign.points import Varied
+from hdd_servo_ros.campaign.spec import CampaignController, Spec
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.reporting.verdict import in_table
 from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, bench_of

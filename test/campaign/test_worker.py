@@ -24,7 +24,16 @@ COMMAND = [sys.executable, '-m', 'hdd_servo_ros.campaign.main', 'spec.yaml', '--
 def start(folder, **options):
     paths = os.pathsep.join([str(ROOT), str(ROOT / 'test' / 'campaign')])
     environment = {**os.environ, 'PYTHONPATH': paths, 'HDD_SERVO_ROS_TEST_MARKS': str(folder / 'marks')}
-    return subprocess.Popen(COMMAND, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, **options)
+    return subprocess.Popen(
+        COMMAND,
+        cwd=folder,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Whoever runs the tests by nohup has it ignored, and so would the command.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+        **options,
+    )
 
 
 def until(condition, seconds=240.0):

@@ -379,7 +379,10 @@ def test_a_time_that_is_none_is_refused(runs, tmp_path, capsys, after):
     with pytest.raises(SystemExit) as ended:
         main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
     assert ended.value.code == 2
-    expected = f'report: error: argument --after: {after} is no time: it must be finite and not negative [s]'
+    expected = (
+        f'report: argument --after: {after} is no time: it must be finite and not negative [s]; '
+        'report --help tells more'
+    )
     assert capsys.readouterr().err.splitlines()[-1] == expected
     assert not (tmp_path / 'out').exists()
 

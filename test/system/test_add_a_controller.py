@@ -169,7 +169,8 @@ def test_help_launch_files_and_setup_know_it(bench, copy):
         f'assert catalogue.__file__.startswith({str(copy)!r}); '
         'assert "proportional_controller" in runpy.run_path(catalogue.__file__)["EXECUTABLES"]; '
         'assert catalogue.CONTROLLERS["proportional"] == "proportional_controller"; '
-        'assert "## proportional_controller\\n\\nA proportional controller." in parameters_document.document()'
+        'assert "A proportional controller." in parameters_document.pages()['
+        'parameters_document.page_of("proportional_controller")]'
     )
     found = bench.python('-c', code)
     assert found.returncode == 0, found.stderr

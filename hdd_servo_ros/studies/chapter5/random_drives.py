@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from hdd_servo_ros.analysis.metrics import NANOMETRES
 from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.case import Case
+from hdd_servo_ros.campaign.points import Varied
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.campaign.spec import CampaignController, Spec, Varied
+from hdd_servo_ros.campaign.spec import CampaignController, Spec
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
