@@ -29,7 +29,7 @@ SOURCES = {
     for path in (ROOT / folder).rglob('*.py')
 } | {path.name for path in ROOT.glob('*.py')}
 FOLDERS_OF_RUNS = ('runs/', 'RUN/', 'bag/')
-OWN_TEST = ('write-your-own-controller', 'drive-of-your-own')
+OWN_TEST = ('write-your-own-controller', 'drive-of-your-own', 'tutorial-first-hour')
 """Documents whose commands have a test of their own."""
 BLOCKS = [
     pytest.param(block, id=f'{document.stem}-{number}')
@@ -163,8 +163,10 @@ def short(arguments):
 @pytest.mark.parametrize('path', TEXTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_source_files_that_a_text_names_exist(path):
     text = path.read_text('utf8')
+    # Scripts that a reader saves from the text begin with their names.
+    own = set(re.findall(r'^```python\n# (\w+\.py)$', text, re.MULTILINE))
     # A name alone is that of a file somewhere; a path begins at the root, in the package or beside the text.
-    for name in set(re.findall(r'(?<![\w./*<{-])(?:[\w.-]+/)*\w+\.py\b', text)):
+    for name in set(re.findall(r'(?<![\w./*<{-])(?:[\w.-]+/)*\w+\.py\b', text)) - own:
         if '/' in name:
             assert any((base / name).is_file() for base in (ROOT, PACKAGE, path.parent)), name
         else:
