@@ -1,5 +1,6 @@
 """The tutorial of the first hour: its files, commands and scripts in the order of the page, and what they print."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -25,7 +26,10 @@ def expanded(line):
     if line.startswith('make '):
         # With PYTHON given it need not look for a suitable one.
         shown = ['make', '-n', f'PYTHON={sys.executable}', *shlex.split(line)[1:]]
-        recipe = subprocess.run(shown, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+        # Not as a part of the `make` that may have started the tests, which would add its options and lines.
+        outside = {name: value for name, value in os.environ.items() if not name.startswith(('MAKE', 'MFLAGS'))}
+        made = subprocess.run(shown, cwd=ROOT, env=outside, capture_output=True, text=True, check=True)
+        recipe = made.stdout.splitlines()[-1]
         return shlex.split(recipe[recipe.index(' .venv/bin/') :])
     return shlex.split(line)
 
