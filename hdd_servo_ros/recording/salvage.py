@@ -282,6 +282,9 @@ def _text(content: memoryview, start: int) -> str:
     return bytes(content[start + 4 : start + 4 + length]).decode()
 
 
+_UNCHECKED = 'an sqlite3 file has no checksum per message, so that changed values before that cannot be found'
+
+
 class _SqliteSalvage:
     """
     Reads a database as it lies there; one with a journal is copied, for to play that back changes the file.
@@ -311,7 +314,7 @@ class _SqliteSalvage:
             if not self._names:
                 self._read_beginning()
             self._take_pages()
-            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}; {_UNCHECKED}'
 
     def _copy(self, files: Sequence[Path]) -> None:
         """Work on a copy, which is there as long as this object is."""

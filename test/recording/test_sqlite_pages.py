@@ -100,3 +100,13 @@ def test_a_cut_file_is_read_again_in_pieces(database, monkeypatch):
     names = {1: '/a', 2: '/b', 300: '/c'}
     assert list(found.messages) == [(names[topic], time, data) for topic, time, data in rows[: len(found.messages)]]
     assert len(found.messages) > 0.9 * COUNT
+
+
+def test_what_is_left_of_a_malformed_file_is_said_to_be_unchecked(database):
+    path, _ = database
+    content = bytearray(path.read_bytes())
+    middle = len(content) // PAGE // 2 * PAGE
+    content[middle : middle + PAGE] = b'\xff' * PAGE
+    path.write_bytes(content)
+    fault = salvage(path).fault
+    assert 'malformed; an sqlite3 file has no checksum per message' in fault
