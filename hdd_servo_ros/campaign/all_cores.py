@@ -141,6 +141,9 @@ def completed(
                         raise error
                     yield attempt.index, attempt.item, future.result() if error is None else error
         except concurrent.futures.BrokenExecutor:
+            if isinstance(executor, _Processes):
+                # The others still close the bags that are about to be made again.
+                executor.give_up()
             for future, attempt in in_flight.items():
                 # What was done before the process was killed counts.
                 if future.done() and not future.cancelled() and future.exception() is None:
