@@ -39,6 +39,11 @@ def cumulative_spectrum(signal: ArrayLike, sample_time: float, resolution: float
     if len(y) < 4:
         raise ValueError(f'a spectrum needs at least 4 samples, and there are {len(y)}')
     frequencies, density = power_spectral_density(y, sample_time, segment_of(len(y), sample_time, resolution))
+    return accumulated(frequencies, density)
+
+
+def accumulated(frequencies: Array, density: Array) -> tuple[Array, Array]:
+    """Return the frequencies of a one-sided density from its second line on, and the root of the power below each."""
     # The lines at 0 and, where there is one, at the Nyquist frequency are already those of a one-sided density.
     power = np.cumsum(density[1:]) * float(frequencies[1] - frequencies[0])
     return frequencies[1:], np.sqrt(power)

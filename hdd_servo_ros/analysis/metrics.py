@@ -373,16 +373,7 @@ def step_response(
         raise ValueError('the reference is neither a step nor a square wave')
     rows = np.flatnonzero(np.diff(x_d)) + 1
     heights = np.diff(x_d)[rows - 1]
-    # A reference that has stepped by its first row is an edge as well, from where the head stands.
-    first = x_d[0] - x[0]
-    if abs(first) > 0.1 * np.abs(heights).max(initial=0.0):
-        rows, heights = np.append(0, rows), np.append(first, heights)
-    ends = np.append(rows[1:], len(x))
-    # The record may end just behind an edge, as a whole number of periods does.
-    if len(rows) > 1 and len(x) - rows[-1] < 0.5 * (rows[-1] - rows[-2]):
-        rows, heights, ends = rows[:-1], heights[:-1], ends[:-1]
-    if not len(rows):
-        raise ValueError('the reference has no edge')
+    rows, heights, ends = counted_edges(rows, heights, len(x), x_d[0] - x[0])
     overshoot, settling, steady = (np.empty(len(rows)) for _ in range(3))
     for step, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
         error = x[row:end] - x_d[row]
@@ -393,6 +384,38 @@ def step_response(
         settling[step] = t[inside] - t[row] if inside < end else np.inf
         steady[step] = error[min(len(error) - 1, int(len(error) * (1.0 - steady_part))) :].mean()
     return StepResponse(rows, heights, overshoot, settling, steady)
+
+
+def counted_edges(
+    rows: NDArray[np.int64], heights: NDArray[np.float64], samples: int, first_offset: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """
+    Return the edges of a reference that :func:`step_response` counts: first row, height, and the row behind the last.
+
+    Parameters
+    ----------
+    rows, heights
+        Of all edges, shape (m,).
+    samples
+        Rows of the record.
+    first_offset
+        x_d less x at the first row.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    # A reference that has stepped by its first row is an edge as well, from where the head stands.
+    if abs(first_offset) > 0.1 * np.abs(heights).max(initial=0.0):
+        rows, heights = np.append(0, rows), np.append(first_offset, heights)
+    ends = np.append(rows[1:], samples)
+    # The record may end just behind an edge, as a whole number of periods does.
+    if len(rows) > 1 and samples - rows[-1] < 0.5 * (rows[-1] - rows[-2]):
+        rows, heights, ends = rows[:-1], heights[:-1], ends[:-1]
+    if not len(rows):
+        raise ValueError('the reference has no edge')
+    return rows, heights, ends
 
 
 @dataclasses.dataclass(frozen=True)

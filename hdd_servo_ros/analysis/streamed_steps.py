@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.metrics import StepResponse
+from hdd_servo_ros.analysis.metrics import StepResponse, counted_edges
 
 Array = NDArray[np.float64]
 
@@ -88,15 +88,7 @@ class StreamedSteps:
         band: float = 0.02,
         steady_part: float = 0.5,
     ) -> None:
-        rows, heights = edges.rows, edges.heights
-        # As step_response has it: a reference that has stepped by its first row is an edge from where the head stands.
-        if abs(first_offset) > 0.1 * np.abs(heights).max(initial=0.0):
-            rows, heights = np.append(0, rows), np.append(first_offset, heights)
-        ends = np.append(rows[1:], samples)
-        if len(rows) > 1 and samples - rows[-1] < 0.5 * (rows[-1] - rows[-2]):
-            rows, heights, ends = rows[:-1], heights[:-1], ends[:-1]
-        if not len(rows):
-            raise ValueError('the reference has no edge')
+        rows, heights, ends = counted_edges(edges.rows, edges.heights, samples, first_offset)
         self._rows, self._heights, self._ends = rows, heights, ends
         lengths = ends - rows
         self._steady_rows = rows + np.minimum(lengths - 1, (lengths * (1.0 - steady_part)).astype(np.int64))

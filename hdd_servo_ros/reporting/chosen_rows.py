@@ -10,6 +10,7 @@ from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import CONTROL, DISTURBANCE, ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.recording.run_stretch import joined
+from hdd_servo_ros.reporting.decimation import bucket_extremes
 
 Array = NDArray[np.float64]
 
@@ -82,14 +83,12 @@ class RowChooser:
         """Take what is needed of the next block."""
         count, first = len(block), block.first_tick
         whole = count - count % self.size
-        starts = np.arange(0, whole, self.size)
         found = [np.arange(whole, count)]
         drawn = _drawn(block)
         if self._rows is None:
             self._make_room(block, len(drawn))
         for values in drawn:
-            folded = values[:whole].reshape(-1, self.size)
-            found += [starts + folded.argmin(axis=1), starts + folded.argmax(axis=1)]
+            found += bucket_extremes(values, self.size)
         for part in self._in_full:
             found.append(np.arange(max(part.start - first, 0), min(part.stop - first, count)))
         self._take(block, np.unique(np.concatenate(found)))

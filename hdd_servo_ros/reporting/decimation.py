@@ -28,12 +28,16 @@ def rows_to_draw(values: ArrayLike, buckets: int, in_full: Iterable[slice] = ())
     if len(y) <= 2 * buckets:
         return np.arange(len(y))
     size = -(-len(y) // buckets)
-    whole = len(y) // size * size
-    starts = np.arange(0, whole, size)
-    folded = y[:whole].reshape(-1, size)
-    parts = [starts + folded.argmin(axis=1), starts + folded.argmax(axis=1), np.arange(whole, len(y))]
+    parts = [*bucket_extremes(y, size), np.arange(len(y) // size * size, len(y))]
     parts += [np.arange(len(y))[stretch] for stretch in in_full]
     return np.unique(np.concatenate([*parts, [0, len(y) - 1]]))
+
+
+def bucket_extremes(values: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the row of the smallest and of the largest value in each whole bucket of ``size`` rows."""
+    starts = np.arange(0, len(values) // size * size, size)
+    folded = values[: len(starts) * size].reshape(-1, size)
+    return starts + folded.argmin(axis=1), starts + folded.argmax(axis=1)
 
 
 def chosen_rows_to_draw(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hdd_servo_ros.analysis.error_spectrum import RESOLUTION, segment_of
+from hdd_servo_ros.analysis.error_spectrum import RESOLUTION, accumulated, segment_of
 from hdd_servo_ros.analysis.metrics import amplitude_power, amplitude_segment, power_spectral_density
 from hdd_servo_ros.analysis.off_track import READ_LIMIT, WRITE_LIMIT
 from hdd_servo_ros.analysis.streamed_periods import StreamedPeriods
@@ -16,45 +16,23 @@ from hdd_servo_ros.numerics.moments import Moments
 Array = NDArray[np.float64]
 
 
-class LongSignal:
-    """
-    Count, mean, deviation and largest magnitude of a signal that comes in blocks.
-
-    Sums are those of the differences from the first sample.
-    """
-
-    def __init__(self) -> None:
-        self._moments = Moments()
-
-    def add(self, values: Array) -> None:
-        """Add samples, shape (n,)."""
-        self._moments.add(values)
+class LongSignal(Moments):
+    """Count, mean, deviation and largest magnitude of a signal that comes in blocks."""
 
     @property
     def rms(self) -> float:
         """Root mean square."""
-        return self._moments.rms_about(0.0)
-
-    @property
-    def mean(self) -> float:
-        """Mean."""
-        return self._moments.mean
-
-    @property
-    def largest(self) -> float:
-        """Largest magnitude."""
-        return self._moments.largest
+        return self.rms_about(0.0)
 
     @property
     def variance(self) -> float:
         """Mean square about the mean."""
-        return self._moments.rms_about(None) ** 2
+        return self.rms_about(None) ** 2
 
     @property
     def misregistration(self) -> float:
         """Three standard deviations, as :func:`~hdd_servo_ros.analysis.misregistration.misregistration` has it."""
-        count = self._moments.count
-        return 3.0 * math.sqrt(self.variance * count / (count - 1)) if count > 1 else 0.0
+        return 3.0 * math.sqrt(self.variance * self.count / (self.count - 1)) if self.count > 1 else 0.0
 
 
 class LongError:
@@ -161,4 +139,4 @@ class LongCumulative:
     def result(self) -> tuple[Array, Array]:
         """Return frequencies [Hz] and the root of the power below each."""
         frequencies, density = self._spectrum.result()
-        return frequencies[1:], np.sqrt(np.cumsum(density[1:]) * float(frequencies[1] - frequencies[0]))
+        return accumulated(frequencies, density)
