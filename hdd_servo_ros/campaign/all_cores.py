@@ -141,9 +141,6 @@ def completed(
                         raise error
                     yield attempt.index, attempt.item, future.result() if error is None else error
         except concurrent.futures.BrokenExecutor:
-            if isinstance(executor, _Processes):
-                # The others still close the bags that are about to be made again.
-                executor.give_up()
             for future, attempt in in_flight.items():
                 # What was done before the process was killed counts.
                 if future.done() and not future.cancelled() and future.exception() is None:
@@ -154,12 +151,11 @@ def completed(
                     yield attempt.index, attempt.item, WorkerKilled()
                 else:
                     again.append(attempt)
-        except BaseException:
-            # The work is given up, by an error or since nobody wants its results any more.
-            if isinstance(executor, _Processes):
-                executor.give_up()
-            raise
         finally:
+            if isinstance(executor, _Processes) and not is_done:
+                # By an error, since nobody wants the results any more, or for a killed process: then the others still
+                # close the bags that are about to be made again.
+                executor.give_up()
             executor.shutdown(wait=is_done, cancel_futures=True)
 
 

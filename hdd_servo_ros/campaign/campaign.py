@@ -13,7 +13,7 @@ import yaml
 from tqdm import tqdm
 
 from hdd_servo_ros.campaign import all_cores
-from hdd_servo_ros.campaign.changes import changes, contents_of
+from hdd_servo_ros.campaign.changes import changes
 from hdd_servo_ros.campaign.folder import StudyError, alone_in, make_folder
 from hdd_servo_ros.campaign.journal import Journal
 from hdd_servo_ros.campaign.kept_runs import KeptRun, keep_run
@@ -303,7 +303,7 @@ class Campaign:
             'name': self.spec.name,
             'status': status,
             'runs': len(self),
-            'contents': contents_of(self.plan),
+            'contents': self.plan.contents,
             'keep': self.spec.keep,
             'digest': digest,
             'sources': self._sources,

@@ -1,34 +1,14 @@
 """What has changed between the campaign that a folder holds and one that is to go on there."""
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hdd_servo_ros.campaign.planning import Plan
+from hdd_servo_ros.campaign.spec import named_values
 from hdd_servo_ros.parameters.ros_yaml import RosYamlError, read_sections
-from hdd_servo_ros.version import __version__
 
 _SHOWN = 3
 """Changes in a message."""
-
-
-def contents_of(plan: Plan) -> dict[str, Any]:
-    """Return what the table of a campaign depends on beside its base parameters, as ``campaign.yaml`` has it."""
-    spec = plan.spec
-    return {
-        'version': __version__,
-        'controllers': [controller.name for controller in spec.controllers],
-        'varied': {key: _digest_of(plan, key) for key in plan.varied},
-        'seeds': [seed for seed in spec.seeds if seed is not None],
-        'metrics': list(spec.metrics),
-        'after': spec.after,
-    }
-
-
-def _digest_of(plan: Plan, key: str) -> str:
-    values = [[point[key].value, point[key].times_base] for point in plan.spec.points]
-    return hashlib.blake2b(json.dumps(values).encode(), digest_size=8).hexdigest()
 
 
 def changes(found: object, found_bases: Mapping[str, str], plan: Plan) -> str:
@@ -46,7 +26,7 @@ def changes(found: object, found_bases: Mapping[str, str], plan: Plan) -> str:
     """
     if not isinstance(found, Mapping):
         return ''
-    listed = [*_of_contents(found, contents_of(plan)), *_of_bases(found_bases, plan.base_files())]
+    listed = [*_of_contents(found, plan.contents), *_of_bases(found_bases, plan.base_files())]
     more = [f'and {len(listed) - _SHOWN} more'] if len(listed) > _SHOWN else []
     return '; '.join([*listed[:_SHOWN], *more])
 
@@ -90,7 +70,6 @@ def _of_bases(found: Mapping[str, str], due: Mapping[str, str]) -> Iterator[str]
 
 def _parameters(text: str) -> dict[str, object]:
     try:
-        sections = list(read_sections(text.encode()))
+        return named_values(dict(read_sections(text.encode())))
     except RosYamlError:
         return {}
-    return {f'{node}:{name}': value for node, values in sections for name, value in values.items()}

@@ -5,11 +5,12 @@ import hashlib
 import itertools
 import json
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 from hdd_servo_ros.campaign.elements import element, list_and_index, with_elements
+from hdd_servo_ros.campaign.lazy_sequence import LazySequence
 from hdd_servo_ros.campaign.points import Point
 from hdd_servo_ros.campaign.sampling import scaled
 from hdd_servo_ros.campaign.spec import CampaignController, Spec
@@ -90,7 +91,7 @@ class CampaignRun:
         return f'ros2 run hdd_servo_ros simulate --ros-args {shlex.join(arguments)}'
 
 
-class Plan(Sequence[CampaignRun]):
+class Plan(LazySequence[CampaignRun]):
     """
     All runs of a campaign.
 
@@ -107,6 +108,8 @@ class Plan(Sequence[CampaignRun]):
         If a file, a parameter or a controller of the specification is not allowed. Values that vary are not checked: a
         run that they refuse is a row with that reason.
     """
+
+    called = 'run'
 
     def __init__(self, spec: Spec) -> None:
         self.spec = spec
@@ -125,26 +128,12 @@ class Plan(Sequence[CampaignRun]):
     @property
     def extent(self) -> str:
         """How many runs, and of what they are the product."""
-        spec = self.spec
-        parts = [f'{len(spec.points)} points', f'{len(spec.controllers)} controllers', f'{len(spec.seeds)} seeds']
-        return f'{len(self)} runs, {" x ".join(parts)}'
+        return f'{len(self)} runs, {self.spec.extent}'
 
     def __repr__(self) -> str:
         return f'Plan({self.extent}, varied: {", ".join(self.varied) or "nothing"})'
 
-    @overload
-    def __getitem__(self, number: int) -> CampaignRun: ...
-
-    @overload
-    def __getitem__(self, number: slice) -> list[CampaignRun]: ...
-
-    def __getitem__(self, number: int | slice) -> CampaignRun | list[CampaignRun]:
-        """Return a run by its number, from the end if it is negative; raises IndexError if there is none."""
-        if isinstance(number, slice):
-            return [self[one] for one in range(len(self))[number]]
-        if not -len(self) <= number < len(self):
-            raise IndexError(f'there is no run {number}, only 0 to {len(self) - 1}')
-        number %= len(self)
+    def _item(self, number: int) -> CampaignRun:
         rest, seed = divmod(number, len(self.spec.seeds))
         point, controller = divmod(rest, len(self.spec.controllers))
         spec = self.spec
@@ -172,22 +161,31 @@ class Plan(Sequence[CampaignRun]):
         return tuple(self.spec.points[0])
 
     @property
+    def contents(self) -> dict[str, Any]:
+        """What the table depends on beside the base parameters, as ``campaign.yaml`` has it."""
+        spec = self.spec
+        return {
+            'version': __version__,
+            'controllers': [controller.name for controller in spec.controllers],
+            'varied': {key: self._digest_of_values(key) for key in self.varied},
+            'seeds': [seed for seed in spec.seeds if seed is not None],
+            'metrics': list(spec.metrics),
+            'after': spec.after,
+        }
+
+    def _digest_of_values(self, key: str) -> str:
+        values = [[point[key].value, point[key].times_base] for point in self.spec.points]
+        return hashlib.blake2b(json.dumps(values).encode(), digest_size=8).hexdigest()
+
+    @property
     def digest(self) -> str:
         """
-        Digest of all parameters that the table depends on, of what is measured, and of the version.
+        Digest of :attr:`contents` and of the base parameters.
 
-        What the runs read beside them has :attr:`sources`.
+        What the runs read beside them has :attr:`files`.
         """
-        spec = self.spec
-        digest = hashlib.blake2b(digest_size=16)
-        controllers = [controller.name for controller in spec.controllers]
-        digest.update(json.dumps([__version__, spec.metrics, spec.after, controllers, list(spec.seeds)]).encode())
-        for text in self.base_files().values():
-            digest.update(text.encode())
-        for point in spec.points:
-            values = [[key, varied.value, varied.times_base] for key, varied in point.items()]
-            digest.update(json.dumps(values).encode())
-        return digest.hexdigest()
+        texts = [self.contents, self.base_files()]
+        return hashlib.blake2b(json.dumps(texts).encode(), digest_size=16).hexdigest()
 
     @property
     def files(self) -> Iterator[object]:

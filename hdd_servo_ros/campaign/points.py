@@ -4,7 +4,8 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import overload
+
+from hdd_servo_ros.campaign.lazy_sequence import LazySequence
 
 MOST = 1_000_000
 """Most runs of a campaign: a day of two cores with short runs, and a table that fits in memory."""
@@ -48,7 +49,7 @@ class Column:
     times_base: bool = False
 
 
-class Block(Sequence[Point]):
+class Block(LazySequence[Point]):
     """
     Points whose parameters are zipped.
 
@@ -64,19 +65,11 @@ class Block(Sequence[Point]):
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())).values)
 
-    @overload
-    def __getitem__(self, index: int) -> Point: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Point]: ...
-
-    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
-        if isinstance(index, slice):
-            return [self[number] for number in range(len(self))[index]]
+    def _item(self, index: int) -> Point:
         return {key: Varied(column.values[index], column.times_base) for key, column in self.columns.items()}
 
 
-class Points(Sequence[Point]):
+class Points(LazySequence[Point]):
     """
     Blocks that are crossed: each point of one with each of the others, the last one fastest.
 
@@ -96,19 +89,10 @@ class Points(Sequence[Point]):
         for chosen in itertools.product(*(range(len(block)) for block in self.blocks)):
             yield self._crossed(chosen)
 
-    @overload
-    def __getitem__(self, index: int) -> Point: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Point]: ...
-
-    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
-        if isinstance(index, slice):
-            return [self[number] for number in range(len(self))[index]]
-        rest = range(len(self))[index]
+    def _item(self, index: int) -> Point:
         chosen = []
         for block in reversed(self.blocks):
-            rest, own = divmod(rest, len(block))
+            index, own = divmod(index, len(block))
             chosen.append(own)
         return self._crossed(chosen[::-1])
 

@@ -20,7 +20,7 @@ from hdd_servo_ros.campaign.sampling import (
 )
 from hdd_servo_ros.messages.shown import shown
 from hdd_servo_ros.parameters.files import ArgumentError
-from hdd_servo_ros.parameters.ros_yaml import RosYamlError, read_entries, scalar
+from hdd_servo_ros.parameters.ros_yaml import LARGEST_INTEGER, RosYamlError, read_entries, scalar
 
 ALL = 'all'
 KEEP = ('none', 'failed', 'worst', 'all')
@@ -29,7 +29,6 @@ _CONTROLLER_KEYS = ('name', 'controller', 'files', 'set')
 _PLAN_KEYS = ('runs', 'plan', 'seed', 'draw')
 _WORST_KEYS = ('worst', 'of')
 
-_LARGEST_INTEGER = 2**63 - 1
 _KINDS: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (bool, 'true or false'),
     ((int, float), 'a number'),
@@ -108,6 +107,11 @@ class Spec:
     worst_of: str = ''
 
     @property
+    def extent(self) -> str:
+        """Of what the number of runs is the product."""
+        return f'{len(self.points)} points x {len(self.controllers)} controllers x {len(self.seeds)} seeds'
+
+    @property
     def count(self) -> int:
         """Number of runs."""
         return len(self.points) * len(self.controllers) * len(self.seeds)
@@ -177,9 +181,13 @@ def spec_of(content: Mapping[str, Any], directory: Path, name: str = 'campaign')
         worst_of=worst_of,
     )
     if spec.count > MOST:
-        counts = f'{len(spec.points)} points x {len(spec.controllers)} controllers x {len(spec.seeds)} seeds'
-        raise ArgumentError(f'{counts} are {spec.count} runs; a campaign has at most {MOST}')
+        raise ArgumentError(f'{spec.extent} are {spec.count} runs; a campaign has at most {MOST}')
     return spec
+
+
+def named_values(sections: Mapping[str, Mapping[str, object]]) -> dict[str, object]:
+    """Return the parameters of nodes under ``'node:parameter'``."""
+    return {f'{node}:{name}': value for node, parameters in sections.items() for name, value in parameters.items()}
 
 
 def _file_name(name: object) -> str:
@@ -211,7 +219,7 @@ def _number(value: object, where: str, least: float | None = None) -> float:
     return float(plain)
 
 
-def _whole(value: object, where: str, least: int, most: int = _LARGEST_INTEGER) -> int:
+def _whole(value: object, where: str, least: int, most: int = LARGEST_INTEGER) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise ArgumentError(f'{where}: {shown(value)} is not an integer of at least {least}')
     if value > most:
@@ -241,7 +249,7 @@ def _value(value: object, where: str) -> object:
     """Return a value as a run takes it."""
     if isinstance(value, list):
         return tuple(_value(element, where) for element in value)
-    if isinstance(value, int) and not -_LARGEST_INTEGER - 1 <= value <= _LARGEST_INTEGER:
+    if isinstance(value, int) and not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
         raise ArgumentError(f'{where}: {shown(value)} is not allowed: an integer has 64 bits')
     if isinstance(value, bool | int | float | str):
         return value

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.parameters.files import did_you_mean
+from hdd_servo_ros.parameters.ros_yaml import LARGEST_INTEGER
 
-_TOO_LARGE = 2**63
-"""Integers from here on have no place in 64 bits."""
 _SHOWN_COLUMNS = 8
 _SHOWN_ROWS = 10
 
@@ -207,7 +206,7 @@ def _of_one_type(column: list[Any]) -> list[Any]:
     """Return a column as Parquet has it: doubles where integers are mixed with them, texts where any is a text."""
     if any(isinstance(value, str) for value in column):
         return list(map(str, column))
-    if any(isinstance(value, float) or abs(value) >= _TOO_LARGE for value in column):
+    if any(isinstance(value, float) or abs(value) > LARGEST_INTEGER for value in column):
         return list(map(float, column))
     return column
 

@@ -26,7 +26,8 @@ _DECIMAL = re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?')
 _HEXADECIMAL = re.compile(r'[-+]?0[xX]([0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]+)([pP][-+]?[0-9]+)?')
 _INFINITE = re.compile(r'[-+]?([iI][nN][fF]|[iI][nN][fF][iI][nN][iI][tT][yY]|\.inf|\.Inf|\.INF)')
 _NOT_A_NUMBER = re.compile(r'[-+]?([nN][aA][nN]|\.nan|\.NaN|\.NAN)')
-_LARGEST_INTEGER = 2**63 - 1
+LARGEST_INTEGER = 2**63 - 1
+"""Of 64 bits, as ROS has them."""
 _SMALLEST_NORMAL = 2.0**-1022
 _TEXT_TAG = 'tag:yaml.org,2002:str'
 _KINDS = {bool: 'true or false', int: 'an integer', float: 'a double', str: 'a text'}
@@ -160,7 +161,7 @@ def scalar(text: str) -> bool | int | float | str:
         if len(digits) <= 24:
             base = 16 if digits[:2] in ('0x', '0X') else 8 if digits[0] == '0' else 10
             value = int(sign + digits, base)
-            if -_LARGEST_INTEGER - 1 <= value <= _LARGEST_INTEGER:
+            if -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
                 return value
     number = _double(text)
     return text if number is None else number

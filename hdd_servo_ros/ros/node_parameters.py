@@ -26,7 +26,7 @@ from hdd_servo_ros.parameters import (
     to_mapping,
 )
 from hdd_servo_ros.parameters.files import ArgumentError, with_node
-from hdd_servo_ros.parameters.ros_yaml import read_value
+from hdd_servo_ros.parameters.ros_yaml import LARGEST_INTEGER, read_value
 from hdd_servo_ros.ros.parameter_requests import ParameterRequests
 
 _TYPES = {
@@ -41,7 +41,6 @@ _ARRAY_TYPES = {
     float: Parameter.Type.DOUBLE_ARRAY,
     str: Parameter.Type.STRING_ARRAY,
 }
-_LARGEST_INTEGER = 2**63 - 1
 _USE_SIM_TIME = 'use_sim_time'
 _CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the loop has its tick as its time anyway'
 
@@ -94,7 +93,7 @@ def with_soft_range(message: ParameterDescriptor, declaration: Declaration, valu
         largest = sys.float_info.max
         shown.floating_point_range = [FloatingPointRange(from_value=max(lower, -largest), to_value=min(upper, largest))]
     else:
-        bounds = (max(int(lower), -_LARGEST_INTEGER), min(int(upper), _LARGEST_INTEGER))
+        bounds = (max(int(lower), -LARGEST_INTEGER), min(int(upper), LARGEST_INTEGER))
         shown.integer_range = [IntegerRange(from_value=bounds[0], to_value=bounds[1], step=1)]
     return shown
 

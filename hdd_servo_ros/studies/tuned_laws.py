@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.points import Varied
-from hdd_servo_ros.campaign.spec import CampaignController, Spec
+from hdd_servo_ros.campaign.spec import CampaignController, Spec, named_values
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.reporting.verdict import in_table
 from hdd_servo_ros.studies.tuning_runs import AMPLITUDE, FREQUENCIES, TRANSIENT, Sections, bench_of
@@ -84,7 +84,7 @@ def runs_on_sines(
         'reference_generator:waveform': 'sine',
         'reference_generator:amplitude': AMPLITUDE,
     }
-    values |= _named(bench_of(sections))
+    values |= named_values(bench_of(sections))
     points = [{'reference_generator:frequency': Varied(frequency)} for frequency in FREQUENCIES]
     controllers = tuple(_controller(law, sections) for law in laws)
     table = Campaign(Spec('tune', (), values, controllers, points, metrics=_METRICS, after=TRANSIENT)).run()
@@ -101,9 +101,5 @@ def runs_on_sines(
 
 def _controller(law: TunedLaw, sections: Sections) -> CampaignController:
     node = f'{law.controller}_controller'
-    values = _named({node: {**sections.get(node, {}), **law.gains}})
+    values = named_values({node: {**sections.get(node, {}), **law.gains}})
     return CampaignController(law.name, law.controller, values=values)
-
-
-def _named(sections: Sections) -> dict[str, object]:
-    return {f'{node}:{name}': value for node, parameters in sections.items() for name, value in parameters.items()}

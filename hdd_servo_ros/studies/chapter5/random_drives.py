@@ -12,7 +12,7 @@ from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.points import Varied
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.campaign.spec import CampaignController, Spec
+from hdd_servo_ros.campaign.spec import CampaignController, Spec, named_values
 from hdd_servo_ros.messages.outcome import FINISHED
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
@@ -106,13 +106,8 @@ def campaign_on_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequen
 
 def _recorded(runs: RecordedRuns, case: Case) -> CampaignController:
     """Return a recorded run with all its parameters."""
-    values = {
-        f'{node}:{name}': value
-        for node, parameters in runs.parameters(case).items()
-        for name, value in parameters.items()
-        if node != 'bag_recorder'
-    }
-    return CampaignController(case.name, runs[case].controller, values=values)
+    sections = {node: values for node, values in runs.parameters(case).items() if node != 'bag_recorder'}
+    return CampaignController(case.name, runs[case].controller, values=named_values(sections))
 
 
 def errors_on_random_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequence[int]) -> NDArray[np.float64]:
