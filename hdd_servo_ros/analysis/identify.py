@@ -52,7 +52,7 @@ def _frequency(text: str) -> float:
     return number
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='identify',

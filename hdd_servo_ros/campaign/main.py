@@ -25,7 +25,7 @@ def _workers(text: str) -> int:
     return number
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='campaign',

@@ -398,7 +398,9 @@ def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
 
 
 def _check_rows(path: Path, topic: str, rows: Sequence[tuple[Any, Any]]) -> None:
-    if not all(isinstance(time, int) and isinstance(payload, bytes) for time, payload in rows):
+    from hdd_servo_ros.recording.sqlite_topics import is_message
+
+    if not all(is_message(time, payload) for time, payload in rows):
         raise BagError(f'{path}: a row of {topic} is no message')
 
 

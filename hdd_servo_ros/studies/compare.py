@@ -269,7 +269,7 @@ def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
     return save(figure, path)
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='compare',

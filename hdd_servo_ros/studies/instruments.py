@@ -75,7 +75,7 @@ def _print_head(first: str) -> None:
     _print_row(['---'] * (1 + len(names)))
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='instruments',

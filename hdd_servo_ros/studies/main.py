@@ -21,7 +21,7 @@ MINIMUM_SAMPLES = 50
 """Of a period of a reference, with ``--sample-time``: what the thesis has at 200 Hz with its 0.1 ms."""
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='study',

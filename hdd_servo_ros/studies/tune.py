@@ -68,7 +68,7 @@ def _print_section(node: str, gains: Mapping[str, object]) -> None:
         print(f'    {name}: {value}')
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='tune',

@@ -66,7 +66,7 @@ def _seconds(text: str) -> float:
     return number
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='report',

@@ -192,7 +192,7 @@ class ViewError(Exception):
     exit_code = WRONG_ARGUMENTS
 
 
-def command_line() -> argparse.ArgumentParser:
+def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='scope',
@@ -209,10 +209,6 @@ def command_line() -> argparse.ArgumentParser:
         '--seconds', type=_seconds, default=3.0, metavar='S', help='for how long --save collects [s]; default 3'
     )
     return parser
-
-
-def _parse(arguments: Sequence[str]) -> argparse.Namespace:
-    return command_line().parse_args(arguments)
 
 
 def _seconds(text: str) -> float:
@@ -243,8 +239,8 @@ def _picture(text: str) -> Path:
 @command('scope')
 def main(arguments: Sequence[str] | None = None) -> int:
     """Show a run; exit code 0 when it has ended, 1 if nothing more comes, 2 if there is no view, 130 on Ctrl-C."""
-    command_line = list(sys.argv if arguments is None else ['scope', *arguments])
-    parsed = _parse(parse_ros_arguments(command_line[1:]).others)
+    given = list(sys.argv if arguments is None else ['scope', *arguments])
+    parsed = command_line().parse_args(parse_ros_arguments(given[1:]).others)
     check_domain(os.environ)
     warning = who_can_reach(os.environ)
     if warning:
@@ -255,7 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lighten()
     try:
         port = None if parsed.save else choose_view(web=parsed.web, port=parsed.port)
-        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
         if parsed.save:
             save(parsed.save, parsed.seconds, parsed.window)
         else:
