@@ -83,7 +83,7 @@ ws: $(VENV)/.develop
 clean:
 	rm -rf $(VENV) build install log
 
-$(VENV)/.run: setup.py constraints.txt hdd_servo_ros/graph/catalogue.py
+$(VENV)/.run: setup.py constraints.txt hdd_servo_ros/graph/catalog.py
 	@$(call make_venv)
 	@echo 'installing ROS 2 Jazzy and what the bench needs into $(VENV): about a minute, once'
 	@$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ros]'

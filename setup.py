@@ -11,7 +11,7 @@ HERE = Path(__file__).parent
 VERSION = re.search(r"__version__ = '(.+)'", (HERE / NAME / 'version.py').read_text()).group(1)
 
 # Run alone, not imported: what the package needs may not be installed yet.
-EXECUTABLES = runpy.run_path(str(HERE / NAME / 'graph' / 'catalogue.py'))['EXECUTABLES']
+EXECUTABLES = runpy.run_path(str(HERE / NAME / 'graph' / 'catalog.py'))['EXECUTABLES']
 SCRIPTS = [f'{name} = {NAME}.executables:{name}' for name in EXECUTABLES]
 
 
@@ -68,7 +68,7 @@ setup(
             'pydocstyle>=6.3',
         ],
         'lint': ['ruff>=0.15', 'mypy>=1.19', 'import-linter>=2.1', 'types-PyYAML', 'types-tqdm'],
-        # The pages of `make html`: a theme with dark and light colours, and MathJax without a network.
+        # The pages of `make html`: a theme with dark and light colors, and MathJax without a network.
         'docs': ['sphinx>=7.2', 'myst-parser>=2.0', 'furo>=2023.9.10', 'sphinx-mathjax-offline>=0.0.2'],
         'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],
     },

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'

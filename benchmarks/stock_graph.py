@@ -170,17 +170,17 @@ class StockRecorder(Node):
         self.writer = BareWriter(bag, topics)
         self.left = (last_tick + 1) * len(topics)
         self.last_taken = None
-        for place, topic in enumerate(LOOP_TOPICS):
+        for index, topic in enumerate(LOOP_TOPICS):
             self.create_subscription(
                 TYPES.get(topic.name, Vector3Stamped),
                 topic.name,
-                functools.partial(self.take, place),
+                functools.partial(self.take, index),
                 QUEUE_DEPTH,
                 raw=True,
             )
 
-    def take(self, place, message):
-        self.writer.write((place,), (time.time_ns(),), (message,))
+    def take(self, index, message):
+        self.writer.write((index,), (time.time_ns(),), (message,))
         self.left -= 1
         self.last_taken = time.monotonic()
 

@@ -152,11 +152,11 @@ def one_by_one(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iter
 
 def make(campaign: Campaign, folder: Path, number: int) -> Trial:
     """Make one trial; its folder is kept if it has a fault."""
-    place = folder / f'{campaign.name}-{number}'
-    place.mkdir(parents=True)
-    trial = campaign.trial(place, random.Random(f'{campaign.name} {number}'))
+    directory = folder / f'{campaign.name}-{number}'
+    directory.mkdir(parents=True)
+    trial = campaign.trial(directory, random.Random(f'{campaign.name} {number}'))
     if not trial.faults:
-        remove(place)
+        remove(directory)
     return trial
 
 
@@ -213,11 +213,11 @@ def run(
     return result
 
 
-def remove(place: Path) -> None:
+def remove(directory: Path) -> None:
     """Remove a trial's folder; one with a fault is kept."""
-    for path in sorted(place.rglob('*'), reverse=True):
+    for path in sorted(directory.rglob('*'), reverse=True):
         if path.is_dir() and not path.is_symlink():
             path.rmdir()
         else:
             path.unlink()
-    place.rmdir()
+    directory.rmdir()

@@ -1,4 +1,4 @@
-"""Runs on a disk that becomes full at a random place, each of which must leave a whole run that has failed."""
+"""Runs on a disk that becomes full at a random moment, each of which must leave a whole run that has failed."""
 
 import contextlib
 import functools
@@ -43,9 +43,9 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     if why := cannot_make():
         return Trial(f'left out: {why}')
     module = 'hdd_servo_ros.nodes.rig' if command == 'rig' else 'hdd_servo_ros.simulation.simulate'
-    place = folder / 'disk'
-    with small_disk(place, size) as disk:
-        given = ('-p', f'run_dir:={place / "run"}', '-p', f'duration:={TICKS * 1e-4}', '-p', 'plot:=false')
+    directory = folder / 'disk'
+    with small_disk(directory, size) as disk:
+        given = ('-p', f'run_dir:={directory / "run"}', '-p', f'duration:={TICKS * 1e-4}', '-p', 'plot:=false')
         arguments = ('--ros-args', '--params-file', PARAMS, *given, '-p', 'progress:=false', *_KINDS[kind])
         alone = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
         done = run_measured(module, *arguments, environment=alone, most_seconds=_LONGEST, inside=disk.inside)
@@ -66,7 +66,7 @@ def _judged(run: Path, folder: Path, done: Measured) -> tuple[str, list[Fault]]:
     if sum(_FULL in line for line in errors) != 1:
         faults.append(Fault(WRONG, f'not one line about the disk: {errors}'))
     if not run.exists():
-        return 'refused before its first tick', faults
+        return 'rejected before its first tick', faults
     said = read_run_yaml(run)
     if said['status'] != 'failed' or 'No space left' not in said['reason']:
         faults.append(Fault(WRONG, f'run.yaml says {said["status"]}: {said["reason"]}'))
@@ -90,17 +90,17 @@ class SmallDisk(NamedTuple):
     folder: Path
     """Its files, for this process."""
     inside: Sequence[str]
-    """Command that becomes another one, which finds the disk at its place."""
+    """Command that becomes another one, which finds the disk at its path."""
 
 
 @contextlib.contextmanager
-def small_disk(place: Path, size: int) -> Iterator[SmallDisk]:
+def small_disk(directory: Path, size: int) -> Iterator[SmallDisk]:
     """
     Give a disk in memory, which only a process of its own has mounted: it goes with that process.
 
     Parameters
     ----------
-    place
+    directory
         Where to mount it; an empty folder there is made.
     size
         Of the disk [bytes].
@@ -110,11 +110,11 @@ def small_disk(place: Path, size: int) -> Iterator[SmallDisk]:
     OSError
         If this user may not have name spaces of mounts.
     """
-    place.mkdir()
+    directory.mkdir()
     # As root of a name space of users where this user is not root: nothing is mounted for anybody else.
     mapped = [] if os.geteuid() == 0 else ['--map-root-user']
     mount = f'mount -t tmpfs -o size={size} tmpfs "$0" && echo mounted && exec cat'
-    command = ['unshare', *mapped, '--mount', 'sh', '-c', mount, str(place)]
+    command = ['unshare', *mapped, '--mount', 'sh', '-c', mount, str(directory)]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as keeper:
@@ -127,7 +127,7 @@ def small_disk(place: Path, size: int) -> Iterator[SmallDisk]:
             # Files are seen from here too, but sqlite would look for them at the path without /proc.
             user = [] if os.geteuid() == 0 else ['--user', '--preserve-credentials']
             inside = ['nsenter', f'--target={keeper.pid}', *user, '--mount']
-            yield SmallDisk(Path(f'/proc/{keeper.pid}/root') / place.relative_to('/'), inside)
+            yield SmallDisk(Path(f'/proc/{keeper.pid}/root') / directory.relative_to('/'), inside)
         finally:
             keeper.stdin.close()
 

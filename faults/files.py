@@ -80,7 +80,7 @@ def trial(folder: Path, choice: random.Random) -> Trial:
             faults.append(Fault(WRONG, f'{command.__module__} ends with {code} and says nothing'))
         if code not in (0, 1, 3) and not found:
             faults.append(Fault(WRONG, f'{command.__module__} ends with {code}: {printed[-200:]}'))
-    outcome = 'all read it' if len(accepted) == 3 else 'refused or told'
+    outcome = 'all read it' if len(accepted) == 3 else 'rejected or told'
     is_same = _is_same(original, damaged)
     if is_same is False:
         faults.append(Fault(WRONG, 'the run opens with other values'))
@@ -98,12 +98,12 @@ def _recovered(original: Path, damaged: Path, faults: list[Fault]) -> str:
     code, printed, found = call(recover, [str(damaged), '--output', str(output)])
     faults += found
     if code != 0:
-        return 'refused, nothing to be recovered'
+        return 'rejected, nothing to be recovered'
     if not (output / 'run.yaml').exists():
         faults.append(Fault(WRONG, f'recover writes nothing and ends with 0: {printed[-200:]}'))
     elif _is_same(original, output, is_part=True) is not True:
         faults.append(Fault(WRONG, f'what recover has written has other values, or does not open: {printed[-200:]}'))
-    return 'refused, recovered'
+    return 'rejected, recovered'
 
 
 def _bags(run: Path) -> list[Path]:

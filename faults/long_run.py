@@ -51,7 +51,7 @@ def recorded(folder: Path, ticks: int, rig_ticks: int) -> Trial:
         made.compare('long', ticks, 'again', ticks)
         if rig_ticks:
             made.compare('long', ticks, 'rig', rig_ticks)
-            made.refuse_growth()
+            made.reject_growth()
     return Trial(f'{ticks} ticks by simulate, {rig_ticks} by rig', made.faults, figures=made.figures)
 
 
@@ -98,7 +98,7 @@ class _Recordings:
         if difference is not None:
             self.faults.append(Fault(WRONG, f'{left} and {right} differ: {difference}'))
 
-    def refuse_growth(self) -> None:
+    def reject_growth(self) -> None:
         """Expect the memory of recording not to grow with the run."""
         short, long = (self.figures[f'memory of {length} simulate [MB]'] for length in ('short', 'long'))
         if long - short > MOST_GROWTH:

@@ -18,7 +18,7 @@ def odd_value(choice: random.Random, node: str, without: Collection[str] = ()) -
     choice
         By which it is chosen.
     node
-        Name of the node in the catalogue.
+        Name of the node in the catalog.
     without
         Parameters that are not to be chosen.
 
@@ -33,7 +33,7 @@ def odd_value(choice: random.Random, node: str, without: Collection[str] = ()) -
 
 def is_named(said: str, node: str, name: str) -> bool:
     """
-    Return whether a refusal names a parameter.
+    Return whether a rejection names a parameter.
 
     Another parameter of its group may name it by the last part of its name (`as many as numerators`), and the units of
     a drive are named together (`a drive in x and V`).

@@ -15,7 +15,7 @@ from faults.odd_values import is_named, odd_value
 from faults.outside import Outside, outside
 from faults.processes import LONGEST_START, NODES, Processes, processes
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS
 from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.tools.replay import main as replay
@@ -183,7 +183,7 @@ class _Session:
         how = 'set_parameters_atomically' if is_together else 'set_parameters'
         changed: list[Parameter] = []
         for part, result in zip([given] if is_together else [[each] for each in given], results, strict=True):
-            self.counts[f'{how}: {"accepted" if result.successful else "refused"}'] += 1
+            self.counts[f'{how}: {"accepted" if result.successful else "rejected"}'] += 1
             if not result.successful:
                 # One of the same request that was accepted before may be what it does not go with.
                 self.faults += _wrong_reason(node, given, result.reason)
@@ -201,7 +201,7 @@ class _Session:
             self.changed += len({each.name for each in part}) if result.successful else 0
             if not result.successful:
                 what = [_written(each) for each in part]
-                self.faults.append(Fault(WRONG, f'{node} refuses to go back to {what}: {result.reason}'))
+                self.faults.append(Fault(WRONG, f'{node} rejects to go back to {what}: {result.reason}'))
 
 
 def _results(answer: Any) -> Sequence[SetParametersResult]:
@@ -258,12 +258,12 @@ def _is_wrong(node: str, given: Parameter) -> bool:
 
 
 def _wrong_reason(node: str, given: Sequence[Parameter], reason: str) -> Iterator[Fault]:
-    """Iterate over what is wrong with the reason of a refusal."""
+    """Iterate over what is wrong with the reason of a rejection."""
     what = [_written(each) for each in given]
     if not any(is_named(reason, node, each.name) for each in given):
-        yield Fault(WRONG, f'{node} refuses {what} without its name: {reason!r}')
+        yield Fault(WRONG, f'{node} rejects {what} without its name: {reason!r}')
     if '\n' in reason or len(reason) > 1000:
-        yield Fault(TRACEBACK, f'{node} refuses {what} in more than a line: {reason[:300]!r}')
+        yield Fault(TRACEBACK, f'{node} rejects {what} in more than a line: {reason[:300]!r}')
 
 
 CAMPAIGN = Campaign('services', 'Parameter values by the services of a running rig', 20, 1, 3600.0, trial)

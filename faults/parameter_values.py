@@ -13,7 +13,7 @@ from faults.judging import call
 from faults.odd_values import is_named, odd_value
 from faults.processes import NODES, PARAMS
 from hdd_servo_ros.control.outside import ControllerError
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
@@ -23,7 +23,7 @@ _DURATION = 0.0012
 """Twelve ticks [s]."""
 _FIXED = ('duration', 'sample_time', 'record', 'run_dir', 'schedule', 'controller', 'recorded_run', 'progress')
 """What says which run it is, and not how it goes."""
-_REFUSALS = (ParameterError, ArgumentError, ControllerError, RunError)
+_REJECTIONS = (ParameterError, ArgumentError, ControllerError, RunError)
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
@@ -46,8 +46,8 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         faults = [Fault(fault.kind, f'{fault.seen}; {values}') for fault in faults]
         return Trial(f'by {way}: fault', faults)
     outcome, what = returned
-    if outcome == 'refused' and not any(is_named(what, node, name) for node, name, _ in values):
-        faults = [Fault(WRONG, f'refused without its name: {what[:200]}; {values}')]
+    if outcome == 'rejected' and not any(is_named(what, node, name) for node, name, _ in values):
+        faults = [Fault(WRONG, f'rejected without its name: {what[:200]}; {values}')]
     if '\n' in what or len(what) > 1000:
         faults = [*faults, Fault(TRACEBACK, f'not one line: {what[:200]!r}')]
     return Trial(f'by {way}: {outcome}', faults)
@@ -59,8 +59,8 @@ def _run(given: list[str]) -> tuple[str, str]:
         experiment = simulation.experiment
         pieces = list(itertools.islice(simulation.pieces(simulation.last_tick), 20))
         rows = [experiment.run(first, count) for first, count in pieces]
-    except _REFUSALS as error:
-        return 'refused', str(error)
+    except _REJECTIONS as error:
+        return 'rejected', str(error)
     # `simulate` ends a run at its first value that is not finite; only an infinity that looks like a number would pass.
     finite = all(np.isfinite(np.asarray(piece[topic])).all() for piece in rows for topic in ('head', 'control'))
     return ('accepted', '') if finite else ('accepted, ends at its first value that is not finite', '')

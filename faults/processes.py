@@ -10,7 +10,7 @@ from pathlib import Path
 
 from faults.campaign import HANG, ORPHAN, Fault
 from faults.judging import tracebacks, wait_until
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.testing.domain import take_domain
 
 ROOT = Path(__file__).parent.parent

@@ -41,13 +41,13 @@ def _module(name: str) -> ModuleType:
     """
     Import the module of an executable.
 
-    Garbage is collected only afterwards: what is imported stays, so that each search through it while it grows would
+    Garbage is collected only afterward: what is imported stays, so that each search through it while it grows would
     find nothing.
     """
     gc.disable()
     try:
         # Imported only here, where an interrupt is taken.
-        from hdd_servo_ros.graph.catalogue import executable_module
+        from hdd_servo_ros.graph.catalog import executable_module
 
         return importlib.import_module(f'hdd_servo_ros.{executable_module(name)}')
     finally:

@@ -14,8 +14,8 @@ import pytest
 import yaml
 from hypothesis import settings
 
-from hdd_servo_ros.graph import catalogue
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph import catalog
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.simulation.closed_loop import Controllers
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -206,11 +206,11 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 @pytest.fixture(scope='module', autouse=True)
 def only_its_own_controllers() -> Iterator[None]:
-    """Remove the custom controllers that the tests of a file have loaded from the catalogue of this process."""
-    before = dict(catalogue.NODES)
+    """Remove the custom controllers that the tests of a file have loaded from the catalog of this process."""
+    before = dict(catalog.NODES)
     yield
-    catalogue.NODES.clear()
-    catalogue.NODES.update(before)
+    catalog.NODES.clear()
+    catalog.NODES.update(before)
 
 
 @pytest.fixture(scope='session')

@@ -104,7 +104,7 @@ class Server:
 
 def prepare() -> None:
     """Import every executable and what it imports when it needs it, and load the kernels of all controllers."""
-    from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module
+    from hdd_servo_ros.graph.catalog import EXECUTABLES, executable_module
     from hdd_servo_ros.simulation.closed_loop import Controllers
     from hdd_servo_ros.simulation.experiment import Experiment
 

@@ -116,6 +116,6 @@ def test_an_example_that_is_wrong_is_found():
     assert doctest.DocTestRunner(WithoutModules(), verbose=False).run(test, out=said.append).failed == 1
 
 
-def test_what_a_package_does_not_offer_is_refused():
+def test_what_a_package_does_not_offer_is_rejected():
     with pytest.raises(AttributeError, match=r"module 'hdd_servo_ros\.drive' has no attribute 'Missing'"):
         importlib.import_module('hdd_servo_ros.drive').Missing  # noqa: B018

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
-from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module, names_with_parameters
+from hdd_servo_ros.graph.catalog import EXECUTABLES, executable_module, names_with_parameters
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import executable_module
+from hdd_servo_ros.graph.catalog import executable_module
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / 'docs' / 'drive-of-your-own.md').read_text('utf8')

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import EXECUTABLES, executable_module
+from hdd_servo_ros.graph.catalog import EXECUTABLES, executable_module
 from hdd_servo_ros.studies import main as study
 
 ROOT = Path(__file__).parents[1]
@@ -142,7 +142,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 class Interrupt:
     def find_spec(name, *_):
-        if name == 'hdd_servo_ros.graph.catalogue':
+        if name == 'hdd_servo_ros.graph.catalog':
             signal.raise_signal(signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupt)
@@ -158,7 +158,7 @@ def test_an_interrupt_while_it_is_imported():
 
 
 def test_an_interrupt_while_it_ends():
-    """As from a launch file of which another process has just been refused."""
+    """As from a launch file of which another process has just been rejected."""
     code = 'import atexit, signal, sys; from hdd_servo_ros.executables import recover; '
     code += 'atexit.register(signal.raise_signal, signal.SIGINT); sys.exit(recover())'
     ended = subprocess.run(

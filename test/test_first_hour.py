@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import executable_module
+from hdd_servo_ros.graph.catalog import executable_module
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / 'docs' / 'tutorial-first-hour.md').read_text('utf8')

@@ -70,7 +70,7 @@ def lines(text):
     return [line.strip() for line in text.splitlines() if line.strip().startswith(kept)]
 
 
-def test_a_refused_run_has_its_exit_code_and_says_why_in_its_log(server, tmp_path):
+def test_a_rejected_run_has_its_exit_code_and_says_why_in_its_log(server, tmp_path):
     log = tmp_path / 'log'
     run = start(server, [*arguments(tmp_path / 'run'), '-p', 'ldv_sensor:adc_bits:=-3'], log)
     assert run.wait(LONG) == 2
@@ -135,5 +135,5 @@ def test_a_run_may_end_before_its_start_is_read(server, tmp_path, monkeypatch):
         read(self, timeout)
 
     monkeypatch.setattr(Copies, 'read', late)
-    refused = [start(server, ['--ros-args', '-p', 'no_such:=1'], tmp_path / f'{number}.log') for number in range(2)]
-    assert [run.wait(LONG) for run in refused] == [2, 2]
+    rejected = [start(server, ['--ros-args', '-p', 'no_such:=1'], tmp_path / f'{number}.log') for number in range(2)]
+    assert [run.wait(LONG) for run in rejected] == [2, 2]

@@ -44,8 +44,8 @@ def test_the_same_as_in_a_new_interpreter(bench, new, how, end):
     copied, expected = (starts.python(*how, 'an argument', '--option') for starts in (bench, new))
     assert copied.returncode == expected.returncode
     assert copied.stdout == expected.stdout
-    assert [copied.stderr.splitlines()[place] for place in (0, -1)] == [
-        expected.stderr.splitlines()[place] for place in (0, -1)
+    assert [copied.stderr.splitlines()[index] for index in (0, -1)] == [
+        expected.stderr.splitlines()[index] for index in (0, -1)
     ]
 
 

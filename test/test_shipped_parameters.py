@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros.analysis.metrics import step_response, tracking_metrics
-from hdd_servo_ros.graph.catalogue import parameter_sets
+from hdd_servo_ros.graph.catalog import parameter_sets
 from hdd_servo_ros.parameters import from_mapping, to_mapping
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.simulation.experiment import Experiment

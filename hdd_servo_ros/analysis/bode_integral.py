@@ -65,7 +65,7 @@ def bode_integrals(margins: LoopMargins, controller: LinearController) -> list[B
     for drive in margins.drives:
         if not controller.closed_loop_radius(drive) < 1.0:
             raise ValueError('the closed loop is unstable, and its sensitivity has no Bode integral')
-        # What is 0 at f = 0 has a logarithm that can be integrated, over steps that shrink towards it.
+        # What is 0 at f = 0 has a logarithm that can be integrated, over steps that shrink toward it.
         low = np.geomspace(1e-13, 1e-5, 60) * nyquist
         inner = margins.frequencies[(margins.frequencies > low[-1]) & (margins.frequencies < nyquist)]
         found.append(_integral(margins, controller, len(found), np.concatenate([low, inner, [nyquist]])))

@@ -1,8 +1,8 @@
 """
-All closed loops that stabilising linear feedback can have around a sampled drive: affine in a stable Q (Youla).
+All closed loops that stabilizing linear feedback can have around a sampled drive: affine in a stable Q (Youla).
 
 The controller is a state observer with state feedback, to whose u a stable filter Q adds what it makes of the
-innovations, measured minus expected outputs. Every stabilising controller has this form, and each closed-loop response
+innovations, measured minus expected outputs. Every stabilizing controller has this form, and each closed-loop response
 is T1 + T2 Q T3. Boyd and Barratt, Linear Controller Design, 1991, chapters 7 and 10.
 """
 
@@ -37,7 +37,7 @@ class MeasuredDrive:
     sample_time
         T [s].
     is_relative
-        Whether the position is measured from the track centre, as servo sectors do, or from the base, as a vibrometer.
+        Whether the position is measured from the track center, as servo sectors do, or from the base, as a vibrometer.
     """
 
     a: Array
@@ -119,7 +119,7 @@ class FeedbackResponses:
     error_of_force
         From f [V] to position error [um].
     error_of_track
-        From displacement of the track centre to position error [um/um].
+        From displacement of the track center to position error [um/um].
     error_of_noise
         From the noise on each measured signal to position error.
     """

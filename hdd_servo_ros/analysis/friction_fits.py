@@ -110,14 +110,14 @@ def fit_network(
     position: npt.ArrayLike, velocity: npt.ArrayLike, friction: npt.ArrayLike, parameters: FrictionParameters
 ) -> tuple[FrictionParameters, float]:
     """
-    Fit the weights W of the network (2.26) to data by least squares, its centres and widths given.
+    Fit the weights W of the network (2.26) to data by least squares, its centers and widths given.
 
     Parameters
     ----------
     position, velocity, friction
         Measured x [um], v [um/s] and F [V], one-dimensional, of equal length.
     parameters
-        The network's centres (``node_positions``, ``node_velocities``) and widths.
+        The network's centers (``node_positions``, ``node_velocities``) and widths.
 
     Returns
     -------
@@ -129,13 +129,13 @@ def fit_network(
     ------
     ValueError
         If the data do not determine the weights, or are not one-dimensional, of equal length and finite; if there are
-        no centres, or not as many of velocity as of position.
+        no centers, or not as many of velocity as of position.
     """
     force = checked_samples('friction', friction)
     checked_samples('velocity', velocity, force.size)
     checked_samples('position', position, force.size)
-    centres = len(parameters.node_positions)
-    if centres == 0 or centres != len(parameters.node_velocities):
+    centers = len(parameters.node_positions)
+    if centers == 0 or centers != len(parameters.node_velocities):
         raise ValueError('node_positions and node_velocities need equally many numbers, at least one')
     matrix = network_basis(position, velocity, parameters)
     weights, rms = _least_squares(matrix, force, 'the weights')
@@ -153,7 +153,7 @@ def network_basis(
 
 
 def lattice(positions: Sequence[float], velocities: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the centres of a regular lattice as (node_positions, node_velocities), velocity changing fastest."""
+    """Return the centers of a regular lattice as (node_positions, node_velocities), velocity changing fastest."""
     grid = [(x, v) for x in positions for v in velocities]
     return tuple(x for x, _ in grid), tuple(v for _, v in grid)
 

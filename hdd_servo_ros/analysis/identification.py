@@ -18,7 +18,7 @@ ComplexArray = NDArray[np.complex128]
 
 SMALLEST_DEVIATION = 2e-3
 """Relative deviation below which a point is not believed: what is not noise (friction, folding) is about as large."""
-_NEIGHBOURS = 9
+_NEIGHBORS = 9
 _IMAGES = 3
 _FOLDING_ROUNDS = 4
 _LARGEST_ERROR = 2.0
@@ -30,12 +30,12 @@ def believed_deviation(measured: FrequencyResponse, smallest: float = SMALLEST_D
     Return the standard deviation of each point for the weight, None if none was measured.
 
     A deviation from a few records is itself uncertain, and a point whose records agree by chance would outweigh all
-    others: so it is the median over nine neighbours, and at least ``smallest`` times the magnitude.
+    others: so it is the median over nine neighbors, and at least ``smallest`` times the magnitude.
     """
     relative = measured.relative_deviation()
     if relative is None:
         return None
-    half = _NEIGHBOURS // 2
+    half = _NEIGHBORS // 2
     windows = [relative[max(i - half, 0) : i + half + 1] for i in range(len(relative))]
     smooth = np.array([np.median(window) for window in windows])
     return np.asarray(np.maximum(smooth, smallest) * np.abs(measured.response))

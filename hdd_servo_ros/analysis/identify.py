@@ -15,7 +15,7 @@ import numpy as np
 from hdd_servo_ros.analysis.identification import doubts, identify_measured
 from hdd_servo_ros.analysis.rational_fit import LEVY, METHODS, SANATHANAN_KOERNER, least_points
 from hdd_servo_ros.analysis.transfer_model import Model
-from hdd_servo_ros.bench.response import FrequencyResponse, read_csv, refuse_hold
+from hdd_servo_ros.bench.response import FrequencyResponse, read_csv, reject_hold
 from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 
@@ -125,7 +125,7 @@ def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
         )
     if given.hold is None:
         return measured
-    refuse_hold(given.hold, float(measured.frequency.max()), '--hold')
+    reject_hold(given.hold, float(measured.frequency.max()), '--hold')
     return dataclasses.replace(measured, hold=given.hold)
 
 

@@ -22,7 +22,7 @@ _SECANTS = 5
 
 
 def round_down(value: float, digits: int = 3) -> float:
-    """Return ``value`` > 0 rounded towards zero to significant digits, so that a bound it keeps stays kept."""
+    """Return ``value`` > 0 rounded toward zero to significant digits, so that a bound it keeps stays kept."""
     scale = digits - 1 - math.floor(math.log10(value))
     return float(f'{math.floor(value * 10**scale + 1e-9) / 10**scale:.{digits}g}')
 

@@ -39,7 +39,7 @@ class DisturbanceSpectra:
     force
         Of the force against u [V^2/Hz], shape (f,).
     track
-        Of the displacement of the track centre [um^2/Hz], shape (f,).
+        Of the displacement of the track center [um^2/Hz], shape (f,).
     noise
         Of each measured signal [unit^2/Hz]: an array of shape (f,), or one number for white noise.
     """
@@ -112,7 +112,7 @@ def least_error(
     if not problem.constant > 0.0:
         raise ValueError('nothing disturbs: all spectra are 0')
     limited = problem.limits(_LIMITS_PER_TAP * taps)
-    q, distance = _minimised(problem, *limited, max_sensitivity)
+    q, distance = _minimized(problem, *limited, max_sensitivity)
     variance = problem.variance(q)
     return LeastError(
         three_sigma=3.0 * float(np.sqrt(variance)),
@@ -187,7 +187,7 @@ class _Problem:
         return channel.at_zero[lines], np.hstack([filters[:, [i]] * powers for i in range(self._signals)])
 
 
-def _minimised(
+def _minimized(
     problem: _Problem,
     at_zero: NDArray[np.complex128],
     gradient: NDArray[np.complex128],
@@ -203,7 +203,7 @@ def _minimised(
         slack = limit**2 - np.abs(sensitivity(q)) ** 2
         return weight * problem.variance(q) - float(np.log(slack).sum()) if slack.min() > 0.0 else np.inf
 
-    def centred(q: Array, weight: float, limit: float, steps: int) -> Array:
+    def centered(q: Array, weight: float, limit: float, steps: int) -> Array:
         """Return the taps with the least of weight x variance - sum ln(limit^2 - |S|^2), after some Newton steps."""
         for _ in range(steps):
             s = sensitivity(q)
@@ -230,7 +230,7 @@ def _minimised(
     limit = max(max_sensitivity, 1.05 * float(np.abs(at_zero).max()))
     weight = 0.1 * count / problem.constant
     while limit > max_sensitivity:
-        q = centred(q, weight, limit, 4)
+        q = centered(q, weight, limit, 4)
         tighter = max(max_sensitivity, 1.001 * float(np.abs(sensitivity(q)).max()))
         if tighter > 0.999 * limit and tighter > max_sensitivity:
             if weight < 1e-9 * count / problem.constant:
@@ -240,8 +240,8 @@ def _minimised(
         limit = tighter
     weight = count / problem.variance(q)
     while True:
-        q = centred(q, weight, max_sensitivity, 60)
-        # The distance from the optimum of a centred point.
+        q = centered(q, weight, max_sensitivity, 60)
+        # The distance from the optimum of a centered point.
         if count / weight < _GAP * problem.variance(q):
             return q, count / weight
         weight *= 10.0

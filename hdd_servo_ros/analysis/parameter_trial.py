@@ -18,8 +18,8 @@ from hdd_servo_ros.control.runout import RunoutCancellation
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
 from hdd_servo_ros.control.seek import Seek
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.block_parameters import refuse_other_units, seek_kind, sensor_scales
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, NODES, SENSORS, resolve
+from hdd_servo_ros.graph.block_parameters import reject_other_units, seek_kind, sensor_scales
+from hdd_servo_ros.graph.catalog import BASE_SENSOR, CONTROLLER, NODES, SENSORS, resolve
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping, to_mapping
@@ -43,9 +43,9 @@ class NotFiniteInTrialError(ArithmeticError):
         super().__init__('its output is not finite')
 
 
-def refuse_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> None:
+def reject_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> None:
     """
-    Refuse parameters for which an attempt fails, whatever it raises.
+    Reject parameters for which an attempt fails, whatever it raises.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def attempt_block(node: str, sample_time: float, *, is_change: bool) -> Attempt:
     Parameters
     ----------
     node
-        Its row in the catalogue, which has a block.
+        Its row in the catalog, which has a block.
     sample_time
         T [s].
     is_change
@@ -201,7 +201,7 @@ def attempt_for(
     Parameters
     ----------
     node
-        Its row in the catalogue.
+        Its row in the catalog.
     sample_time
         T [s].
     sets
@@ -245,7 +245,7 @@ class ControllerTrial:
     Attributes
     ----------
     node
-        Its row in the catalogue.
+        Its row in the catalog.
     make
         Makes the law from its parameters and T [s].
     sample_time
@@ -322,7 +322,7 @@ class ControllerTrial:
     def _seek(self, sets: Sets) -> Seek | None:
         parameters = sets[seek_kind(self.node)].seek
         if self.drive is not None:
-            refuse_other_units('seek.method', parameters, self.drive)
+            reject_other_units('seek.method', parameters, self.drive)
         if not parameters.is_used:
             return None
         from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
@@ -335,7 +335,7 @@ class ControllerTrial:
     def _runout(self, sets: Sets) -> RunoutCancellation | None:
         parameters = sets[ControllerRunoutParameters].runout
         if self.drive is not None:
-            refuse_other_units('runout.method', parameters, self.drive)
+            reject_other_units('runout.method', parameters, self.drive)
         if not parameters.is_used:
             return None
         from hdd_servo_ros.analysis.feedforward_path import runout_path
@@ -353,7 +353,7 @@ class ControllerTrial:
     def _feedforward(self, sets: Sets) -> Feedforward | None:
         parameters = sets[ControllerFeedforwardParameters].feedforward
         if self.drive is not None:
-            refuse_other_units('feedforward.method', parameters, self.drive)
+            reject_other_units('feedforward.method', parameters, self.drive)
         if not parameters.is_used or self.accelerometer is None:
             return None
         from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge

@@ -8,7 +8,7 @@ Sanathanan and Koerner (IEEE Transactions on Automatic Control 8, 1963), which d
 Powers of s over three decades span 10^30 at order ten, so neither polynomial is ever written in them: numerator and
 denominator are sums of polynomials that are orthonormal on the weighted points, made by the Arnoldi process (Brubeck,
 Nakatsukasa and Trefethen, "Vandermonde with Arnoldi", SIAM Review 63, 2021). Their roots are eigenvalues of the
-process's Hessenberg matrix with one column changed. The frequency is normalised by the highest one.
+process's Hessenberg matrix with one column changed. The frequency is normalized by the highest one.
 """
 
 import dataclasses
@@ -149,7 +149,7 @@ def _check(f: Array, response: ComplexArray, poles: int, zeros: int, integrators
 def _linear_fit(
     s: ComplexArray, target: ComplexArray, weight: Array, poles: int, zeros: int
 ) -> tuple[ComplexArray, ComplexArray, Model]:
-    """Minimise sum |weight (N - D target)|^2, (3.25), with the leading coefficient of D fixed; return N/D, D, model."""
+    """Minimize sum |weight (N - D target)|^2, (3.25), with the leading coefficient of D fixed; return N/D, D, model."""
     numerator = _orthonormal(s, weight, zeros)
     denominator = _orthonormal(s, weight * target, poles)
     columns = np.hstack((numerator.values, -denominator.values[:, :poles]))

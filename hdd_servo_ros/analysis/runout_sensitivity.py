@@ -137,9 +137,9 @@ def _harmonics(
     frequencies = np.unique(frequencies[(frequencies > 0.0) & (frequencies <= 0.5 / sample_time)])
     z = np.exp(2j * np.pi * frequencies * sample_time)[:, None]
     resonators = phases.conjugate() / (1.0 - steps / z) + phases / (1.0 - steps.conjugate() / z)
-    cancelling = 0.5 * (gains * resonators).sum(axis=1)
+    canceling = 0.5 * (gains * resonators).sum(axis=1)
     sensitivity = margins.sensitivity(law, index, frequencies)
-    peak = float(np.abs(sensitivity / (1.0 + margins.path(law, index, frequencies) * cancelling)).max())
+    peak = float(np.abs(sensitivity / (1.0 + margins.path(law, index, frequencies) * canceling)).max())
     responses = margins.path(law, index, orders * turns / sample_time) / model
     factors = np.abs(1.0 - runout.gain * responses)
     worst = int(np.argmax(factors))

@@ -1,5 +1,5 @@
 """
-The drive linearised and sampled: a state space between two ticks, and its frequency response.
+The drive linearized and sampled: a state space between two ticks, and its frequency response.
 
 It is obtained from the plant's own step by a small change of each state and of u, so that everything that the step
 computes is included.
@@ -28,7 +28,7 @@ NOT_VISCOUS_MODELS = ('none', 'stiction', 'tangential_stiffness', 'coulomb', 'dr
 """Friction models of which no damping is left in fast sliding, or, with drag, in slow sliding."""
 SMALL = 1e-7
 """
-Change of a state with which the step is linearised, relative to the deflection at which friction breaks away.
+Change of a state with which the step is linearized, relative to the deflection at which friction breaks away.
 
 The contact's nonlinearity changes a coefficient by about as much, and rounding by a hundredth of it.
 """
@@ -115,7 +115,7 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
         ),
         sample_time,
     )
-    return _linearised(block, _steps(plant, sample_time))
+    return _linearized(block, _steps(plant, sample_time))
 
 
 def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
@@ -137,7 +137,7 @@ def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
 
 
 def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, float]:
-    """Return the changes of positions [um], velocities [um/s] and voltages [V] with which the step is linearised."""
+    """Return the changes of positions [um], velocities [um/s] and voltages [V] with which the step is linearized."""
     friction = plant.friction
     breakaway = friction.coulomb_level / friction.stiffness
     if friction.model == 'rbf_network':
@@ -148,7 +148,7 @@ def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, fl
     return position, position / sample_time, voltage
 
 
-def _linearised(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
+def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
     """Return the derivatives of the plant's step around rest, for changes as of :func:`_steps`."""
     position_step, velocity_step, voltage_step = steps
     rest = plant.state.copy()

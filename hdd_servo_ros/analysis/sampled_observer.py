@@ -15,7 +15,7 @@ class SampledObserver:
     """
     What a controller takes for the velocity, as a linear filter of measured position and held command.
 
-    The position is the true one: noise, quantisation and nonlinearity of the sensor and missing sectors are left out.
+    The position is the true one: noise, quantization and nonlinearity of the sensor and missing sectors are left out.
 
     Parameters
     ----------

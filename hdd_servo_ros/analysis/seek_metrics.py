@@ -162,7 +162,7 @@ def seek_responses(
     seeks
         In the order of their rows, each on a row of its own.
     position, velocity
-        Of the head [um, um/s], shape (n,); relative to the track's centre if that moves.
+        Of the head [um, um/s], shape (n,); relative to the track's center if that moves.
     control
         u, held from each sample on [V], shape (n,).
     sample_time
@@ -314,9 +314,9 @@ def residual_spectrum(error: ArrayLike, sample_time: float) -> tuple[Array, Arra
     y = np.asarray(error, dtype=np.float64)
     if len(y) < 4:
         raise ValueError(f'a spectrum needs at least 4 samples, and there are {len(y)}')
-    place = np.arange(len(y)) - 0.5 * (len(y) - 1)
+    index = np.arange(len(y)) - 0.5 * (len(y) - 1)
     y = y - y.mean()
-    y = y - place * (float(place @ y) / float(place @ place))
+    y = y - index * (float(index @ y) / float(index @ index))
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(y)) / len(y))
     amplitudes = 2.0 * np.abs(np.fft.rfft(window * y)) / window.sum()
     if len(y) % 2 == 0:

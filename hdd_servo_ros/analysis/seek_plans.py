@@ -3,7 +3,7 @@ Plans of final-state control: voltages that bring the sampled drive with all its
 
 Final-state control finds the input of N samples that brings a sampled model from one state to another and is smallest
 in some measure (Totani and Nishimura, Trans. SICE 30(3), 1994; Hirata and others for disk drives). Here the rigid body
-has to be at rest on the target after N samples; of the modes, the head's vibration afterwards is made small, for the
+has to be at rest on the target after N samples; of the modes, the head's vibration afterward is made small, for the
 nominal drive and for one with lower and one with higher frequencies. That lets a plan be shorter than the order of the
 model, which matters where a seek lasts but a few samples.
 """

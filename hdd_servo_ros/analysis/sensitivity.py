@@ -49,7 +49,7 @@ def _on_circle(frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex
     return np.asarray(np.exp(2j * np.pi * np.asarray(frequencies) * sample_time))
 
 
-def _neighbours(best: float, grid: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, float]:
+def _neighbors(best: float, grid: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, float]:
     """Return the next lower and the next higher of the frequencies, ``best`` itself where there is none."""
     # ``grid`` is sorted, ``others`` are not.
     at = int(np.searchsorted(grid, best))
@@ -173,7 +173,7 @@ class LoopMargins:
     Attributes
     ----------
     drives
-        Drive with sensor, linearised in presliding, where the friction is a spring, and in sliding.
+        Drive with sensor, linearized in presliding, where the friction is a spring, and in sliding.
     frequencies, on_circle, responses
         Grid [Hz], z = exp(2 pi i f T) there, and what the controller measures there of position [um/V] and velocity
         [um/s/V] over u.
@@ -295,7 +295,7 @@ class LoopMargins:
         best, peak = self.frequencies[on_grid], values[on_grid]
         if in_near >= 0 and near[in_near] > peak:
             best, peak = around[in_near], near[in_near]
-        low, high = _neighbours(float(best), self.frequencies, around)
+        low, high = _neighbors(float(best), self.frequencies, around)
         for _ in range(REFINEMENTS):
             if peak > limit:
                 break

@@ -42,17 +42,17 @@ class StreamedPeriods:
 
     def add(self, values: Array) -> None:
         """Add samples, shape (n,)."""
-        place = self._count - self.first
+        index = self._count - self.first
         self._count += len(values)
-        if place < 0:
-            values, place = values[-place:], 0
+        if index < 0:
+            values, index = values[-index:], 0
         while len(values):
-            phase = place % self.period
-            whole = len(values) // self.period if phase == 0 and place else 0
+            phase = index % self.period
+            whole = len(values) // self.period if phase == 0 and index else 0
             taken = max(whole, 1) * self.period - phase
             part = values[:taken]
             rows = slice(phase, phase + len(part) // max(whole, 1))
-            if place < self.period:
+            if index < self.period:
                 self._origin[rows] = part
             else:
                 moved = part.reshape(max(whole, 1), -1) - self._origin[rows]
@@ -60,7 +60,7 @@ class StreamedPeriods:
                 self._squares += float(np.sum(np.square(moved)))
                 np.minimum(self._lowest[rows], moved.min(axis=0), out=self._lowest[rows])
                 np.maximum(self._highest[rows], moved.max(axis=0), out=self._highest[rows])
-            values, place = values[taken:], place + len(part)
+            values, index = values[taken:], index + len(part)
 
     @property
     def _shift(self) -> Array:

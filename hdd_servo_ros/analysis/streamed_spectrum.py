@@ -77,10 +77,10 @@ class StreamedDensity:
 
     def add(self, values: Array) -> None:
         """Add samples, shape (n,)."""
-        place = np.arange(self._count, self._count + len(values))
+        index = np.arange(self._count, self._count + len(values))
         # The last line of an odd number of samples is half a line below the Nyquist frequency.
-        turn = 1.0 if self._samples % 2 == 0 else np.exp(1j * np.pi * place / self._samples)
-        wave = np.where(place % 2, -1.0, 1.0) * turn
+        turn = 1.0 if self._samples % 2 == 0 else np.exp(1j * np.pi * index / self._samples)
+        wave = np.where(index % 2, -1.0, 1.0) * turn
         self._last_line += complex(np.sum(values * wave))
         self._constant += complex(np.sum(wave))
         self._count += len(values)

@@ -39,7 +39,7 @@ class DspParameters(ParameterSet):
     )
 
     def check_together(self) -> None:
-        """Refuse a resolution without a range, and a converter without a positive code."""
+        """Reject a resolution without a range, and a converter without a positive code."""
         if self.dac_bits == 1:
             raise ParameterError('dac_bits', self.dac_bits, '0 (ideal), or at least 2')
         if self.dac_bits > 0 and self.dac_range == 0.0:
@@ -101,7 +101,7 @@ def dsp_step(
 
 class Dsp:
     """
-    The digital side's way out: saturation, quantisation and computation delay between any controller and `/control`.
+    The digital side's way out: saturation, quantization and computation delay between any controller and `/control`.
 
     The law's voltage is clipped to the converter's range and to what the drive takes, rounded to the converter's step,
     and held from this tick on, or from the next with a computation delay of one sample; before the first command is

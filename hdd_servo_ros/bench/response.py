@@ -52,7 +52,7 @@ _LINEAR_MISS, _DECIBEL_MISS = 1.0, 0.3
 """
 By how much slopes must miss the phase if linear, and may miss it if in dB, for a magnitude to be taken for one in dB.
 
-Of 1500 random plants 2 were refused by these though linear, and half of those in dB found.
+Of 1500 random plants 2 were rejected by these though linear, and half of those in dB found.
 """
 _LEAST_POINTS, _LEAST_SPAN, _PARTS = 12, 2.0, 12
 """Points and ratio of highest to lowest frequency from which on slopes are compared, and in how many parts."""
@@ -216,7 +216,7 @@ def read_csv(path: Path) -> FrequencyResponse:
     A magnitude in a unit of velocity or acceleration, such as um/s/V, is divided by j 2 pi f, once or twice, so that
     the response is that of the position, in um/V.
 
-    A magnitude without a unit whose slope agrees with its phase only if it is in dB is refused, and so is a phase
+    A magnitude without a unit whose slope agrees with its phase only if it is in dB is rejected, and so is a phase
     without a unit that agrees with the slope only if it is in rad.
 
     Raises
@@ -252,8 +252,8 @@ def read_csv(path: Path) -> FrequencyResponse:
         raise ValueError(f'{path}: no row of numbers')
     try:
         table = {
-            name: np.array([_cell(row, place, name, number) for number, row in lines])
-            for name, (place, _) in columns.items()
+            name: np.array([_cell(row, index, name, number) for number, row in lines])
+            for name, (index, _) in columns.items()
         }
     except ValueError as error:
         raise ValueError(f'{path}, {error}') from None
@@ -270,16 +270,16 @@ def _is_number(text: str) -> bool:
 
 
 def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
-    """Return place and unit of each named column."""
+    """Return index and unit of each named column."""
     found: dict[str, tuple[int, str]] = {}
-    for place, title in enumerate(header):
+    for index, title in enumerate(header):
         match = re.fullmatch(r'([^\[(]*)(?:[\[(](.*)[\])])?', title)
         name, unit = (match[1].strip().lower(), (match[2] or '').strip()) if match else (title, '')
         name = _NAMES.get(name, name)
         if name in found and name in _NUMBERS:
             raise ValueError(f'{path}: two columns are {name}: {header[found[name][0]]!r} and {title!r}')
         # Of the response the unit is kept as it is written.
-        found.setdefault(name, (place, unit if name == 'magnitude' else unit.lower()))
+        found.setdefault(name, (index, unit if name == 'magnitude' else unit.lower()))
     for name in ('frequency', 'magnitude', 'phase'):
         if name not in found:
             raise ValueError(f'{path}: no column {name!r}; there are {shown(", ".join(header))}')
@@ -290,8 +290,8 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
     return found
 
 
-def _cell(row: Sequence[str], place: int, name: str, number: int) -> float:
-    text = row[place] if place < len(row) else ''
+def _cell(row: Sequence[str], index: int, name: str, number: int) -> float:
+    text = row[index] if index < len(row) else ''
     if name in _NUMBERS:
         if not _is_number(text) or not np.isfinite(float(text)):
             raise ValueError(f'line {number}: {name} is {shown(text)}, not a finite number')
@@ -322,8 +322,8 @@ def _response(
             'needs the unit [dB] in the header'
         )
     order = np.argsort(frequency, kind='stable')
-    for place in np.flatnonzero(np.diff(frequency[order]) == 0.0)[:1]:
-        first, second = order[place], order[place + 1]
+    for index in np.flatnonzero(np.diff(frequency[order]) == 0.0)[:1]:
+        first, second = order[index], order[index + 1]
         raise ValueError(
             f'{path}, line {numbers[second]}: frequency {table["frequency"][second]:.12g} is that of line '
             f'{numbers[first]} already; each may be given once'
@@ -343,7 +343,7 @@ def _response(
     holds = set(table.get('hold', np.zeros(1)).tolist())
     if len(holds) > 1:
         raise ValueError(f'{path}: the hold must be the same in all rows')
-    refuse_hold(max(holds), float(frequency.max()), str(path))
+    reject_hold(max(holds), float(frequency.max()), str(path))
     ones = np.ones(len(frequency))
     return FrequencyResponse(
         frequency[order],
@@ -370,7 +370,7 @@ def _of_position(unit: str) -> tuple[str, int]:
 def _check_side_columns(
     table: Mapping[str, Array], units: Mapping[str, str], numbers: Sequence[int], path: Path
 ) -> None:
-    """Refuse a coherence, a number of averages, an amplitude or a hold that cannot be."""
+    """Reject a coherence, a number of averages, an amplitude or a hold that cannot be."""
     for name, (lowest, highest, allowed) in _RANGES.items():
         if name not in table:
             continue
@@ -388,9 +388,9 @@ def _check_side_columns(
         )
 
 
-def refuse_hold(hold: float, highest: float, where: str) -> None:
+def reject_hold(hold: float, highest: float, where: str) -> None:
     """
-    Refuse a hold that cannot be that of a response.
+    Reject a hold that cannot be that of a response.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class ServoSensorParameters(ParameterSet):
     """Parameters of :class:`ServoSensor`; every sample is a servo sector."""
 
     track_pitch: float = parameter(
-        1.016, 'distance between two track centres; 1.016 um are 25 000 tracks per inch', unit='um', above=0.0
+        1.016, 'distance between two track centers; 1.016 um are 25 000 tracks per inch', unit='um', above=0.0
     )
     sectors: int = parameter(
         0,
@@ -64,7 +64,7 @@ class ServoSensorParameters(ParameterSet):
     )
     nonlinearity: float = parameter(
         0.0,
-        'amplitude of the sinusoidal error of the fraction, which is zero at the track centre and half way between two',
+        'amplitude of the sinusoidal error of the fraction, which is zero at the track center and half way between two',
         unit='% of pitch',
         minimum=-15.0,
         maximum=15.0,
@@ -93,7 +93,7 @@ def _is_missing(c: np.record, missing: Array, sector: int, tick: int) -> bool:
 
 @compiled_apart
 def servo_sensor_step(
-    constants: Array, missing: Array, state: Array, tick: int, head: float, track_centre: float
+    constants: Array, missing: Array, state: Array, tick: int, head: float, track_center: float
 ) -> tuple[float, float, float]:
     """Return error [um], position [um] and sector number at ``tick``; see :meth:`ServoSensor.step`."""
     c = record(constants, SERVO_SENSOR)
@@ -105,7 +105,7 @@ def servo_sensor_step(
         s.missing_sectors += 1.0
         return s.error, s.position, float(sector)
     pitch = c.pitch
-    distance = head - track_centre
+    distance = head - track_center
     if not abs(distance) < math.inf:
         return distance, distance, float(sector)
     track = np.floor(distance / pitch + 0.5)
@@ -131,10 +131,10 @@ class ServoSensor:
     """
     The position sensor of a drive: servo sectors with track number and bursts, one per sample.
 
-    The head's distance from the centre of track 0, which runout and flutter displace, is split into the number of the
+    The head's distance from the center of track 0, which runout and flutter displace, is split into the number of the
     nearest track and a fraction within half a track on either side. Onto the fraction come, in this order, the
     nonlinearity a p sin(2 pi x/p) of the burst pattern with pitch p, white noise, the limits of half a track and the
-    quantisation. The position is track number times pitch plus fraction: with a reference on a track centre, x_d = n p,
+    quantization. The position is track number times pitch plus fraction: with a reference on a track center, x_d = n p,
     position - x_d is the position error signal. The track number is always read right.
 
     Of a missing sector the last values are held. What is drawn for a tick is a function of the seed and the tick alone.
@@ -153,7 +153,7 @@ class ServoSensor:
 
     Examples
     --------
-    A head 5.2 um from the track centre, with 25 000 tracks per inch:
+    A head 5.2 um from the track center, with 25 000 tracks per inch:
 
     >>> from hdd_servo_ros.bench import ServoSensor, ServoSensorParameters
     >>> sensor = ServoSensor(ServoSensorParameters(noise=0.0), sample_time=1e-4)
@@ -178,7 +178,7 @@ class ServoSensor:
         c.seed = float(parameters.seed)
         c.nonlinearity = 0.01 * parameters.nonlinearity * parameters.track_pitch
         if parameters.bits:
-            # As many codes on both sides of the track centre, itself one of them.
+            # As many codes on both sides of the track center, itself one of them.
             c.step = parameters.track_pitch / 2.0**parameters.bits
             c.highest = 2.0 ** (parameters.bits - 1)
             c.lowest = -c.highest
@@ -208,7 +208,7 @@ class ServoSensor:
         )
         return {'fraction': text}
 
-    def step(self, tick: int, head: float, track_centre: float = 0.0) -> tuple[float, float, float]:
+    def step(self, tick: int, head: float, track_center: float = 0.0) -> tuple[float, float, float]:
         """
         Return what the servo sector of a tick tells.
 
@@ -218,12 +218,12 @@ class ServoSensor:
             The tick k.
         head
             Head position [um].
-        track_centre
-            Displacement of the track centres at this tick [um].
+        track_center
+            Displacement of the track centers at this tick [um].
 
         Returns
         -------
         error, position, sector
-            Distance from the nearest track centre [um], position with the track number [um], number of the sector.
+            Distance from the nearest track center [um], position with the track number [um], number of the sector.
         """
-        return servo_sensor_step(*self.arrays, tick, head, track_centre)
+        return servo_sensor_step(*self.arrays, tick, head, track_center)

@@ -156,7 +156,7 @@ class Campaign:
                         journal.add(result)
                 except _UnknownMetric:
                     if not there:
-                        # Else the folder would refuse the campaign with the right name.
+                        # Else the folder would reject the campaign with the right name.
                         _forget(folder)
                     raise
                 table = self._table({result.number: result for result in journal})
@@ -186,7 +186,7 @@ class Campaign:
             yield result
 
     def _check_metrics(self, known: Mapping[str, set[str]], run: CampaignRun) -> None:
-        """Refuse a metric that no controller's finished run has, as soon as each controller has one."""
+        """Reject a metric that no controller's finished run has, as soon as each controller has one."""
         if len(known) < len(self.spec.controllers):
             return
         measured = set().union(*known.values())
@@ -257,7 +257,7 @@ class Campaign:
         metric = self.worst_metric(table)
         if self.spec.keep == 'none' or not metric:
             return []
-        # A run that was refused has no signals to record.
+        # A run that was rejected has no signals to record.
         has_signals = [number for number, digest in enumerate(table['digest'].tolist()) if digest]
         return self.worst(table.take(has_signals), metric, self.spec.worst)
 
@@ -324,7 +324,7 @@ class Campaign:
 
 
 def _check_names(spec: Spec) -> None:
-    """Refuse metrics that no run can have."""
+    """Reject metrics that no run can have."""
     for entry, names in (('metrics', spec.metrics), ('keep: of', (spec.worst_of,) if spec.worst_of else ())):
         for name in names:
             if name != ALL and not is_own(name) and name not in METRIC_NAMES:
@@ -335,7 +335,7 @@ def _check_names(spec: Spec) -> None:
 
 
 def _check_sources(folder: Path, found: Mapping[str, str], due: Mapping[str, str]) -> None:
-    """Refuse to go on with other code or other files than those that the results were made with."""
+    """Reject to go on with other code or other files than those that the results were made with."""
     changed = [name for name in {**found, **due} if found.get(name) != due.get(name)]
     if changed:
         raise ArgumentError(

@@ -16,14 +16,14 @@ def list_and_index(key: str) -> tuple[str, int | None]:
 
 
 def check_notation(key: str, where: str) -> None:
-    """Refuse brackets that hold no index; raises :class:`ArgumentError`."""
+    """Reject brackets that hold no index; raises :class:`ArgumentError`."""
     match = _BRACKETS.fullmatch(key)
     if match and not _INDEX.fullmatch(match[2]):
         raise ArgumentError(f'{where}: {key}: {match[2]!r} is not the index of an element; the first one has 0')
 
 
 def check_once(keys: Iterable[str], where: str) -> None:
-    """Refuse a list beside single elements of it; raises :class:`ArgumentError`."""
+    """Reject a list beside single elements of it; raises :class:`ArgumentError`."""
     lists = {list_and_index(key)[0]: key for key in keys if list_and_index(key)[1] is not None}
     for key in keys:
         if key in lists:

@@ -11,7 +11,7 @@ from pathlib import Path
 from hdd_servo_ros.campaign.planning import CampaignRun
 from hdd_servo_ros.campaign.spec import ALL
 from hdd_servo_ros.campaign.worker import end_if_signaled
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS
 from hdd_servo_ros.messages.exit_codes import described, one_line
 from hdd_servo_ros.messages.outcome import FAILED
 from hdd_servo_ros.parameters import ParameterError
@@ -27,7 +27,7 @@ from hdd_servo_ros.simulation.run_setup import Simulation
 _RAISED = (Exception, SystemExit, KeyboardInterrupt)
 """What code of a user may raise in a run; a signal to the process is not looked at here."""
 _PREPARING_TICKS = 1000
-REFUSED = 'refused'
+REJECTED = 'rejected'
 """Status of a run whose parameters are not allowed: it has no tick."""
 
 
@@ -41,7 +41,7 @@ class Result:
     number
         Of the run.
     status
-        ``finished`` or ``failed``, or ``refused`` if its parameters are not allowed.
+        ``finished`` or ``failed``, or ``rejected`` if its parameters are not allowed.
     reason
         Why, if it is not ``finished``; which metric could not be computed.
     verdict
@@ -113,7 +113,7 @@ def measure_run(metrics: Sequence[str], after: float | None, run: CampaignRun) -
     try:
         simulation = Simulation(run.arguments())
     except (ParameterError, ArgumentError) as error:
-        return Result(run.number, REFUSED, one_line(error))
+        return Result(run.number, REJECTED, one_line(error))
     except _RAISED as error:
         return failed_result(run, described(error))
     try:
@@ -176,7 +176,7 @@ def record_run(directory: Path, run: CampaignRun) -> str:
 
 def prepare(metrics: Sequence[str], after: float | None, run: CampaignRun) -> None:
     """
-    Import and compile what a run needs, by its first ticks, so that processes forked afterwards have it.
+    Import and compile what a run needs, by its first ticks, so that processes forked afterward have it.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from hdd_servo_ros.campaign.lazy_sequence import LazySequence
 from hdd_servo_ros.campaign.points import Point
 from hdd_servo_ros.campaign.sampling import scaled
 from hdd_servo_ros.campaign.spec import CampaignController, Spec
-from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.catalog import names_with_parameters
 from hdd_servo_ros.graph.roles import PLAYBACK
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, did_you_mean, parse_ros_arguments
@@ -106,7 +106,7 @@ class Plan(LazySequence[CampaignRun]):
     ------
     ArgumentError, ParameterError
         If a file, a parameter or a controller of the specification is not allowed. Values that vary are not checked: a
-        run that they refuse is a row with that reason.
+        run that they reject is a row with that reason.
     """
 
     called = 'run'
@@ -206,7 +206,7 @@ class Plan(LazySequence[CampaignRun]):
         return {name: written_file(base.arguments.overrides) for name, base in self._bases.items()}
 
     def _check_varied(self) -> None:
-        """Refuse parameters that no controller's run has."""
+        """Reject parameters that no controller's run has."""
         known = sorted({key for base in self._bases.values() for key in base.values})
         for key in self.varied:
             name, index = list_and_index(key)
@@ -231,7 +231,7 @@ class Plan(LazySequence[CampaignRun]):
                     scaled(base.value(key), 1.0, f'vary: {key}')
 
     def _check_after(self) -> None:
-        """Refuse a time before which errors do not count that is behind the end of all runs with a controller."""
+        """Reject a time before which errors do not count that is behind the end of all runs with a controller."""
         after = self.spec.after
         if after is None or any(key.startswith('deterministic_timer:') for key in self.varied):
             return

@@ -146,7 +146,7 @@ def scaled(base: object, factor: float, where: str) -> object:
 
 
 def only_keys(mapping: Mapping[str, object], allowed: Sequence[str], where: str) -> None:
-    """Refuse keys that are not allowed; raises :class:`ArgumentError`."""
+    """Reject keys that are not allowed; raises :class:`ArgumentError`."""
     for key in mapping:
         if key not in allowed:
             raise ArgumentError(f'{where}: no such entry {key!r}; there are {", ".join(allowed)}')

@@ -368,7 +368,7 @@ def _column(value: object, where: str) -> Column:
 
 
 def _of_one_kind(values: list[object], where: str) -> list[object]:
-    """Refuse values of different types: a parameter has one type, and so has a column of the table."""
+    """Reject values of different types: a parameter has one type, and so has a column of the table."""
     kinds = list(dict.fromkeys(next(name for types, name in _KINDS if isinstance(value, types)) for value in values))
     if len(kinds) > 1:
         raise ArgumentError(f'{where}: {shown(values)} holds {kinds[0]} and {kinds[1]}: all are to be of one type')

@@ -10,7 +10,7 @@ def decay_and_step(gain: float, leakage: float, sample_time: float) -> tuple[flo
     Every law of (4.18)-(4.21) has this form, with w held over the sample: a = exp(-gain leakage T) and
     b = (1 - a)/leakage, whose limit without leakage is gain T. As 0 <= a <= 1 for any gain and leakage that are not
     negative (a underflows to 0 for gain leakage T above 708), the estimate follows its law's own solution and cannot
-    oscillate or grow by the discretisation, which Euler's rule does as soon as gain leakage T exceeds 2.
+    oscillate or grow by the discretization, which Euler's rule does as soon as gain leakage T exceeds 2.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ class AdaptiveNn:
         phi_hat' = k_phi (|r| - sigma_phi phi_hat)              (4.20, corrected: the dot is missing in print)
         W_hat' = Gamma (S |r| - sigma_w W_hat)                  (4.21, corrected: the dot is missing in print)
 
-    At tick k the control uses the estimates of tick k, which hold what was learnt up to tick k - 1; then the laws run
+    At tick k the control uses the estimates of tick k, which hold what was learned up to tick k - 1; then the laws run
     over one sample with r, v, a_r and S held. They are linear in their own estimate, so this is done exactly (see
     :func:`~hdd_servo_ros.control.adaptation.decay_and_step`), which is stable for any constants that are not negative.
 
@@ -100,22 +100,22 @@ class AdaptiveNn:
         self.constants = zeros(CONSTANTS)
         self.state = zeros(STATE)
         self.estimates = zeros(ESTIMATES)
-        self._centres: NDArray[np.float64] = np.zeros((2, n))
+        self._centers: NDArray[np.float64] = np.zeros((2, n))
         self._weight_laws = np.tile(zeros(WEIGHT_LAW), (n * n, 1))
         self._activations: NDArray[np.float64] = np.zeros((2, n))
         self._weights: NDArray[np.float64] = np.zeros((n, n))
-        self._compensator_centres: NDArray[np.float64] = np.zeros((2, m))
+        self._compensator_centers: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_activations: NDArray[np.float64] = np.zeros((2, m))
         self._compensator_weights: NDArray[np.float64] = np.zeros((m, m))
         self._history: NDArray[np.float64] = np.zeros((parameters.desired.ticks(sample_time) + 1, len(REGRESSORS)))
         self.arrays: AdaptiveNnArrays = (
             self.constants,
             self.state,
-            self._centres,
+            self._centers,
             self._weight_laws,
             self._activations,
             self._weights,
-            self._compensator_centres,
+            self._compensator_centers,
             self._compensator_activations,
             self._compensator_weights,
             self._history,
@@ -126,7 +126,7 @@ class AdaptiveNn:
         self._take(parameters)
 
     def _reset(self, parameters: AdaptiveNnParameters) -> None:
-        """Set what is learnt to its initial values: the estimates, both networks' weights, the widths."""
+        """Set what is learned to its initial values: the estimates, both networks' weights, the widths."""
         s = record(self.state, STATE)
         s.sigma_hat = parameters.sigma.initial
         s.m_hat = parameters.mass.initial
@@ -163,8 +163,8 @@ class AdaptiveNn:
         if p.network.enabled and max(p.network.gain) > 0.0:
             factor = p.width.factor if p.width.enabled else 1.0
             position_width, velocity_width = p.network.axis_widths
-            squares = largest_square_sum(self._centres[0], factor * position_width)
-            squares *= largest_square_sum(self._centres[1], factor * velocity_width)
+            squares = largest_square_sum(self._centers[0], factor * position_width)
+            squares *= largest_square_sum(self._centers[1], factor * velocity_width)
             gain += squares / p.network.leakage if p.network.leakage > 0.0 else math.inf
         return gain
 
@@ -195,7 +195,7 @@ class AdaptiveNn:
 
     def update(self, parameters: AdaptiveNnParameters) -> None:
         """
-        Take other parameters from the next tick on; what was learnt stays, unless ``reset_count`` is another.
+        Take other parameters from the next tick on; what was learned stays, unless ``reset_count`` is another.
 
         A reset leaves the integral of e, the velocity filter and a jump's late part alone: they are no estimates.
 
@@ -253,7 +253,7 @@ class AdaptiveNn:
             law = getattr(c, name.removeprefix('bristle.'))
             law.decay, law.step = decay_and_step(own.gain, own.leakage, self.sample_time)
             law.minimum, law.maximum = (own.minimum, own.maximum) if parameters.projection else (-math.inf, math.inf)
-            # The law of phi_hat has no regressor to be normalised by.
+            # The law of phi_hat has no regressor to be normalized by.
             if name != 'phi' and own.scale > 0.0:
                 law.normalization = 1.0 / (own.scale * own.scale)
             else:
@@ -282,8 +282,8 @@ class AdaptiveNn:
         c.position_inverse_square = 1.0 / (position_width * position_width)
         c.velocity_inverse_square = 1.0 / (velocity_width * velocity_width)
         c.weight_limit = network.maximum if self.parameters.projection else math.inf
-        self._centres[0] = lattice(network.position_minimum, network.position_maximum, network.nodes)
-        self._centres[1] = lattice(network.velocity_minimum, network.velocity_maximum, network.nodes)
+        self._centers[0] = lattice(network.position_minimum, network.position_maximum, network.nodes)
+        self._centers[1] = lattice(network.velocity_minimum, network.velocity_maximum, network.nodes)
         self._weight_laws[:] = [decay_and_step(gain, network.leakage, self.sample_time) for gain in network.gain]
 
     def _fill_compensator(self, c: Any) -> None:
@@ -297,8 +297,8 @@ class AdaptiveNn:
         c.decay, c.step = decay_and_step(compensator.gain, compensator.leakage, self.sample_time)
         c.lag = compensator.lag
         c.weight_limit = compensator.maximum if self.parameters.projection else math.inf
-        self._compensator_centres[0] = lattice(compensator.position_minimum, compensator.position_maximum, m)
-        self._compensator_centres[1] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
+        self._compensator_centers[0] = lattice(compensator.position_minimum, compensator.position_maximum, m)
+        self._compensator_centers[1] = lattice(compensator.velocity_minimum, compensator.velocity_maximum, m)
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """Return u, u before the limit, and its feedback part -k r [V]; see :class:`Controller`."""

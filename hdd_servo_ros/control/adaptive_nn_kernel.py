@@ -26,7 +26,7 @@ from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import layout, record
 
 # One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate, and 1/s^2 of the
-# normalised laws of desired compensation.
+# normalized laws of desired compensation.
 LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum', 'normalization')
 
 # The law of one weight of the network; they share their bounds.
@@ -148,7 +148,7 @@ def _sign(r: float, boundary_layer: float) -> float:
 
 @compiled
 def _activate_network(
-    c: Any, s: Any, centres: NDArray[np.float64], x: float, v: float, activations: NDArray[np.float64]
+    c: Any, s: Any, centers: NDArray[np.float64], x: float, v: float, activations: NDArray[np.float64]
 ) -> None:
     """Fill the network's activations S at its present widths."""
     position_inverse_square = c.network.position_inverse_square
@@ -156,7 +156,7 @@ def _activate_network(
     if c.width.enabled != 0.0:
         position_inverse_square *= exp(-2.0 * s.log_position_width)
         velocity_inverse_square *= exp(-2.0 * s.log_velocity_width)
-    activate(centres, position_inverse_square, velocity_inverse_square, x, v, activations)
+    activate(centers, position_inverse_square, velocity_inverse_square, x, v, activations)
 
 
 @compiled
@@ -182,7 +182,7 @@ def _norm(weights: NDArray[np.float64]) -> float:
 def _adapt_widths(
     c: Any,
     s: Any,
-    centres: NDArray[np.float64],
+    centers: NDArray[np.float64],
     activations: NDArray[np.float64],
     weights: NDArray[np.float64],
     x: float,
@@ -198,10 +198,10 @@ def _adapt_widths(
         row_slope = 0.0
         for j in range(n):
             term = weights[i, j] * activations[1, j]
-            distance = v - centres[1, j]
+            distance = v - centers[1, j]
             row += term
             row_slope += term * distance * distance
-        distance = x - centres[0, i]
+        distance = x - centers[0, i]
         position_slope += row * activations[0, i] * distance * distance
         velocity_slope += row_slope * activations[0, i]
     theta = s.log_position_width
@@ -266,11 +266,11 @@ def _adapt_desired(c: Any, s: Any, regressors: NDArray[np.float64], r: float) ->
 def adaptive_nn_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
-    centres: NDArray[np.float64],
+    centers: NDArray[np.float64],
     weight_laws: NDArray[np.float64],
     activations: NDArray[np.float64],
     weights: NDArray[np.float64],
-    compensator_centres: NDArray[np.float64],
+    compensator_centers: NDArray[np.float64],
     compensator_activations: NDArray[np.float64],
     compensator_weights: NDArray[np.float64],
     history: NDArray[np.float64],
@@ -284,13 +284,13 @@ def adaptive_nn_step(
     ----------
     constants, state, estimates
         Laid out as ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
-    centres, activations
+    centers, activations
         Of the network with n x n nodes: those of the position axis, then those of the velocity axis, shape (2, n).
     weight_laws
         ``WEIGHT_LAW`` of each node, shape (n n, 2).
     weights
         W_hat [V], shape (n, n), position index first.
-    compensator_centres, compensator_activations, compensator_weights
+    compensator_centers, compensator_activations, compensator_weights
         The same of the compensator with m x m nodes.
     history
         Regressors of desired compensation, shape (ticks of its lag + 1, 5); see
@@ -335,7 +335,7 @@ def adaptive_nn_step(
     if c.network.enabled != 0.0:
         if c.network.reads_reference != 0.0:
             network_x, network_v = x_d, dx_d
-        _activate_network(c, s, centres, network_x, network_v, activations)
+        _activate_network(c, s, centers, network_x, network_v, activations)
         network = lattice_sum(weights, activations)
         u -= network * sign
     if c.phi.enabled != 0.0:
@@ -350,7 +350,7 @@ def adaptive_nn_step(
     own = c.compensator
     if own.enabled != 0.0:
         activate(
-            compensator_centres,
+            compensator_centers,
             own.position_inverse_square,
             own.velocity_inverse_square,
             x_d,
@@ -398,13 +398,13 @@ def adaptive_nn_step(
         s.phi_hat = _adapted(c.phi, s.phi_hat, abs(r))
     if c.network.enabled != 0.0:
         if c.width.enabled != 0.0:
-            _adapt_widths(c, s, centres, activations, weights, network_x, network_v, r)
+            _adapt_widths(c, s, centers, activations, weights, network_x, network_v, r)
         _adapt_weights(weight_laws, c.network.weight_limit, activations, weights, r)
     if own.enabled != 0.0:
         if own.lag > 0.0:
             # r answers to what the compensator did a lag ago.
             activate(
-                compensator_centres,
+                compensator_centers,
                 own.position_inverse_square,
                 own.velocity_inverse_square,
                 x_d - own.lag * dx_d,

@@ -11,7 +11,7 @@ NETWORK_INPUTS = ('measured', 'reference')
 
 SCALE_TEXT = (
     'with desired compensation: excitation at which the learning rate has reached half of its largest value; '
-    'the gain is divided by 1 + (held peak of the regressor/scale)^2; 0 for no normalisation'
+    'the gain is divided by 1 + (held peak of the regressor/scale)^2; 0 for no normalization'
 )
 
 
@@ -101,10 +101,10 @@ class NetworkParameters(ParameterSet):
     )
     leakage: float = parameter(6.41e5, 'sigma_w of (4.21)', unit='um/(V s)', minimum=0.0)
     initial: tuple[float, ...] = parameter((0.0,), 'W_hat(0): one number, or one a node', unit='V')
-    position_minimum: float = parameter(-6.0, 'first position centre', unit='um')
-    position_maximum: float = parameter(6.0, 'last position centre', unit='um')
-    velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
-    velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
+    position_minimum: float = parameter(-6.0, 'first position center', unit='um')
+    position_maximum: float = parameter(6.0, 'last position center', unit='um')
+    velocity_minimum: float = parameter(-3000.0, 'first velocity center', unit='um/s')
+    velocity_maximum: float = parameter(3000.0, 'last velocity center', unit='um/s')
     normalize_inputs: bool = parameter(
         True, 'whether the inputs are scaled so that the lattice spans -1 to 1 on both axes; widths count in that scale'
     )
@@ -146,7 +146,7 @@ class WidthParameters(ParameterSet):
 
     enabled: bool = parameter(False, 'whether the widths adapt')
     gain: float = parameter(1.0e3, 'gamma_eta', unit='1/(V um)', minimum=0.0)
-    leakage: float = parameter(1.0e-4, 'sigma_eta, towards the initial widths', unit='V um/s', minimum=0.0)
+    leakage: float = parameter(1.0e-4, 'sigma_eta, toward the initial widths', unit='V um/s', minimum=0.0)
     factor: float = parameter(3.0, 'the widths stay between the initial ones over and times this', above=1.0)
 
 
@@ -164,10 +164,10 @@ class CompensatorParameters(ParameterSet):
         unit='s',
         minimum=0.0,
     )
-    position_minimum: float = parameter(-3.0, 'first position centre', unit='um')
-    position_maximum: float = parameter(3.0, 'last position centre', unit='um')
-    velocity_minimum: float = parameter(-3000.0, 'first velocity centre', unit='um/s')
-    velocity_maximum: float = parameter(3000.0, 'last velocity centre', unit='um/s')
+    position_minimum: float = parameter(-3.0, 'first position center', unit='um')
+    position_maximum: float = parameter(3.0, 'last position center', unit='um')
+    velocity_minimum: float = parameter(-3000.0, 'first velocity center', unit='um/s')
+    velocity_maximum: float = parameter(3000.0, 'last velocity center', unit='um/s')
     width: float = parameter(0.35, 'width in half ranges', above=0.0)
     maximum: float = parameter(0.2, 'largest magnitude of a weight, with projection', unit='V', minimum=0.0)
 
@@ -322,7 +322,7 @@ class AdaptiveNnParameters(ParameterSet):
     width: WidthParameters = group(WidthParameters)
     compensator: CompensatorParameters = group(CompensatorParameters)
     reset_count: int = parameter(
-        0, 'every other number than before resets what was learnt; what ~/reset raises by one', minimum=0
+        0, 'every other number than before resets what was learned; what ~/reset raises by one', minimum=0
     )
     safe_gain: float = parameter(
         1.01e-4,

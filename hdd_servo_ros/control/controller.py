@@ -114,7 +114,7 @@ class HasPlan(Protocol):
         """
         The last tick of the plan.
 
-        The node and `simulate` read it before the run: one without a duration ends there, a shorter one is refused.
+        The node and `simulate` read it before the run: one without a duration ends there, a shorter one is rejected.
         """
 
 

@@ -86,5 +86,5 @@ def advance(c: Any, s: Any, x_d: float, dx_d: float, ddx_d: float, history: NDAr
 
 @compiled
 def learning_signal(law: Any, peak: float, regressor: float, r: float) -> float:
-    """Return -phi r/(1 + p^2/s^2), which drives a normalised law; ``peak`` is p^2, ``law.normalization`` is 1/s^2."""
+    """Return -phi r/(1 + p^2/s^2), which drives a normalized law; ``peak`` is p^2, ``law.normalization`` is 1/s^2."""
     return -regressor * r / (1.0 + law.normalization * peak)  # type: ignore[no-any-return]

@@ -55,11 +55,11 @@ class Feedforward:
     filtered-x LMS algorithm (Widrow and Stearns, Adaptive Signal Processing, 1985) in its modified form (Bjarnason,
     IEEE Trans. Speech Audio Process. 3(6), 1995): from the model of the path from u_ff to the error follows the error
     as it would be with the present weights all the time, and that is reduced along the accelerations filtered by the
-    path. These pass a discrete cosine transform and are normalised one by one (Narayan, Peterson and Narasimha, IEEE
+    path. These pass a discrete cosine transform and are normalized one by one (Narayan, Peterson and Narasimha, IEEE
     Trans. Acoust. Speech Signal Process. 31(3), 1983), since the last n samples of a slow vibration are nearly the same
     and the plain algorithm takes minutes. ``iir`` adds two recursive weights, projected so that their poles stay inside
     a circle. ``network`` adds W'S(z), radial basis functions of the linear part's output z (section 6.2), with
-    normalised gradient, sigma-modification and projection; see ``docs/mobile.md`` for its boundedness.
+    normalized gradient, sigma-modification and projection; see ``docs/mobile.md`` for its boundedness.
 
     A supervisor compares the mean square of the error with that of the error as it would be without feedforward, and
     fades the feedforward out while it does harm.

@@ -48,8 +48,8 @@ Scales from half the difference and half the sum of the sensors' outputs to equi
 """
 
 STATE = layout(
-    'place',
-    'tap_place',
+    'offset',
+    'tap_offset',
     'share',
     'is_off',
     'settling_left',
@@ -139,25 +139,25 @@ def feedforward_step(
     s = record(state, STATE)
     if not abs(error) + abs(x_volts) + abs(y_volts) < math.inf:
         return math.nan
-    place = _one_back(s.place, len(path))
-    tap_place = _one_back(s.tap_place, weights.shape[1])
-    s.place, s.tap_place = float(place), float(tap_place)
-    _take(lines, taps, path, ROTATION, place, tap_place, 0.5 * c.rotation_scale * (x_volts - y_volts))
-    _take(lines, taps, path, LINEAR, place, tap_place, 0.5 * c.linear_scale * (x_volts + y_volts))
+    offset = _one_back(s.offset, len(path))
+    tap_offset = _one_back(s.tap_offset, weights.shape[1])
+    s.offset, s.tap_offset = float(offset), float(tap_offset)
+    _take(lines, taps, path, ROTATION, offset, tap_offset, 0.5 * c.rotation_scale * (x_volts - y_volts))
+    _take(lines, taps, path, LINEAR, offset, tap_offset, 0.5 * c.linear_scale * (x_volts + y_volts))
     # The error as it would be without the feedforward of the past, and with the present weights all the time.
-    without = error - _convolved(path, lines, ACTING, place)
-    expected = without + _filtered_output(c, s, path, weights, lines, taps, network, place, tap_place)
+    without = error - _convolved(path, lines, ACTING, offset)
+    expected = without + _filtered_output(c, s, path, weights, lines, taps, network, offset, tap_offset)
     if c.method >= FXLMS:
         adapting = min(max(expected, -c.error_limit), c.error_limit)
-        _adapt_taps(c, transform, nominal, weights, powers, transformed, taps, tap_place, adapting)
+        _adapt_taps(c, transform, nominal, weights, powers, transformed, taps, tap_offset, adapting)
         if c.method == IIR:
             _adapt_recursion(c, s, adapting)
         elif c.method == NETWORK:
             _adapt_nodes(c, network, adapting)
-    output = _output(c, s, path, weights, lines, taps, network, place, tap_place)
+    output = _output(c, s, path, weights, lines, taps, network, offset, tap_offset)
     _supervise(c, s, error, without, expected)
     acting = s.share * output
-    _push(lines, ACTING, place, len(path), acting)
+    _push(lines, ACTING, offset, len(path), acting)
     found = record(estimates, ESTIMATES)
     found.u_ff = acting
     found.ff_share = s.share
@@ -168,46 +168,46 @@ def feedforward_step(
 
 
 @compiled
-def _one_back(place: float, length: int) -> int:
+def _one_back(offset: float, length: int) -> int:
     """Return where a delay line of twice its length begins after one more value."""
-    return int(place) - 1 if place > 0.0 else length - 1
+    return int(offset) - 1 if offset > 0.0 else length - 1
 
 
 @compiled
-def _push(lines: Array, row: int, place: int, length: int, value: float) -> None:
-    """Write the newest value of a delay line twice, so that all its values lie side by side from ``place`` on."""
-    lines[row, place] = value
-    lines[row, place + length] = value
+def _push(lines: Array, row: int, offset: int, length: int, value: float) -> None:
+    """Write the newest value of a delay line twice, so that all its values lie side by side from ``offset`` on."""
+    lines[row, offset] = value
+    lines[row, offset + length] = value
 
 
 @compiled_apart
-def _convolved(path: Array, lines: Array, row: int, place: int) -> float:
+def _convolved(path: Array, lines: Array, row: int, offset: int) -> float:
     """Return the sum of path[i] times the value of i samples ago; four sums, since each addition waits for the last."""
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     for i in range(0, len(path), 4):
-        sum_0 += path[i] * lines[row, place + i]
-        sum_1 += path[i + 1] * lines[row, place + i + 1]
-        sum_2 += path[i + 2] * lines[row, place + i + 2]
-        sum_3 += path[i + 3] * lines[row, place + i + 3]
+        sum_0 += path[i] * lines[row, offset + i]
+        sum_1 += path[i + 1] * lines[row, offset + i + 1]
+        sum_2 += path[i + 2] * lines[row, offset + i + 2]
+        sum_3 += path[i + 3] * lines[row, offset + i + 3]
     return (sum_0 + sum_1) + (sum_2 + sum_3)
 
 
 @compiled
-def _take(lines: Array, taps: Array, path: Array, row: int, place: int, tap_place: int, value: float) -> None:
+def _take(lines: Array, taps: Array, path: Array, row: int, offset: int, tap_offset: int, value: float) -> None:
     """Take the newest value of a channel [V] and what the path makes of it [um]."""
     length = taps.shape[1] // 2
-    _push(lines, row, place, len(path), value)
-    _push(taps, row, tap_place, length, value)
-    _push(taps, row + FILTERED_ROTATION_TAPS, tap_place, length, _convolved(path, lines, row, place))
+    _push(lines, row, offset, len(path), value)
+    _push(taps, row, tap_offset, length, value)
+    _push(taps, row + FILTERED_ROTATION_TAPS, tap_offset, length, _convolved(path, lines, row, offset))
 
 
 @compiled
-def _weighted(weights: Array, taps: Array, first_row: int, tap_place: int) -> float:
+def _weighted(weights: Array, taps: Array, first_row: int, tap_offset: int) -> float:
     """Return the sum of weights times remembered values over both channels."""
     rotation, linear = 0.0, 0.0
     for i in range(weights.shape[1]):
-        rotation += weights[0, i] * taps[first_row, tap_place + i]
-        linear += weights[1, i] * taps[first_row + 1, tap_place + i]
+        rotation += weights[0, i] * taps[first_row, tap_offset + i]
+        linear += weights[1, i] * taps[first_row + 1, tap_offset + i]
     return rotation + linear
 
 
@@ -220,16 +220,16 @@ def _filtered_output(
     lines: Array,
     taps: Array,
     network: Array,
-    place: int,
-    tap_place: int,
+    offset: int,
+    tap_offset: int,
 ) -> float:
     """Return what the output of the present weights does to the error [um]."""
-    total = _weighted(weights, taps, FILTERED_ROTATION_TAPS, tap_place)
+    total = _weighted(weights, taps, FILTERED_ROTATION_TAPS, tap_offset)
     if c.method == IIR:
         total += s.a1 * s.filtered_1 + s.a2 * s.filtered_2
     elif c.method == NETWORK:
         for j in range(network.shape[1]):
-            network[NODE_FILTERED, j] = _convolved(path, lines, NODES + j, place)
+            network[NODE_FILTERED, j] = _convolved(path, lines, NODES + j, offset)
             total += network[NODE_WEIGHT, j] * network[NODE_FILTERED, j]
     return total
 
@@ -243,10 +243,10 @@ def _adapt_taps(
     powers: Array,
     transformed: Array,
     taps: Array,
-    tap_place: int,
+    tap_offset: int,
     error: float,
 ) -> None:
-    """Take a step of the normalised filtered-x LMS algorithm in the coordinates of the cosine transform."""
+    """Take a step of the normalized filtered-x LMS algorithm in the coordinates of the cosine transform."""
     count = weights.shape[1]
     total = 0.0
     for channel in range(2):
@@ -254,7 +254,7 @@ def _adapt_taps(
         for i in range(count):
             transformed[channel, i] = 0.0
         for j in range(count):
-            value = taps[row, tap_place + j]
+            value = taps[row, tap_offset + j]
             for i in range(count):
                 transformed[channel, i] += transform[j, i] * value
         for i in range(count):
@@ -294,7 +294,7 @@ def _adapt_recursion(c: np.record, s: np.record, error: float) -> None:
 
 @compiled
 def _adapt_nodes(c: np.record, network: Array, error: float) -> None:
-    """Adapt the weights of the nodes: normalised gradient, leakage (sigma-modification) and projection."""
+    """Adapt the weights of the nodes: normalized gradient, leakage (sigma-modification) and projection."""
     count = network.shape[1]
     total = 0.0
     for j in range(count):
@@ -317,17 +317,17 @@ def _output(
     lines: Array,
     taps: Array,
     network: Array,
-    place: int,
-    tap_place: int,
+    offset: int,
+    tap_offset: int,
 ) -> float:
     """Return the output of the present weights [V]."""
-    output = _weighted(weights, taps, ROTATION_TAPS, tap_place)
+    output = _weighted(weights, taps, ROTATION_TAPS, tap_offset)
     if c.method == IIR:
         output += s.a1 * s.output_1 + s.a2 * s.output_2
         output = min(max(output, -c.control_limit), c.control_limit)
         s.output_2, s.output_1 = s.output_1, output
-        s.filtered_2, s.filtered_1 = s.filtered_1, _convolved(path, lines, OUTPUT, place)
-        _push(lines, OUTPUT, place, len(path), output)
+        s.filtered_2, s.filtered_1 = s.filtered_1, _convolved(path, lines, OUTPUT, offset)
+        _push(lines, OUTPUT, offset, len(path), output)
     elif c.method == NETWORK:
         count = network.shape[1]
         first = -0.5 * float(count - 1)
@@ -335,7 +335,7 @@ def _output(
         for j in range(count):
             distance = position - (first + float(j))
             value = exp(-distance * distance)
-            _push(lines, NODES + j, place, len(path), value)
+            _push(lines, NODES + j, offset, len(path), value)
             output += network[NODE_WEIGHT, j] * value
     return min(max(output, -c.control_limit), c.control_limit)  # type: ignore[no-any-return]
 

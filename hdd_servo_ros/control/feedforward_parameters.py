@@ -32,7 +32,7 @@ class FeedforwardModelParameters(ParameterSet):
 class IirParameters(ParameterSet):
     """The recursive part of the method iir."""
 
-    step_size: float = parameter(0.002, 'normalised step size of the two recursive weights', minimum=0.0, maximum=1.0)
+    step_size: float = parameter(0.002, 'normalized step size of the two recursive weights', minimum=0.0, maximum=1.0)
     pole_radius: float = parameter(
         0.95, 'largest magnitude of the poles; the recursive weights are projected', above=0.0, maximum=0.999
     )
@@ -49,7 +49,7 @@ class NetworkParameters(ParameterSet):
         unit='V',
         above=0.0,
     )
-    step_size: float = parameter(0.05, 'normalised step size of its weights', minimum=0.0, maximum=1.0)
+    step_size: float = parameter(0.05, 'normalized step size of its weights', minimum=0.0, maximum=1.0)
     leakage: float = parameter(
         1e-6, 'part of the weights that leaks in a sample (sigma-modification)', minimum=0.0, maximum=0.1
     )
@@ -83,7 +83,7 @@ class FeedforwardParameters(ParameterSet):
 
     method: str = parameter(
         'none',
-        'none; fixed: the model of drive and sensors alone; fxlms: taps adapted by the normalised filtered-x LMS '
+        'none; fixed: the model of drive and sensors alone; fxlms: taps adapted by the normalized filtered-x LMS '
         'algorithm; iir: the same with two recursive weights; network: the same with a radial basis network behind',
         choices=METHODS,
         read_only=True,
@@ -100,7 +100,7 @@ class FeedforwardParameters(ParameterSet):
         minimum=0.0,
         maximum=1e-3,
     )
-    step_size: float = parameter(0.1, 'normalised step size of the taps', minimum=0.0, maximum=1.0)
+    step_size: float = parameter(0.1, 'normalized step size of the taps', minimum=0.0, maximum=1.0)
     leakage: float = parameter(
         1e-5, 'part of the weights that leaks to the initial ones in a sample', minimum=0.0, maximum=0.1
     )
@@ -130,7 +130,7 @@ class FeedforwardParameters(ParameterSet):
         return self.method != 'none'
 
     def check_together(self) -> None:
-        """Refuse a path that cannot be summed in fours."""
+        """Reject a path that cannot be summed in fours."""
         if self.path_length % 4:
             raise ParameterError('path_length', self.path_length, 'a multiple of 4')
 

@@ -102,7 +102,7 @@ class Observer:
     """
     Velocity from positions that are measured once per sample, and from the command that is held between them.
 
-    ``kalman`` is the steady-state Kalman filter of the rigid drive m x'' + c x' + s x = u, exactly discretised, with u
+    ``kalman`` is the steady-state Kalman filter of the rigid drive m x'' + c x' + s x = u, exactly discretized, with u
     held. Its process noise is a white force, its measurement noise white with the density 1/w^4 of the acceleration's;
     the continuous filter of a free body then has its poles at w exp(+-135 degrees), w = 2 pi bandwidth. The gains come
     from the discrete algebraic Riccati equation. ``difference`` is the difference of two positions over T behind a

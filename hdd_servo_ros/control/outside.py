@@ -184,5 +184,5 @@ def described(error: BaseException) -> str:
     """Return an exception in one line: type, text, and the file and line where it was raised."""
     text = ' '.join(str(error).split())
     frames = traceback.extract_tb(error.__traceback__)
-    place = f' ({frames[-1].filename}:{frames[-1].lineno})' if frames else ''
-    return f'{type(error).__name__}{": " if text else ""}{text}{place}'
+    location = f' ({frames[-1].filename}:{frames[-1].lineno})' if frames else ''
+    return f'{type(error).__name__}{": " if text else ""}{text}{location}'

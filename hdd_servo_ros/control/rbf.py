@@ -9,7 +9,7 @@ from hdd_servo_ros.numerics.elementary import exp
 
 @compiled
 def activate(
-    centres: NDArray[np.float64],
+    centers: NDArray[np.float64],
     position_inverse_square: float,
     velocity_inverse_square: float,
     x: float,
@@ -24,7 +24,7 @@ def activate(
 
     Parameters
     ----------
-    centres
+    centers
         mu_1 ... mu_n of position and of velocity, shape (2, n).
     position_inverse_square, velocity_inverse_square
         1 / eta^2 of each axis.
@@ -33,11 +33,11 @@ def activate(
     activations
         Takes the result, shape (2, n).
     """
-    for i in range(centres.shape[1]):
-        distance = x - centres[0, i]
+    for i in range(centers.shape[1]):
+        distance = x - centers[0, i]
         activations[0, i] = exp(-(distance * distance * position_inverse_square))
-    for j in range(centres.shape[1]):
-        distance = v - centres[1, j]
+    for j in range(centers.shape[1]):
+        distance = v - centers[1, j]
         activations[1, j] = exp(-(distance * distance * velocity_inverse_square))
 
 
@@ -63,15 +63,15 @@ def lattice_sum(weights: NDArray[np.float64], activations: NDArray[np.float64]) 
 
 
 def lattice(minimum: float, maximum: float, count: int) -> NDArray[np.float64]:
-    """Return ``count`` evenly spaced centres from ``minimum`` to ``maximum``; the middle if there is only one."""
+    """Return ``count`` evenly spaced centers from ``minimum`` to ``maximum``; the middle if there is only one."""
     if count == 1:
         return np.array([0.5 * (minimum + maximum)])
     step = (maximum - minimum) / (count - 1)
     return np.array([minimum + i * step for i in range(count)])
 
 
-def largest_square_sum(centres: NDArray[np.float64], width: float) -> float:
+def largest_square_sum(centers: NDArray[np.float64], width: float) -> float:
     """Return the largest sum of squared activations of one axis over its range, on a grid of 401 points."""
-    z = np.linspace(centres[0], centres[-1], 401)
-    activations = np.exp(-(((z[:, None] - centres[None, :]) / width) ** 2))
+    z = np.linspace(centers[0], centers[-1], 401)
+    activations = np.exp(-(((z[:, None] - centers[None, :]) / width) ** 2))
     return float((activations**2).sum(axis=1).max())

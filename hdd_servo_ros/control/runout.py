@@ -135,7 +135,7 @@ class RunoutCancellation:
     def __init__(self, parameters: RunoutParameters, sample_time: float, path: Array) -> None:
         self.sample_time = sample_time
         self.estimates = zeros(ESTIMATES)
-        path_length(parameters, sample_time)  # refuses
+        path_length(parameters, sample_time)  # rejects
         samples = samples_per_revolution(parameters, sample_time) if parameters.method == 'repetitive' else 0
         self._named = RunoutArrays(
             constants=zeros(CONSTANTS),

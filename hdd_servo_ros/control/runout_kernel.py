@@ -31,7 +31,7 @@ CONSTANTS = layout(
 learns.
 """
 
-STATE = layout('place', 'learned', 'square', 'limited_left')
+STATE = layout('offset', 'learned', 'square', 'limited_left')
 """
 Start of the delay line, samples that harmonics has learned from, sum of squares of a revolution [V^2], how many
 more samples it counts as limited.
@@ -97,10 +97,10 @@ def runout_step(
     if c.acts == 0.0:
         output = 0.0
     if c.method == REPETITIVE:
-        place = int(s.place) - 1 if s.place > 0.0 else len(path) - 1
-        s.place = float(place)
-        line[place] = output
-        line[place + len(path)] = output
+        offset = int(s.offset) - 1 if s.offset > 0.0 else len(path) - 1
+        s.offset = float(offset)
+        line[offset] = output
+        line[offset + len(path)] = output
     record(estimates, ESTIMATES).u_rro = output
     return output
 
@@ -164,7 +164,7 @@ def _repetitive(
             sectors[LEARNED * count + i] = sectors[MEAN * count + i]
             sectors[LEARNED_AGAIN * count + i] = sectors[MEAN * count + i]
     if learns:
-        without = error - dot(path, 0, line, int(s.place), count)
+        without = error - dot(path, 0, line, int(s.offset), count)
         without = min(max(without, -c.error_limit), c.error_limit)
         sectors[COUNT * count + sector] += 1.0
         gain = max(1.0 / sectors[COUNT * count + sector], c.gain)
@@ -177,7 +177,7 @@ def _repetitive(
 
 @compiled_apart
 def dot(left: Array, first: int, right: Array, second: int, count: int) -> float:
-    """Return the sum of ``count`` products from two places on; four sums, since each addition waits for the last."""
+    """Return the sum of ``count`` products from two offsets on; four sums, since each addition waits for the last."""
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     fours = count - count % 4
     for i in range(0, fours, 4):

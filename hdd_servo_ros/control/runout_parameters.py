@@ -64,7 +64,7 @@ class RunoutParameters(ParameterSet):
     )
     orders: tuple[int, ...] = parameter(
         (1, 2, 3),
-        'harmonics: which multiples of the speed are cancelled, below half the sampling frequency',
+        'harmonics: which multiples of the speed are canceled, below half the sampling frequency',
         minimum=1,
         element=int,
         read_only=True,
@@ -98,7 +98,7 @@ class RunoutParameters(ParameterSet):
         return self.method != 'none'
 
     def check_together(self) -> None:
-        """Refuse harmonics without orders, or with one twice."""
+        """Reject harmonics without orders, or with one twice."""
         if not self.orders or len(set(self.orders)) != len(self.orders):
             raise ParameterError('orders', self.orders, 'at least one order, each once')
 

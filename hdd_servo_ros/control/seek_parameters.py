@@ -41,7 +41,7 @@ class SeekModelParameters(ParameterSet):
     )
 
     def check_together(self) -> None:
-        """Refuse resonances with a number missing, unstable or overdamped ones, and those that pass nothing at rest."""
+        """Reject resonances with a number missing, unstable or overdamped ones, and those that pass nothing at rest."""
         numerators, denominators = self.numerators, self.denominators
         if len(denominators) % 3:
             raise ParameterError('denominators', denominators, 'three numbers for each resonance')
@@ -163,7 +163,7 @@ class SeekParameters(ParameterSet):
         return self.method != 'none'
 
     def check_together(self) -> None:
-        """Refuse a static level below the Coulomb level."""
+        """Reject a static level below the Coulomb level."""
         friction = self.friction
         if friction.static_level < friction.coulomb_level:
             raise ParameterError(

@@ -1,5 +1,5 @@
 """
-Flutter and windage: second-order modes on white noise, discretised exactly.
+Flutter and windage: second-order modes on white noise, discretized exactly.
 
 A mode with frequency w/(2 pi), damping ratio z and standard deviation sigma is
 
@@ -33,12 +33,12 @@ MODE = layout('a11', 'a12', 'a21', 'a22', 'own_noise', 'shared_noise', 'rate_noi
 @dataclasses.dataclass(frozen=True)
 class FlutterParameters(ParameterSet):
     """
-    Non-repeatable motion of the track centre.
+    Non-repeatable motion of the track center.
 
     The default modes are those of the NSS benchmark 3.1 (github.com/macs-lab/NSS-HDD-Benchmark) at its pitch of 254 nm.
     """
 
-    enabled: bool = parameter(False, 'whether the track centre has non-repeatable motion')
+    enabled: bool = parameter(False, 'whether the track center has non-repeatable motion')
     seed: int = parameter(1, 'seed of the white noise', minimum=0, maximum=2**53)
     frequencies: tuple[float, ...] = parameter(
         (750.0, 780.0, 900.0, 1020.0, 1080.0, 1230.0, 1800.0, 3000.0, 5000.0),
@@ -103,7 +103,7 @@ def stationary_states(modes: NDArray[np.float64], seed: int) -> NDArray[np.float
 
 @compiled
 def flutter_step(c: np.record, modes: NDArray[np.float64], states: NDArray[np.float64], tick: int) -> float:
-    """Return the displacement of the track centre at a tick [um]; advances the modes from the tick before."""
+    """Return the displacement of the track center at a tick [um]; advances the modes from the tick before."""
     seed = np.int64(c.seed)
     total = 0.0
     for i in range(len(modes)):

@@ -94,7 +94,7 @@ class DisturbanceGenerator:
         self.update(parameters)
 
     def check(self, parameters: DisturbanceParameters) -> None:
-        """Refuse parameters that do not go with T: raises :class:`ParameterError`."""
+        """Reject parameters that do not go with T: raises :class:`ParameterError`."""
         self._sequence(parameters)
         for axis in _STREAMS:
             own: VibrationParameters = getattr(parameters.vibration, axis)
@@ -169,13 +169,13 @@ class DisturbanceGenerator:
 
         Returns
         -------
-        force, track_centre
-            Force against u [V], and displacement of the track centre [um].
+        force, track_center
+            Force against u [V], and displacement of the track center [um].
         linear, angular
             Linear [m/s^2] and angular [rad/s^2] acceleration of the base along and about x, y, z.
         """
-        force, track_centre, linear, angular = disturbance_step(tick, *self.arrays)
-        return force, track_centre, (0.0, linear, 0.0), (0.0, 0.0, angular)
+        force, track_center, linear, angular = disturbance_step(tick, *self.arrays)
+        return force, track_center, (0.0, linear, 0.0), (0.0, 0.0, angular)
 
     def rows(self, first_tick: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
@@ -184,7 +184,7 @@ class DisturbanceGenerator:
         Returns
         -------
         disturbance, base_acceleration
-            Rows of the topics: force, track centre, 0, shape (count, 3); linear x, y, z and angular x, y, z, shape
+            Rows of the topics: force, track center, 0, shape (count, 3); linear x, y, z and angular x, y, z, shape
             (count, 6).
         """
         disturbances, accelerations = np.zeros((count, 3)), np.zeros((count, 6))

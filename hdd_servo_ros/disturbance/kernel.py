@@ -64,16 +64,16 @@ def disturbance_step(
 
     Returns
     -------
-    force, track_centre, linear, angular
-        Force against u [V], displacement of the track centre [um], acceleration of the base along the head's motion
+    force, track_center, linear, angular
+        Force against u [V], displacement of the track center [um], acceleration of the base along the head's motion
         [m/s^2] and about the pivot axis [rad/s^2].
     """
     c = record(constants, CONSTANTS)
-    track_centre = 0.0
+    track_center = 0.0
     if c.runout.is_enabled != 0.0:
-        track_centre += repeatable_runout(c.runout, harmonics, sequence, tick)
+        track_center += repeatable_runout(c.runout, harmonics, sequence, tick)
     if c.flutter.is_enabled != 0.0:
-        track_centre += flutter_step(c.flutter, modes, mode_states, tick)
+        track_center += flutter_step(c.flutter, modes, mode_states, tick)
     linear, angular = 0.0, 0.0
     if c.rotational.is_enabled != 0.0:
         angular += vibration_step(c.rotational, rotational_sections, rotational_states, rotational_samples, tick)
@@ -86,7 +86,7 @@ def disturbance_step(
     force = coupled_force(c.coupling, linear, angular)
     if c.force_noise.is_enabled != 0.0:
         force += force_noise(c.force_noise, tick)
-    return force, track_centre, linear, angular
+    return force, track_center, linear, angular
 
 
 @compiled
@@ -104,8 +104,8 @@ def disturbance_rows(first_tick: int, arrays: Any, disturbances: Array, accelera
         The rows, shapes (n, 3) and (n, 6).
     """
     for row in range(len(disturbances)):
-        force, track_centre, linear, angular = disturbance_step(first_tick + row, *arrays)
+        force, track_center, linear, angular = disturbance_step(first_tick + row, *arrays)
         disturbances[row, 0] = force
-        disturbances[row, 1] = track_centre
+        disturbances[row, 1] = track_center
         accelerations[row, 1] = linear
         accelerations[row, 5] = angular

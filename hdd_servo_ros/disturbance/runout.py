@@ -1,4 +1,4 @@
-"""Repeatable runout: the part of the track centre's motion that is the same in every revolution."""
+"""Repeatable runout: the part of the track center's motion that is the same in every revolution."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ RUNOUT = layout('is_enabled', 'turns_per_sample', 'samples_per_revolution')
 class RepeatableRunoutParameters(ParameterSet):
     """Repeatable runout: harmonics of the spindle's speed, and a sequence with a value per servo sector."""
 
-    enabled: bool = parameter(False, 'whether the track centre has repeatable runout')
+    enabled: bool = parameter(False, 'whether the track center has repeatable runout')
     seed: int = parameter(1, 'seed of the phases and of the random sequence', minimum=0, maximum=2**53)
     orders: tuple[int, ...] = parameter((1, 2, 3), 'orders of the harmonics: multiples of the speed', minimum=1)
     amplitudes: tuple[float, ...] = parameter((0.038, 0.0076, 0.0015), 'amplitude of each harmonic', unit='um')
@@ -57,7 +57,7 @@ class RepeatableRunoutParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class RunoutParameters(ParameterSet):
-    """Runout of the track centre."""
+    """Runout of the track center."""
 
     repeatable: RepeatableRunoutParameters = group(RepeatableRunoutParameters)
 
@@ -163,7 +163,7 @@ def _fill_low_pass_sequence(sequence: NDArray[np.float64], seed: int, cutoff: fl
 
 @compiled
 def repeatable_runout(c: np.record, harmonics: NDArray[np.float64], sequence: NDArray[np.float64], tick: int) -> float:
-    """Return the displacement of the track centre at a tick [um]."""
+    """Return the displacement of the track center at a tick [um]."""
     samples = int(c.samples_per_revolution)
     sector = 0
     if samples > 0:

@@ -56,7 +56,7 @@ class ShockParameters(ParameterSet):
     period: float = parameter(0.0, 'time from one pulse to the next; 0 for a single one', unit='s', minimum=0.0)
 
     def check_together(self) -> None:
-        """Refuse pulses that overlap, and trains of pulses that no sampling frequency could show."""
+        """Reject pulses that overlap, and trains of pulses that no sampling frequency could show."""
         if 0.0 < self.period < _SHORTEST_PERIOD:
             raise ParameterError('period', self.period, f'0, or at least {_SHORTEST_PERIOD:g} s [s]')
         if 0.0 < self.period < self.duration:

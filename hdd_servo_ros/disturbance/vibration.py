@@ -102,7 +102,7 @@ class VibrationParameters(ParameterSet):
     recording_repeated: bool = parameter(False, 'whether the recording begins again after its end; else none follows')
 
     def check_together(self) -> None:
-        """Refuse a band upside down, and a recording without a file."""
+        """Reject a band upside down, and a recording without a file."""
         if not self.low < self.high:
             raise ParameterError('low', self.low, f'below high = {self.high!r} Hz [Hz]')
         if self.kind == 'recording' and not self.recording:

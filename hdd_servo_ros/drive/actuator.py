@@ -45,7 +45,7 @@ class ActuatorParameters(ParameterSet):
     flux_density: float = parameter(0.8, 'flux density B_g of the gap (3.1)', unit='T', above=0.0)
     coil_length: float = parameter(4.0, 'length l_coil of wire in the gap (3.1)', unit='m', above=0.0)
     force_radius: float = parameter(
-        0.025, 'distance d from the pivot to the centre of the force (3.1)', unit='m', above=0.0
+        0.025, 'distance d from the pivot to the center of the force (3.1)', unit='m', above=0.0
     )
     inertia: float = parameter(
         4.88185901e-06, 'moment of inertia J of the moving parts (3.4)', unit='kg m^2', above=0.0
@@ -63,7 +63,7 @@ class ActuatorParameters(ParameterSet):
     amplifier_time_constant: float = parameter(
         5.0e-6, 'time constant tau_a of the amplifier (3.14)', unit='s', minimum=0.0
     )
-    units_per_metre: float = parameter(1.0e6, 'units of length of this drive in a metre', unit='1/m', above=0.0)
+    units_per_meter: float = parameter(1.0e6, 'units of length of this drive in a meter', unit='1/m', above=0.0)
 
     def check_together(self) -> None:
         """Check that the coil does not give back more power than it takes."""
@@ -115,12 +115,12 @@ class ActuatorParameters(ParameterSet):
     @property
     def gain(self) -> float:
         """Return the acceleration of the head per volt, k_v l_arm in the drive's unit of length [um/s^2/V]."""
-        return self.acceleration_constant * self.arm_length * self.units_per_metre
+        return self.acceleration_constant * self.arm_length * self.units_per_meter
 
     @property
     def back_emf_resistance(self) -> float:
         """Return the resistance that the back-EMF adds to the motion, referred to the control signal [V s/um]."""
-        radians = self.back_emf_constant / (self.arm_length * self.units_per_metre)
+        radians = self.back_emf_constant / (self.arm_length * self.units_per_meter)
         if self.driver == 'voltage':
             return radians / self.amplifier_gain
         return radians / (self.driver_resistance * self.amplifier_gain)

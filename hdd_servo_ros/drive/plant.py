@@ -230,7 +230,7 @@ class Plant:
 
         The contact keeps its deflection, up to what the new parameters let it bear; it starts at zero again when the
         friction model changes, as the modes start at rest when their number changes. The friction of the output is
-        that of the new parameters. ``arrays`` holds new constants afterwards.
+        that of the new parameters. ``arrays`` holds new constants afterward.
         """
         is_same_model = parameters.friction.model == self.parameters.friction.model
         self.parameters = parameters

@@ -1,5 +1,5 @@
 """
-Resonances of the head: series sections (3.19), (5.2)-(5.5) or parallel modes, and their exact discretisation.
+Resonances of the head: series sections (3.19), (5.2)-(5.5) or parallel modes, and their exact discretization.
 
 The head's position follows the rigid body's net force f [V] through k/s^2 * prod R_i(s) (series) or through
 k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). Both become the same modal form,

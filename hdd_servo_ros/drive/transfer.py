@@ -143,7 +143,7 @@ def driven_actuator_state_space(parameters: ActuatorParameters) -> StateSpace:
     States: amplifier b and coil c of :mod:`~hdd_servo_ros.drive.electrical` [V], as far as the driver has them and they
     are not instant; theta [rad], theta' [rad/s].
     """
-    radian = parameters.arm_length * parameters.units_per_metre
+    radian = parameters.arm_length * parameters.units_per_meter
     a, b, driven = _driver(parameters, parameters.back_emf_resistance * radian, 2)
     n = a.shape[0]
     a[n - 2, n - 1] = 1.0
@@ -285,7 +285,7 @@ def head(parameters: PlantParameters) -> TransferFunction:
         rigid: TransferFunction = np.array([parameters.rigid_gain]), np.array([1.0, 0.0, 0.0])
     else:
         numerator, denominator = driven_actuator(p)
-        rigid = numerator * p.arm_length * p.units_per_metre, denominator
+        rigid = numerator * p.arm_length * p.units_per_meter, denominator
     return product(rigid, resonance(parameters.resonance))
 
 
@@ -379,7 +379,7 @@ def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) 
     else:
         numerator, denominator = driven_actuator(actuator)
         response = (
-            actuator.arm_length * actuator.units_per_metre * np.polyval(numerator, s) / np.polyval(denominator, s)
+            actuator.arm_length * actuator.units_per_meter * np.polyval(numerator, s) / np.polyval(denominator, s)
         )
     if parameters.resonance.form == 'parallel':
         modal = modal_form(parameters.resonance)

@@ -1,1 +1,1 @@
-"""The nodes of the graph: one catalogue of them, and what follows from it; no ROS import."""
+"""The nodes of the graph: one catalog of them, and what follows from it; no ROS import."""

@@ -10,7 +10,7 @@ from hdd_servo_ros.control.observer import ControllerObserverParameters, Observe
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters, RunoutParameters
 from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
@@ -28,7 +28,7 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
     Raises
     ------
     ParameterError
-        If a value is refused or a name known to neither; the name is preceded by the node's.
+        If a value is rejected or a name known to neither; the name is preceded by the node's.
     """
     kinds = NODES[node].parameter_sets
     kind = kinds[-1]
@@ -58,24 +58,24 @@ def feedforward_parameters(node: str, values: Mapping[str, object]) -> Feedforwa
     Raises
     ------
     ParameterError
-        If a value is refused, or the controller does not follow the reference and so has no error to reduce.
+        If a value is rejected, or the controller does not follow the reference and so has no error to reduce.
     """
     found = _own(ControllerFeedforwardParameters, node, values).feedforward
-    _refuse_without_error(node, 'feedforward.method', found)
+    _reject_without_error(node, 'feedforward.method', found)
     return found
 
 
 def runout_parameters(node: str, values: Mapping[str, object]) -> RunoutParameters:
     """Return the parameters of a controller's cancellation of runout; see :func:`feedforward_parameters`."""
     found = _own(ControllerRunoutParameters, node, values).runout
-    _refuse_without_error(node, 'runout.method', found)
+    _reject_without_error(node, 'runout.method', found)
     return found
 
 
 def seek_parameters(node: str, values: Mapping[str, object]) -> SeekParameters:
     """Return the parameters of a controller's seek part; see :func:`feedforward_parameters`."""
     found = _own(seek_kind(node), node, values).seek
-    _refuse_without_error(node, 'seek.method', found)
+    _reject_without_error(node, 'seek.method', found)
     return found
 
 
@@ -84,8 +84,8 @@ def seek_kind(node: str) -> type[ControllerSeekParameters]:
     return next(kind for kind in NODES[node].parameter_sets if issubclass(kind, ControllerSeekParameters))
 
 
-def refuse_other_units(name: str, used: _HasMethod, drive: PlantParameters) -> None:
-    """Refuse what has parameters in um and V on a drive in other units: :class:`ParameterError` of ``name``."""
+def reject_other_units(name: str, used: _HasMethod, drive: PlantParameters) -> None:
+    """Reject what has parameters in um and V on a drive in other units: :class:`ParameterError` of ``name``."""
     units = drive.length_unit, drive.control_unit
     if used.is_used and units != ('um', 'V'):
         allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
@@ -114,7 +114,7 @@ def _own(kind: type[Kind], node: str, values: Mapping[str, object]) -> Kind:
     return found
 
 
-def _refuse_without_error(node: str, name: str, used: _HasMethod) -> None:
+def _reject_without_error(node: str, name: str, used: _HasMethod) -> None:
     if used.is_used and not NODES[node].follows_reference:
         allowed = 'none, since this controller does not follow the reference'
         raise ParameterError(f'{node}.{name}', used.method, allowed)

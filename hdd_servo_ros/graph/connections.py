@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Iterator
 
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROL, RECORDED, RECORDER, LoopTopic, Reader
 
 TOPICS = (*ALL_LOOP_TOPICS, RECORDED)
@@ -32,19 +32,19 @@ class TopicInput:
 
 @functools.cache
 def inputs_of(node: str) -> tuple[TopicInput, ...]:
-    """Return what a node of the catalogue reads in every run, in the contract's order."""
+    """Return what a node of the catalog reads in every run, in the contract's order."""
     return tuple(found for found in _all_inputs(node) if not found.topic.is_optional)
 
 
 @functools.cache
 def optional_inputs_of(node: str) -> tuple[TopicInput, ...]:
-    """Return what a node of the catalogue reads in a run in which another node publishes it."""
+    """Return what a node of the catalog reads in a run in which another node publishes it."""
     return tuple(found for found in _all_inputs(node) if found.topic.is_optional)
 
 
 @functools.cache
 def outputs_of(node: str) -> tuple[LoopTopic, ...]:
-    """Return the topics that a node of the catalogue publishes, in the contract's order."""
+    """Return the topics that a node of the catalog publishes, in the contract's order."""
     return tuple(topic for topic in TOPICS if topic.writer in _names(node))
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from hdd_servo_ros.control.outside import ControllerError, OutsideController, described
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, common_controller_parameters, register_controller
+from hdd_servo_ros.graph.catalog import CONTROLLERS, common_controller_parameters, register_controller
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations
 
@@ -61,21 +61,21 @@ class ControllerKind:
         return OutsideController(self.node, self.kind, parameters, sample_time)
 
     def trial(self, parameters: Any, sample_time: float) -> OutsideController:
-        """Make a controller and let it step once with zeros: what cannot run at all is refused before a run."""
+        """Make a controller and let it step once with zeros: what cannot run at all is rejected before a run."""
         made = self.make(parameters, sample_time)
         try:
             made.step(NO_INPUTS)
         except ControllerError as error:
-            raise self.refused_trial(error) from error
+            raise self.rejected_trial(error) from error
         return made
 
-    def refused_trial(self, error: ControllerError) -> ParameterError:
+    def rejected_trial(self, error: ControllerError) -> ParameterError:
         """Return the error of a failed step with zeros, with what to change if ``step`` can take six arguments."""
         signature = _signature_of(self.kind.step)
         # The former arguments may hide behind *args or defaults, where only the trial finds them.
         former = signature is not None and _takes(signature, ('self', *_FORMER_STEP_ARGUMENTS))
         hint = f'; {self.kind.__name__}.{_CHANGED_STEP}' if former else ''
-        return _refused(self.name, f'tried with zeros: {error}{hint}')
+        return _rejected(self.name, f'tried with zeros: {error}{hint}')
 
     def offers(self) -> dict[str, str]:
         """Return what ``run.yaml`` says of it: where the class was found, and the digest of its file."""
@@ -89,7 +89,7 @@ class ControllerKind:
 
 def load_controller(name: str) -> ControllerKind:
     """
-    Find a controller from outside, check it, and make its node and parameters known to the catalogue.
+    Find a controller from outside, check it, and make its node and parameters known to the catalog.
 
     Parameters
     ----------
@@ -105,19 +105,19 @@ def load_controller(name: str) -> ControllerKind:
     path = name if ':' in name else _entry_point(name)
     module_name, _, attribute = path.partition(':')
     if not re.fullmatch(r'\w+(\.\w+)*:\w+(\.\w+)*', path):
-        raise _refused(name, f'{path!r} is not an import path module:Class')
+        raise _rejected(name, f'{path!r} is not an import path module:Class')
     found: Any = _import(name, module_name)
     for part in attribute.split('.'):
         if not hasattr(found, part):
             file = getattr(sys.modules[module_name], '__file__', None)
-            raise _refused(name, f'there is no {attribute} in {module_name} ({file})')
+            raise _rejected(name, f'there is no {attribute} in {module_name} ({file})')
         found = getattr(found, part)
     return checked_controller(found, name)
 
 
 def checked_controller(kind: Any, name: str) -> ControllerKind:
     """
-    Check a class and make its node and parameters known to the catalogue.
+    Check a class and make its node and parameters known to the catalog.
 
     Raises
     ------
@@ -126,31 +126,31 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
         they should be, or if a name is taken already.
     """
     if not isinstance(kind, type):
-        raise _refused(name, f'{kind!r} is no class')
+        raise _rejected(name, f'{kind!r} is no class')
     for method, arguments in (('step', _STEP_ARGUMENTS), ('update', ('parameters',))):
         if not callable(getattr(kind, method, None)):
-            raise _refused(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
+            raise _rejected(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
         if method == 'step':
-            _refuse_former_step(name, kind.__name__, _signature_of(getattr(kind, method)), ('self',))
+            _reject_former_step(name, kind.__name__, _signature_of(getattr(kind, method)), ('self',))
         _check_call(name, getattr(kind, method), f'{kind.__name__}.{method}', ('self', *arguments))
     _check_call(name, kind, kind.__name__, ('parameters', 'sample_time'))
     parameters = _parameters_of(kind, name)
     _check_parameters(parameters, name)
     node = getattr(kind, 'node_name', None) or snake_case(kind.__name__)
     if not isinstance(node, str) or not re.fullmatch(r'[A-Za-z_][A-Za-z0-9_]*', node):
-        raise _refused(name, f'node name {node!r} is not made of letters, digits and underscores')
+        raise _rejected(name, f'node name {node!r} is not made of letters, digits and underscores')
     purpose = (inspect.getdoc(kind) or f'The controller {kind.__name__}.').partition('\n')[0]
     try:
         register_controller(node, parameters, purpose)
     except ValueError as error:
-        raise _refused(name, f'{error}; give class {kind.__name__} an attribute node_name') from None
+        raise _rejected(name, f'{error}; give class {kind.__name__} an attribute node_name') from None
     return ControllerKind(name, node, kind, parameters)
 
 
-def refuse_former_object(controller: object) -> None:
-    """Refuse an object whose ``step`` takes the six arguments that it took once; raises :class:`ParameterError`."""
+def reject_former_object(controller: object) -> None:
+    """Reject an object whose ``step`` takes the six arguments that it took once; raises :class:`ParameterError`."""
     name = type(controller).__name__
-    _refuse_former_step(name, name, _signature_of(getattr(controller, 'step', None)), ())
+    _reject_former_step(name, name, _signature_of(getattr(controller, 'step', None)), ())
 
 
 def snake_case(name: str) -> str:
@@ -158,7 +158,7 @@ def snake_case(name: str) -> str:
     return re.sub(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])', '_', name).lower()
 
 
-def _refused(name: str, reason: str) -> ParameterError:
+def _rejected(name: str, reason: str) -> ParameterError:
     return ParameterError('controller', name, reason)
 
 
@@ -167,10 +167,10 @@ def _entry_point(name: str) -> str:
     offered = importlib.metadata.entry_points(group=ENTRY_POINTS)
     paths = sorted({point.value.replace(' ', '') for point in offered if point.name == name})
     if len(paths) > 1:
-        raise _refused(name, f'several installed packages offer it: {", ".join(paths)}')
+        raise _rejected(name, f'several installed packages offer it: {", ".join(paths)}')
     if not paths:
         names = ', '.join([*CONTROLLERS, *sorted(point.name for point in offered)])
-        raise _refused(name, f'one of {names}, or the import path module:Class of your own')
+        raise _rejected(name, f'one of {names}, or the import path module:Class of your own')
     return paths[0]
 
 
@@ -188,9 +188,9 @@ def _import(name: str, module: str) -> Any:
                 reason += '; a module is named without .py'
         else:
             reason = f'importing {module} raised {described(error)}'
-        raise _refused(name, reason) from None
+        raise _rejected(name, reason) from None
     except (Exception, SystemExit) as error:
-        raise _refused(name, f'importing {module} raised {described(error)}') from error
+        raise _rejected(name, f'importing {module} raised {described(error)}') from error
 
 
 def _signature_of(function: Any) -> inspect.Signature | None:
@@ -201,14 +201,14 @@ def _signature_of(function: Any) -> inspect.Signature | None:
         return None
 
 
-def _refuse_former_step(name: str, kind: str, step: inspect.Signature | None, before: tuple[str, ...]) -> None:
-    """Refuse a ``step`` that takes the former six arguments behind those ``before``, and say what to change."""
+def _reject_former_step(name: str, kind: str, step: inspect.Signature | None, before: tuple[str, ...]) -> None:
+    """Reject a ``step`` that takes the former six arguments behind those ``before``, and say what to change."""
     if step is None:
         return
     if list(step.parameters)[len(before) : len(before) + 1] == ['tick'] or (
         _takes(step, (*before, *_FORMER_STEP_ARGUMENTS)) and not _takes(step, (*before, *_STEP_ARGUMENTS))
     ):
-        raise _refused(name, f'{kind}.{_CHANGED_STEP}')
+        raise _rejected(name, f'{kind}.{_CHANGED_STEP}')
 
 
 def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
@@ -220,10 +220,10 @@ def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
 
 
 def _check_call(name: str, function: Any, shown: str, arguments: Sequence[str]) -> None:
-    """Refuse a function that cannot be called with so many arguments."""
+    """Reject a function that cannot be called with so many arguments."""
     signature = _signature_of(function)
     if signature is not None and not _takes(signature, arguments):
-        raise _refused(name, f'{shown}{signature} cannot be called with ({", ".join(arguments)})')
+        raise _rejected(name, f'{shown}{signature} cannot be called with ({", ".join(arguments)})')
 
 
 def _parameters_of(kind: type[Any], name: str) -> Any:
@@ -232,10 +232,10 @@ def _parameters_of(kind: type[Any], name: str) -> Any:
     try:
         found = typing.get_type_hints(kind.__init__).get(first)
     except Exception as error:
-        raise _refused(name, f'the annotations of {kind.__name__}.__init__ raised {described(error)}') from error
+        raise _rejected(name, f'the annotations of {kind.__name__}.__init__ raised {described(error)}') from error
     if found is None:
         reason = f'{kind.__name__}.__init__ does not annotate {first} with its parameter dataclass'
-        raise _refused(name, reason)
+        raise _rejected(name, reason)
     return found
 
 
@@ -246,18 +246,18 @@ def _is_parameter_dataclass(kind: Any) -> bool:
 
 
 def _check_parameters(parameters: Any, name: str) -> None:
-    """Refuse what is no parameter dataclass, or has undeclared fields, bad defaults or names that every node has."""
+    """Reject what is no parameter dataclass, or has undeclared fields, bad defaults or names that every node has."""
     if not _is_parameter_dataclass(parameters):
         shown = getattr(parameters, '__name__', repr(parameters))
-        raise _refused(name, f'{shown} is no frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')
+        raise _rejected(name, f'{shown} is no frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')
     for field in dataclasses.fields(parameters):
         if 'declaration' not in field.metadata and not dataclasses.is_dataclass(field.default_factory):
-            raise _refused(name, f'{parameters.__name__}.{field.name} is not declared by parameter() or group()')
+            raise _rejected(name, f'{parameters.__name__}.{field.name} is not declared by parameter() or group()')
     try:
         parameters()
     except ParameterError as error:
-        raise _refused(name, f'the defaults of {parameters.__name__}: {error}') from None
+        raise _rejected(name, f'the defaults of {parameters.__name__}: {error}') from None
     taken = {declaration.name for common in common_controller_parameters() for declaration in declarations(common)}
     for declaration in declarations(parameters):
         if declaration.name in taken:
-            raise _refused(name, f'{parameters.__name__}.{declaration.name}: every node has a parameter of that name')
+            raise _rejected(name, f'{parameters.__name__}.{declaration.name}: every node has a parameter of that name')

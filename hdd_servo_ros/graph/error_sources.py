@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, SENSORS
+from hdd_servo_ros.graph.catalog import BASE_SENSOR, SENSORS
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 
 Switch = tuple[str, str, Any]

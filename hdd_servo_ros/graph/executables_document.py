@@ -5,14 +5,14 @@ import inspect
 import re
 from collections.abc import Iterator
 
-from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, CommandRow, NodeRow, resolve
+from hdd_servo_ros.graph.catalog import COMMANDS, NODES, CommandRow, NodeRow, resolve
 from hdd_servo_ros.graph.parameters_document import page_of
 from hdd_servo_ros.messages import exit_codes
 
 _INTRODUCTION = """\
 # Executables
 
-Written by `make docs` from the parsers and the catalogue of the executables; change those, not this file.
+Written by `make docs` from the parsers and the catalog of the executables; change those, not this file.
 
 With ROS 2 an executable runs as `ros2 run hdd_servo_ros NAME`, in the environment of `make run` as `.venv/bin/NAME`.
 `NAME --help` prints what is listed here; that of a node lists its parameters too.

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, purpose
+from hdd_servo_ros.graph.catalog import COMMANDS, NODES, purpose
 from hdd_servo_ros.graph.known_parameters import node_declarations
 
 COMPILING = 'compiling the drive and the controllers, once; this takes some twenty seconds'
 
 
 def parse_help(name: str, arguments: Sequence[str]) -> None:
-    """Answer ``--help``, and refuse arguments that are none of ROS's; exits the process in both cases."""
+    """Answer ``--help``, and reject arguments that are none of ROS's; exits the process in both cases."""
     if not arguments:
         return
     # Late: most runs have no such arguments.

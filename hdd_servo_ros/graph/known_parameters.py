@@ -1,11 +1,11 @@
-"""The declarations of all parameters of the catalogue, and the refusal of names that are not among them."""
+"""The declarations of all parameters of the catalog, and the rejection of names that are not among them."""
 
 import difflib
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import NODES, names_with_parameters, parameter_sets
+from hdd_servo_ros.graph.catalog import NODES, names_with_parameters, parameter_sets
 from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
 from hdd_servo_ros.parameters.files import QOS_IS_FIXED, QOS_OVERRIDES
 
@@ -21,16 +21,16 @@ def take_standard(given: dict[str, object]) -> None:
             raise ParameterError(name, value, 'true or false')
 
 
-def refuse_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
+def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
     """
-    Refuse parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must ignore what others have.
+    Reject parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must ignore what others have.
 
     Parameters
     ----------
     given
         Names and values.
     own
-        Names that are known in addition to those of the catalogue.
+        Names that are known in addition to those of the catalog.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 import difflib
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, SENSORS, names_with_parameters
+from hdd_servo_ros.graph.catalog import CONTROLLERS, SENSORS, names_with_parameters
 from hdd_servo_ros.parameters.files import RosArguments
 
 

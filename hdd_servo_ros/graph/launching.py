@@ -14,7 +14,7 @@ from launch.substitutions import EnvironmentVariable, LaunchConfiguration, PathJ
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLERS, nodes_of_run
 from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.messages.topics import RECORDER
 from hdd_servo_ros.parameters.files import parse_ros_arguments
@@ -22,7 +22,7 @@ from hdd_servo_ros.parameters.files import parse_ros_arguments
 PACKAGE = 'hdd_servo_ros'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 WRONG_ARGUMENTS = 2
-"""Exit code of an executable that refuses its arguments."""
+"""Exit code of an executable that rejects its arguments."""
 _LAST_WORDS = 10.0
 """How long the others have, when one process has failed, to end by themselves and close the bag [s]."""
 _CLOSING = '20'
@@ -103,15 +103,15 @@ def description(
     return LaunchDescription(
         [
             *declared,
-            OpaqueFunction(function=_refuse_unknown, args=[[argument.name for argument in declared]]),
+            OpaqueFunction(function=_reject_unknown, args=[[argument.name for argument in declared]]),
             SetEnvironmentVariable(DISCOVERY_RANGE, LaunchConfiguration('discovery_range')),
             OpaqueFunction(function=make),
         ]
     )
 
 
-def _refuse_unknown(context: LaunchContext, known: Sequence[str]) -> None:
-    """Refuse arguments that `ros2 launch` would pass over without a word: misspelt ones, and parameters' names."""
+def _reject_unknown(context: LaunchContext, known: Sequence[str]) -> None:
+    """Reject arguments that `ros2 launch` would pass over without a word: misspelt ones, and parameters' names."""
     file = Path(context.locals.current_launch_file_path).resolve()
     if PACKAGE not in sys.argv and file not in (Path(word).resolve() for word in sys.argv[1:]):
         return  # Another launch file includes this one, and may have arguments of its own.
@@ -202,7 +202,7 @@ class EndOfRun:
                 raise RuntimeError(f'the run has failed: {self._failure}')
             return [Shutdown(reason='the run has finished')]
         if event.returncode == WRONG_ARGUMENTS:
-            return [Shutdown(reason=f'{event.process_name} refuses its arguments')]
+            return [Shutdown(reason=f'{event.process_name} rejects its arguments')]
         if is_first:
             # The others learn of it from each other, and the recorder notes the reason.
             return [TimerAction(period=_LAST_WORDS, actions=[Shutdown(reason=f'{event.process_name} has failed')])]

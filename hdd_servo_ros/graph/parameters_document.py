@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import names_with_parameters, parameter_sets, purpose
+from hdd_servo_ros.graph.catalog import names_with_parameters, parameter_sets, purpose
 from hdd_servo_ros.parameters import Declaration, declarations
 
 FOLDER = 'parameters'
@@ -22,7 +22,7 @@ Written by `make docs` from the declarations in the code, the same that `ros2 pa
 checks at start and during a run come from. Change the declarations, not these files.
 
 Numbers without a unit are ratios, counts or seeds. A *fixed* parameter cannot be changed once its node has started. All
-others can at any time, take effect at the node's next tick, and the bag shows at which. A change that is refused gives
+others can at any time, take effect at the node's next tick, and the bag shows at which. A change that is rejected gives
 the reason and changes nothing. Several that are set together (`set_parameters_atomically`) change together or not at
 all.
 

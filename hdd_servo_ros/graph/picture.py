@@ -1,9 +1,9 @@
-"""`docs/images/graph.svg`: who writes and reads which topic, from the catalogue and the contract of the topics."""
+"""`docs/images/graph.svg`: who writes and reads which topic, from the catalog and the contract of the topics."""
 
 from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES
 from hdd_servo_ros.graph.connections import TOPICS, readers_of, shown_delay
 from hdd_servo_ros.messages.topics import RECORDER, LoopTopic, Reader
 

@@ -1,16 +1,16 @@
-"""Which node of the catalogue a node of a recorded run is, whatever remap rules have called it; no ROS import."""
+"""Which node of the catalog a node of a recorded run is, whatever remap rules have called it; no ROS import."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, parameter_sets
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES, parameter_sets
 from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.parameters import declarations, with_tuples
 
 
 def kind_of_node(full_name: str, node: Mapping[str, Any], description: Mapping[str, Any]) -> str:
     """
-    Return a recorded node's name in the catalogue.
+    Return a recorded node's name in the catalog.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def kind_of_node(full_name: str, node: Mapping[str, Any], description: Mapping[s
     Returns
     -------
     str
-        The last part of ``full_name`` if the catalogue knows that; otherwise the node that publishes the same topics
+        The last part of ``full_name`` if the catalog knows that; otherwise the node that publishes the same topics
         and has the same parameters, and the last part of ``full_name`` again if there is none or more than one.
     """
     own = full_name.rpartition('/')[2]
@@ -50,17 +50,17 @@ def kind_of_node(full_name: str, node: Mapping[str, Any], description: Mapping[s
 
 
 def recorded_nodes(description: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the entries of the nodes of a run by their names in the catalogue; ``description`` is its ``run.yaml``."""
+    """Return the entries of the nodes of a run by their names in the catalog; ``description`` is its ``run.yaml``."""
     return {kind_of_node(name, node, description): node for name, node in description.get('nodes', {}).items()}
 
 
 def kind_by_name(description: Mapping[str, Any], full_name: str) -> str:
-    """Return the name in the catalogue of the node that a run, described by its ``run.yaml``, calls ``full_name``."""
+    """Return the name in the catalog of the node that a run, described by its ``run.yaml``, calls ``full_name``."""
     return kind_of_node(full_name, description.get('nodes', {}).get(full_name, {}), description)
 
 
 def recorded_parameters(description: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the nodes of a run, lists as tuples, by the nodes' names in the catalogue."""
+    """Return the parameters of the nodes of a run, lists as tuples, by the nodes' names in the catalog."""
     return {name: with_tuples(node.get('parameters', {})) for name, node in recorded_nodes(description).items()}
 
 

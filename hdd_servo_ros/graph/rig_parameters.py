@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, SENSORS
+from hdd_servo_ros.graph.catalog import CONTROLLERS, SENSORS
 from hdd_servo_ros.parameters import ParameterSet, parameter
 
 

@@ -1,6 +1,6 @@
 """Which nodes fill the roles of a run: its controller, and the nodes that its arguments ask for."""
 
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, CONTROLLER, DISTURBANCE_SOURCE, NODES, POSITION_SENSOR, SENSORS
+from hdd_servo_ros.graph.catalog import BASE_SENSOR, CONTROLLER, DISTURBANCE_SOURCE, NODES, POSITION_SENSOR, SENSORS
 from hdd_servo_ros.messages.topics import LDV
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import RosArguments

@@ -16,7 +16,7 @@ def topic_names(arguments: RosArguments, nodes: Sequence[str]) -> dict[LoopTopic
     arguments
         The command line.
     nodes
-        All nodes of the run, by their names in the catalogue.
+        All nodes of the run, by their names in the catalog.
 
     Raises
     ------

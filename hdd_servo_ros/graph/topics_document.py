@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, NODES, resolve
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, NODES, resolve
 from hdd_servo_ros.graph.connections import TOPICS, readers_of, shown_delay
 from hdd_servo_ros.messages.topics import (
     ESTIMATES,

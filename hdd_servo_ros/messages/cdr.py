@@ -156,7 +156,7 @@ class ArrayCodec:
 
 def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
     """
-    Return the names in a one-dimensional labelled array message, and where its first element stands.
+    Return the names in a one-dimensional labeled array message, and where its first element stands.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
     """
     dimensions, length = struct.unpack_from('<II', message, 4)
     if dimensions != 1:
-        raise ValueError(f'expected one labelled dimension in the array, got {dimensions}')
+        raise ValueError(f'expected one labeled dimension in the array, got {dimensions}')
     names = tuple(message[12 : 12 + length - 1].decode().split(','))
     offset = 4 + _aligned(_aligned(8 + length, 4) + 16, 8)
     (count,) = struct.unpack_from('<I', message, 4 + _aligned(8 + length, 4) + 12)

@@ -12,7 +12,7 @@ _STAMP_END = 12
 
 def check_message(codec: Codec, message: bytes) -> None:
     """
-    Refuse bytes that are not laid out as a type's messages are.
+    Reject bytes that are not laid out as a type's messages are.
 
     Raises
     ------

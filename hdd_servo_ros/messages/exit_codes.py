@@ -80,7 +80,7 @@ def guard(name: str, work: Callable[[], int], wrong_input: int = WRONG_ARGUMENTS
             stream.reconfigure(errors='backslashreplace')
     try:
         code = work()
-        # What a full disk or a closed pipe refuses is to be known here, not while Python ends.
+        # What a full disk or a closed pipe rejects is to be known here, not while Python ends.
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:

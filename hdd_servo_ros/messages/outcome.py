@@ -8,7 +8,7 @@ FINISHED = 'finished'
 INTERRUPTED = 'interrupted'
 FAILED = 'failed'
 RECOVERED = 'recovered'
-"""Ended by a crash, and mended by `recover`: whole up to its last tick."""
+"""Ended by a crash, and repaired by `recover`: whole up to its last tick."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """
-YAML files that anybody may have changed: read whole, or refused with one kind of error.
+YAML files that anybody may have changed: read whole, or rejected with one kind of error.
 
 libyaml's loader ends the process where a text is nested some ten thousand deep, and ten lines with aliases make a tree
 of 10^9 elements. So the events are looked at first, which takes no recursion, and a text whose tree is too deep or too
-large is refused before there is one.
+large is rejected before there is one.
 """
 
 from pathlib import Path
@@ -59,7 +59,7 @@ def parse_yaml(text: str) -> Any:
 
 
 def _check_size(text: str) -> None:
-    """Refuse a text that is nested too deep, or that aliases make too large a tree of."""
+    """Reject a text that is nested too deep, or that aliases make too large a tree of."""
     # What each open list or mapping holds so far, aliases written out; the first is the text itself.
     sizes, anchors = [0], ['']
     size_of: dict[str, int] = {}

@@ -11,7 +11,7 @@ def shown(value: object, longest: int = LONGEST) -> str:
     Return a value as a message shows it: its ``repr``, cut to ``longest`` characters.
 
     The ``repr`` is never made whole where it may be huge: a list of lists that repeats itself, or an integer of
-    thousands of digits, which Python refuses to write.
+    thousands of digits, which Python rejects to write.
     """
     text = _Repr().repr(value)
     return text if len(text) <= longest else f'{text[: longest - 3]}...'

@@ -138,7 +138,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def disturbance(self) -> SignalArray:
-        """Force against u [V], displacement of the track centre [um], 0; shape (n, 3); in a run with a disturbance."""
+        """Force against u [V], displacement of the track center [um], 0; shape (n, 3); in a run with a disturbance."""
         return self._rows(DISTURBANCE)
 
     @functools.cached_property
@@ -188,7 +188,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def relative_position(self) -> Array:
-        """True head position in the sensor's frame [um], less the track centre's displacement with the servo sensor."""
+        """True head position in the sensor's frame [um], less the track center's displacement with the servo sensor."""
         if not self.is_track_following or DISTURBANCE.name not in self:
             return self.position
         return np.asarray(self.position - self[DISTURBANCE.name][:, 1])
@@ -200,7 +200,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def track_error(self) -> Array:
-        """Track error, x - x_d - displacement of the track centre [um]; the tracking error without a disturbance."""
+        """Track error, x - x_d - displacement of the track center [um]; the tracking error without a disturbance."""
         if DISTURBANCE.name not in self:
             return self.error
         return np.asarray(self.error - self[DISTURBANCE.name][:, 1])

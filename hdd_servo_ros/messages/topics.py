@@ -184,7 +184,7 @@ DISTURBANCE = LoopTopic(
     VECTORS,
     (
         Field('force', 'V', 'force against u, held over [kT, (k+1)T)'),
-        Field('track_centre', 'um', 'displacement of the track centre'),
+        Field('track_center', 'um', 'displacement of the track center'),
     ),
     DISTURBANCE_SOURCE,
     (Reader('vcm_plant', delay=1), Reader('servo_sensor')),
@@ -220,7 +220,7 @@ PES = LoopTopic(
     'pes',
     VECTORS,
     (
-        Field('error', 'um', 'decoded position error: that from the nearest track centre, within half a track'),
+        Field('error', 'um', 'decoded position error: that from the nearest track center, within half a track'),
         Field('position', 'um', 'decoded position with the track number, as the controller takes it'),
         Field('sector', '', 'number of the servo sector', False),
     ),

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.accelerometer import Accelerometer, AccelerometerParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_accelerations, unpack_vector
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.nodes.saturation import SaturationLog
 from hdd_servo_ros.ros.diagnosis import Diagnosis
@@ -15,7 +15,7 @@ _CONTROL, _BASE = range(2)
 """The inputs; the second is there only in a run whose disturbance moves the base."""
 
 
-class AccelerometerNode(CatalogueNode):
+class AccelerometerNode(CatalogNode):
     """Publishes `/accelerometer` for every tick, from what has moved base and actuator since the last one."""
 
     def __init__(self) -> None:

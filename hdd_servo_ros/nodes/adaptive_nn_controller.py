@@ -52,7 +52,7 @@ class AdaptiveNnController(ControllerNode):
         self._first_r = float(self._controller.estimates[_R])
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Reset what was learnt by a parameter, so that the bag shows the tick and a replay does the same."""
+        """Reset what was learned by a parameter, so that the bag shows the tick and a replay does the same."""
         count = self.parameters[AdaptiveNnParameters].reset_count + 1
         response.message = self.parameters.set({'reset_count': count}) or f'reset before tick {self.tick}'
         response.success = self.parameters[AdaptiveNnParameters].reset_count == count

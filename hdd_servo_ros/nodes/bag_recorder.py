@@ -14,7 +14,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.messages.cdr import ReportCodec, numbers
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
@@ -22,7 +22,7 @@ from hdd_servo_ros.messages.scope_blocks import Block, ScopeMessage, make_block
 from hdd_servo_ros.messages.topics import PARAMETER_EVENTS, RECORDER, SCOPE
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.messages.unpacking import signals_of_messages
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.events import NodeChange, change_of_event, pack_parameter_event, why_not_recordable
@@ -42,7 +42,7 @@ _REPORT_EVERY = 64
 """Ticks between two reports to the timer, far fewer than its window."""
 
 
-class BagRecorder(CatalogueNode):
+class BagRecorder(CatalogNode):
     """
     Takes in all messages of a tick before those of the next one.
 
@@ -100,7 +100,7 @@ class BagRecorder(CatalogueNode):
             raise RunError(str(error)) from None
         except OSError as error:
             raise RunError(
-                f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is refused: {error}'
+                f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is rejected: {error}'
             ) from None
 
     def try_fire(self) -> bool:
@@ -135,9 +135,9 @@ class BagRecorder(CatalogueNode):
             return False
         columns = [[queue.popleft() for _ in range(count)] for queue in queues]
         assert self._recorder is not None
-        for place, publisher in self._outside:
-            for offset, message in enumerate(columns[place]):
-                self._refuse_not_finite(tick + offset, place, publisher, message)
+        for index, publisher in self._outside:
+            for offset, message in enumerate(columns[index]):
+                self._reject_not_finite(tick + offset, index, publisher, message)
         stamps = [self._ticks.nanoseconds(each) for each in range(tick, tick + count)]
         self._recorder.write_columns(tick, stamps, columns)
         if self._is_watched:
@@ -151,14 +151,14 @@ class BagRecorder(CatalogueNode):
         """Index and publisher of the inputs that no node of this package publishes: those check what they publish."""
         assert self._run is not None
         publishers = [
-            (place, self._run.publisher_of(port.name) or 'no node of the run')
-            for place, port in enumerate(self.inputs)
+            (index, self._run.publisher_of(port.name) or 'no node of the run')
+            for index, port in enumerate(self.inputs)
             if port.topic.codec.width != 0
         ]
-        return [(place, name) for place, name in publishers if name.rsplit('/', 1)[-1] not in NODES]
+        return [(index, name) for index, name in publishers if name.rsplit('/', 1)[-1] not in NODES]
 
-    def _refuse_not_finite(self, tick: int, place: int, publisher: str, message: bytes) -> None:
-        port = self.inputs[place]
+    def _reject_not_finite(self, tick: int, index: int, publisher: str, message: bytes) -> None:
+        port = self.inputs[index]
         try:
             values = numbers(port.topic.codec, message)
         except ValueError as error:
@@ -171,8 +171,8 @@ class BagRecorder(CatalogueNode):
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
-        for place, publisher in self._outside:
-            self._refuse_not_finite(tick, place, publisher, messages[place])
+        for index, publisher in self._outside:
+            self._reject_not_finite(tick, index, publisher, messages[index])
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
         if self._is_watched:
             self._watched.append(tuple(messages))

@@ -23,19 +23,19 @@ from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import (
     feedforward_parameters,
-    refuse_other_units,
+    reject_other_units,
     runout_parameters,
     seek_kind,
     seek_parameters,
     sensor_scales,
 )
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, resolve
+from hdd_servo_ros.graph.catalog import BASE_SENSOR, NODES, resolve
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.topics import ACCELEROMETER, LDV, PES, REFERENCE
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode, block_parameters_in
+from hdd_servo_ros.nodes.catalog_node import CatalogNode, block_parameters_in
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, to_mapping
 from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
@@ -50,7 +50,7 @@ def block_parameters_of(run: RunPlan, name: str) -> Any:
     return block_parameters_in(run.nodes, name)
 
 
-class ControllerNode(CatalogueNode):
+class ControllerNode(CatalogNode):
     """
     Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`, or `/pes` in place of that.
 
@@ -60,7 +60,7 @@ class ControllerNode(CatalogueNode):
     Parameters
     ----------
     name
-        Name of its row in the catalogue.
+        Name of its row in the catalog.
     make
         Makes the controller from its parameters and T [s]; the row's block if not given.
     """
@@ -144,7 +144,7 @@ class ControllerNode(CatalogueNode):
 
     def _prepare_observer(self, sample_time: float) -> None:
         if NODES[self.row_name].needs_ldv:
-            raise RunError(f'{self.get_name()}: /{PES.name} is refused: /{LDV.name}, which this controller measures')
+            raise RunError(f'{self.get_name()}: /{PES.name} is rejected: /{LDV.name}, which this controller measures')
         self._sensor = None
         self._scales = SensorScales.none()
         self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
@@ -155,7 +155,7 @@ class ControllerNode(CatalogueNode):
         parameters: SeekParameters = self.parameters[seek_kind(self.row_name)].seek
         if not parameters.is_used:
             return ()
-        self._refuse_other_units('seek.method', parameters)
+        self._reject_other_units('seek.method', parameters)
         self._held = 0.0
         surroundings = self._surroundings_of_seek(parameters, sample_time)
         self._seek = Seek(parameters, sample_time, surroundings, self._scales)
@@ -179,7 +179,7 @@ class ControllerNode(CatalogueNode):
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
         if not parameters.is_used:
             return ()
-        self._refuse_other_units('feedforward.method', parameters)
+        self._reject_other_units('feedforward.method', parameters)
         knowledge = self._feedforward_knowledge(parameters, sample_time)
         self._feedforward = Feedforward(parameters, sample_time, *knowledge)
         return self._feedforward.estimate_names
@@ -189,25 +189,25 @@ class ControllerNode(CatalogueNode):
         parameters: RunoutParameters = self.parameters[ControllerRunoutParameters].runout
         if not parameters.is_used:
             return ()
-        self._refuse_other_units('runout.method', parameters)
+        self._reject_other_units('runout.method', parameters)
         path = self._runout_path(parameters, sample_time)
         RunoutCancellation(parameters, sample_time, path).step(0, 0.0)  # compiles
         self._runout = RunoutCancellation(parameters, sample_time, path)
         return self._runout.estimate_names
 
-    def _refuse_other_units(
+    def _reject_other_units(
         self, name: str, parameters: SeekParameters | FeedforwardParameters | RunoutParameters
     ) -> None:
         if self._drive is not None:
             try:
-                refuse_other_units(f'{self.get_name()}.{name}', parameters, self._drive)
+                reject_other_units(f'{self.get_name()}.{name}', parameters, self._drive)
             except ParameterError as error:
                 raise RunError(str(error)) from None
 
     def _feedforward_knowledge(self, parameters: FeedforwardParameters, sample_time: float) -> Any:
         if self._accelerometer is None:
             raise RunError(
-                f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is refused: none, since '
+                f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is rejected: none, since '
                 f'there is no {BASE_SENSOR} in this run'
             )
         from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
@@ -238,7 +238,7 @@ class ControllerNode(CatalogueNode):
         for name in ('displacement_scale', 'velocity_scale'):
             if not getattr(own, name):
                 raise RunError(
-                    f'{self.get_name()}: parameter {name} = 0.0 is refused: above 0, since there is no ldv_sensor in '
+                    f'{self.get_name()}: parameter {name} = 0.0 is rejected: above 0, since there is no ldv_sensor in '
                     'this run to take it from'
                 )
         return SensorScales(own.displacement_scale, own.velocity_scale)

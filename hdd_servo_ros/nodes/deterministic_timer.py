@@ -11,7 +11,7 @@ from hdd_servo_ros.messages.cdr import ClockCodec, ReportCodec
 from hdd_servo_ros.messages.errors import StopRequest
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import QUEUE_DEPTH
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.reporting.progress import Progress
@@ -28,7 +28,7 @@ _LATE = 0.95
 """Part of the rate asked for below which the diagnostics warn."""
 
 
-class DeterministicTimer(CatalogueNode):
+class DeterministicTimer(CatalogNode):
     """
     Publishes `/clock`.
 
@@ -69,9 +69,9 @@ class DeterministicTimer(CatalogueNode):
             if self._ticks is None and act not in (self._start, self._stop):
                 response.message = 'the run has not begun: nodes are missing'
                 return response
-            refused = act()
-            response.success = not refused
-            response.message = refused or self._state
+            rejected = act()
+            response.success = not rejected
+            response.message = rejected or self._state
             self._set_halt()
             if response.success:
                 self.get_logger().info(response.message)
@@ -79,7 +79,7 @@ class DeterministicTimer(CatalogueNode):
 
         self.create_service(Trigger, f'~/{name}', serve)
 
-    # What the services do; each returns why it is refused, or an empty text.
+    # What the services do; each returns why it is rejected, or an empty text.
 
     def _start(self) -> str:
         if self._started:

@@ -10,7 +10,7 @@ from hdd_servo_ros.disturbance.generator import DisturbanceGenerator
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 from hdd_servo_ros.messages.cdr import AccelerationCodec, VectorCodec
 from hdd_servo_ros.messages.errors import NotFiniteError
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
@@ -18,7 +18,7 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 _DEFAULT_SAMPLE_TIME = 1e-4
 
 
-class DisturbanceGeneratorNode(CatalogueNode):
+class DisturbanceGeneratorNode(CatalogNode):
     """Publishes `/disturbance` and `/base_acceleration` for every tick of `/clock`."""
 
     def __init__(self) -> None:
@@ -46,10 +46,10 @@ class DisturbanceGeneratorNode(CatalogueNode):
         return super().attempt(sets, sample_time, nodes, is_change=is_change)
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
-        force, track_centre, linear, angular = self._generator.step(tick)
+        force, track_center, linear, angular = self._generator.step(tick)
         self._largest_force = max(self._largest_force, abs(force))
-        self._largest_displacement = max(self._largest_displacement, abs(track_centre))
-        self.publish_vector(0, tick, self._vectors.pack(stamp, force, track_centre, 0.0), force, track_centre, 0.0)
+        self._largest_displacement = max(self._largest_displacement, abs(track_center))
+        self.publish_vector(0, tick, self._vectors.pack(stamp, force, track_center, 0.0), force, track_center, 0.0)
         if not math.isfinite(sum(linear) + sum(angular)) and not all(map(math.isfinite, (*linear, *angular))):
             raise NotFiniteError(self.loop_publishers[1].topic_name, tick, (*linear, *angular), self.get_name())
         self.publish_bytes(1, self._accelerations.pack(stamp, linear, angular))
@@ -64,7 +64,7 @@ class DisturbanceGeneratorNode(CatalogueNode):
         enabled = parameters.enabled_sources
         values = {
             'largest force since the last report [V]': self._largest_force,
-            'largest displacement of the track centre since the last report [um]': self._largest_displacement,
+            'largest displacement of the track center since the last report [um]': self._largest_displacement,
         }
         self._largest_force = self._largest_displacement = 0.0
         if enabled:

@@ -5,14 +5,14 @@ from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.nodes.saturation import SaturationLog
 from hdd_servo_ros.ros.diagnosis import Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class LdvSensor(CatalogueNode):
+class LdvSensor(CatalogNode):
     """Publishes `/ldv` for every `/head`; warns once for each output that saturates."""
 
     def __init__(self) -> None:

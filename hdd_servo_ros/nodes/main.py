@@ -11,9 +11,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.catalog import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
-from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.known_parameters import reject_unknown
 from hdd_servo_ros.graph.known_sections import doubtful_sections
 from hdd_servo_ros.messages.exit_codes import guard, one_line
 from hdd_servo_ros.messages.outcome import FAILED, Outcome, failed
@@ -21,7 +21,7 @@ from hdd_servo_ros.numerics.kernel_folder import first_compilation
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
-from hdd_servo_ros.parameters.schedule import refuse_unknown_nodes
+from hdd_servo_ros.parameters.schedule import reject_unknown_nodes
 from hdd_servo_ros.ros.lockstep import Lockstep
 from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.loop_node import LoopNode
@@ -105,11 +105,11 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
             own = {name for node in nodes for name in node.parameters.as_mapping()}
             for node in nodes:
                 try:
-                    refuse_unknown(node.parameters.unknown, own)
+                    reject_unknown(node.parameters.unknown, own)
                 except ParameterError as error:
                     # What was given for all nodes is missing in all.
                     raise error if given.is_for_all(error.name) else with_node(error, node.get_name()) from None
-            # ROS would pass over parameters for a node that there is not; `simulate` refuses them as well.
+            # ROS would pass over parameters for a node that there is not; `simulate` rejects them as well.
             given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
             _check_schedule(nodes)
         for doubt in doubtful_sections(given):
@@ -163,4 +163,4 @@ def _check_schedule(nodes: Sequence[LoopNode]) -> None:
             # handshake will know.
             if len(nodes) > 1:
                 names = [node.get_fully_qualified_name() for node in nodes]
-                refuse_unknown_nodes(changes, [*names, *names_with_parameters()])
+                reject_unknown_nodes(changes, [*names, *names_with_parameters()])

@@ -40,7 +40,7 @@ class OutsideControllerNode(ControllerNode):
         try:
             super().__init__(kind.node, kind.make)
         except ControllerError as error:
-            raise kind.refused_trial(error) from error
+            raise kind.rejected_trial(error) from error
 
     def offers(self) -> dict[str, str]:
         return self._outside.offers()

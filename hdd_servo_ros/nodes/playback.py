@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from hdd_servo_ros.graph.roles import RECORDED_RUN
 from hdd_servo_ros.messages.errors import RunError
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.run_parameters import PlaybackParameters
@@ -13,7 +13,7 @@ from hdd_servo_ros.recording.playback import Playback
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class PlaybackNode(CatalogueNode):
+class PlaybackNode(CatalogNode):
     """
     Publishes the recorded messages of every tick of `/clock`, byte for byte.
 

@@ -4,13 +4,13 @@ import sys
 from collections.abc import Sequence
 
 from hdd_servo_ros.messages.cdr import VectorCodec
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.ros.run_plan import RunPlan
 from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 
-class ReferenceGenerator(CatalogueNode):
+class ReferenceGenerator(CatalogNode):
     """Publishes `/reference` for every tick of `/clock`."""
 
     def __init__(self) -> None:

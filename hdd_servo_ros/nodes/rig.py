@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, nodes_of_run, resolve
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES, nodes_of_run, resolve
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
-from hdd_servo_ros.graph.known_parameters import refuse_unknown
+from hdd_servo_ros.graph.known_parameters import reject_unknown
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.graph.topic_names import topic_names
@@ -27,7 +27,7 @@ from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
 
 def make_node(name: str, custom: ControllerKind | None = None) -> LoopNode:
     """
-    Return a new node by its name in the catalogue.
+    Return a new node by its name in the catalog.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ class Rig:
         self.parameters: RigParameters = given[RigParameters]
         controller, custom = self.parameters.controller, None
         if controller not in CONTROLLERS:
-            # Before names are refused, for it may bring parameters of its own.
+            # Before names are rejected, for it may bring parameters of its own.
             custom = load_controller(controller)
-        refuse_unknown(given.unknown, given.as_mapping())
+        reject_unknown(given.unknown, given.as_mapping())
         node = CONTROLLERS[controller] if custom is None else custom.node
         names = nodes_of_run(roles_of_run(node, arguments, self.parameters.sensor))
         arguments.check_names('rig', ['rig', *names])
@@ -83,7 +83,7 @@ class Rig:
             self.nodes.append(self.recorder)
 
     def _check(self, timer: TimerParameters) -> None:
-        """Refuse parameters that do not go with each other or with T, as `simulate` does before a run."""
+        """Reject parameters that do not go with each other or with T, as `simulate` does before a run."""
         nodes = {node.get_fully_qualified_name(): {'parameters': node.parameters.as_mapping()} for node in self.nodes}
         for node in self.nodes:
             try:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from hdd_servo_ros.bench.servo_sensor import ServoSensor, ServoSensorParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.nodes.saturation import SaturationLog
 from hdd_servo_ros.ros.diagnosis import Diagnosis
@@ -15,7 +15,7 @@ _HEAD, _DISTURBANCE = range(2)
 """The inputs; the second is there only in a run with a disturbance."""
 
 
-class ServoSensorNode(CatalogueNode):
+class ServoSensorNode(CatalogNode):
     """Publishes `/pes` for every `/head`, and `/disturbance` where there is one."""
 
     def __init__(self) -> None:
@@ -32,8 +32,8 @@ class ServoSensorNode(CatalogueNode):
         self._half_track = 0.5 * self._sensor.parameters.track_pitch
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
-        track_centre = unpack_vector(messages[_DISTURBANCE])[1] if len(messages) > _DISTURBANCE else 0.0
-        error, position, sector = self._sensor.step(tick, unpack_vector(messages[_HEAD])[0], track_centre)
+        track_center = unpack_vector(messages[_DISTURBANCE])[1] if len(messages) > _DISTURBANCE else 0.0
+        error, position, sector = self._sensor.step(tick, unpack_vector(messages[_HEAD])[0], track_center)
         if not abs(error) < self._half_track:
             self._saturation.warn(self._sensor)
         message = self._codec.pack(stamp, error, position, sector)

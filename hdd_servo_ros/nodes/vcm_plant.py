@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.messages.errors import NotFiniteError
-from hdd_servo_ros.nodes.catalogue_node import CatalogueNode
+from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import DriveIdentityParameters
 from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
@@ -15,7 +15,7 @@ from hdd_servo_ros.ros.publishers import publishers_of
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 
-class VcmPlant(CatalogueNode):
+class VcmPlant(CatalogNode):
     """
     Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before.
 

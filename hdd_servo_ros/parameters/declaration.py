@@ -37,7 +37,7 @@ class ParameterError(ValueError):
 
     def __init__(self, name: str, value: object, allowed: str, where: str = '') -> None:
         origin = f'; given in {where}' if where else ''
-        super().__init__(f'parameter {name} = {shown(value)} is refused: {allowed}{origin}')
+        super().__init__(f'parameter {name} = {shown(value)} is rejected: {allowed}{origin}')
         self.name = name
         self.value = value
         self.allowed = allowed
@@ -203,7 +203,7 @@ def parameter(
     >>> Spring(stiffness=-1.0)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter stiffness = -1.0 is refused: a finite number at least 0 [V/um]
+    ParameterError: parameter stiffness = -1.0 is rejected: a finite number at least 0 [V/um]
     """
     declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only, element)
     return dataclasses.field(default=default, metadata={'declaration': declaration})
@@ -260,7 +260,7 @@ class ParameterSet:
     >>> Band(highest=5.0)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter highest = 5.0 is refused: at least lowest, which is 10 Hz
+    ParameterError: parameter highest = 5.0 is rejected: at least lowest, which is 10 Hz
     """
 
     def __post_init__(self) -> None:

@@ -119,7 +119,7 @@ class RosArguments:
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
-        Refuse a ``-p NODE:PARAMETER`` for a node that there is not.
+        Reject a ``-p NODE:PARAMETER`` for a node that there is not.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class RosArguments:
 
     def check_names(self, program: str, nodes: Sequence[str]) -> None:
         """
-        Refuse names that would make several nodes of one process one.
+        Reject names that would make several nodes of one process one.
 
         Raises
         ------

@@ -18,7 +18,7 @@ _RULE = re.compile(
 
 
 class RemapError(ValueError):
-    """A remap rule that rcl refuses."""
+    """A remap rule that rcl rejects."""
 
 
 @dataclasses.dataclass(frozen=True)

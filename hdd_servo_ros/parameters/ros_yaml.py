@@ -3,7 +3,7 @@ YAML as rcl reads it: scalars by the rules of C, lists of one type, no aliases, 
 
 rcl takes the events of libyaml and gives them a meaning of its own, which neither YAML 1.1 nor 1.2 has: ``010`` is 8,
 ``1_000.0`` and ``2001-01-01`` are texts, ``.12e3`` is a number. So this reads the events too. What rcl takes by
-accident (a list in a list, a mapping in a list, a tag) is refused.
+accident (a list in a list, a mapping in a list, a tag) is rejected.
 """
 
 import json
@@ -54,7 +54,7 @@ class Parameters(dict[str, object]):
 
 class RosYamlError(ValueError):
     """
-    A text that is no YAML, or YAML that ROS refuses; says which line.
+    A text that is no YAML, or YAML that ROS rejects; says which line.
 
     Parameters
     ----------

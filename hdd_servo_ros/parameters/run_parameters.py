@@ -86,7 +86,7 @@ class TimerParameters(ParameterSet):
     )
 
     def check_together(self) -> None:
-        """Refuse a T that is no whole number of nanoseconds, and a duration that holds no whole number of ticks."""
+        """Reject a T that is no whole number of nanoseconds, and a duration that holds no whole number of ticks."""
         try:
             sample_time_to_nanoseconds(self.sample_time)
         except ValueError:
@@ -183,7 +183,7 @@ class RecorderParameters(ParameterSet):
     )
 
     def check_together(self) -> None:
-        """Refuse what only MCAP can do with another storage, and topics that are none of the loop."""
+        """Reject what only MCAP can do with another storage, and topics that are none of the loop."""
         if self.storage != 'mcap':
             for name in ('compression', 'max_bag_size', 'max_bag_duration'):
                 default = next(field.default for field in dataclasses.fields(self) if field.name == name)

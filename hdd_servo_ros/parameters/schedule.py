@@ -115,9 +115,9 @@ def format_entry(time_ns: int, node: str, name: str, value: Value, *, then: bool
     return f'{THEN + " " if then else ""}{time:f} {node} {name} {written(value)}'
 
 
-def refuse_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> None:
+def reject_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> None:
     """
-    Refuse changes of nodes that do not take part.
+    Reject changes of nodes that do not take part.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def plan(
     Raises
     ------
     ParameterError
-        If it has no such parameter, the parameter is read-only, or the value is refused; names the entry.
+        If it has no such parameter, the parameter is read-only, or the value is rejected; names the entry.
     """
     declared = {declaration.name: declaration for kind in kinds for declaration in declarations(kind)}
     present = dict(values)

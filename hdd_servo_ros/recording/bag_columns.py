@@ -409,12 +409,12 @@ def _sqlite3_pieces(path: Path, topics: Sequence[str], since: int) -> Iterator[d
     with _database(path) as database:
         names = dict(database.execute('SELECT id, name FROM topics'))
         wanted = [number for number, name in names.items() if name in topics]
-        places = ', '.join('?' * len(wanted))
+        placeholders = ', '.join('?' * len(wanted))
         # By the index over the time, which else would put the rows in another order than that of writing.
         begin = database.execute('SELECT min(id) FROM messages WHERE timestamp >= ?', (since,)) if since else None
         first = 0 if begin is None else begin.fetchone()[0] or 0
         cursor = database.execute(
-            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) '
+            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({placeholders}) '
             'AND id >= ? AND +timestamp >= ? ORDER BY id',
             (*wanted, first, since),
         )

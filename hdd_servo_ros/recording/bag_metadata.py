@@ -69,8 +69,8 @@ def read_metadata(bag: Path) -> BagMetadata:
         raise MetadataError(str(error)) from None
     entries = _Entries(_of(content, dict, 'a mapping', 'the file'), '').mapping(_TOP)
     types, counts = {}, {}
-    for place, topic in enumerate(entries.get('topics_with_message_count', list, 'a list')):
-        where = f'topics_with_message_count[{place}]'
+    for index, topic in enumerate(entries.get('topics_with_message_count', list, 'a list')):
+        where = f'topics_with_message_count[{index}]'
         listed = _Entries(_of(topic, dict, 'a mapping', where), f'{where}.')
         described = listed.mapping('topic_metadata')
         name = described.get('name', str, 'a text')

@@ -220,7 +220,7 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
             return f'{name} = {ours!r} in {labels[0]} and {theirs!r} in {labels[1]}'
     # What differs is no number: frame_id, a name in an array, or bytes that are no message at all.
     start = next(
-        (place for place, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(map(len, messages))
+        (index for index, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(map(len, messages))
     )
     parts = [_hexadecimal(message, start) for message in messages]
     return f'bytes from {start} on: {parts[0]} in {labels[0]} and {parts[1]} in {labels[1]}'

@@ -122,7 +122,7 @@ def values_of(column: Column, type_name: str) -> NDArray[Any]:
 
 
 def array_names(column: Column) -> tuple[str, ...]:
-    """Return the names of the elements of labelled arrays, by the first message."""
+    """Return the names of the elements of labeled arrays, by the first message."""
     return array_names_and_offset(bytes(column.payloads[0]))[0] if len(column) else ()
 
 

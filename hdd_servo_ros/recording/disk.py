@@ -78,8 +78,8 @@ def allocate(file: int, start: int, size: int) -> None:
         if error.errno not in _NOT_OFFERED:
             raise
     # A file system or a system that cannot allocate must be given bytes.
-    for place in range(start, start + size, _PIECE):
-        os.pwrite(file, bytes(min(_PIECE, start + size - place)), place)
+    for offset in range(start, start + size, _PIECE):
+        os.pwrite(file, bytes(min(_PIECE, start + size - offset)), offset)
 
 
 def write_durably(path: Path, text: str, temporary: Path) -> None:

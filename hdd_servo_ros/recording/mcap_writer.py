@@ -270,13 +270,13 @@ class McapWriter:
         self._put(struct.pack('<BQ', CHUNK, len(head) + len(records)) + head)
         self._put(records, None if self._compression else crc)
         end = self._size
-        offsets, place = [], end
+        offsets, offset = [], end
         index: list[bytes | memoryview] = []
         for topic, entries in chunk.entries():
-            offsets.append(struct.pack('<HQ', topic + 1, place))
+            offsets.append(struct.pack('<HQ', topic + 1, offset))
             size = INDEX_ENTRY.itemsize * sum(len(part) for part in entries)
             index += [struct.pack('<BQHI', MESSAGE_INDEX, 6 + size, topic + 1, size), *map(_buffer, entries)]
-            place += 15 + size
+            offset += 15 + size
         self._put(b''.join(index))
         record = _record(
             CHUNK_INDEX,
@@ -328,8 +328,8 @@ class McapWriter:
         for opcode, records in groups:
             group = b''.join(records)
             if group:
-                place = self._size + len(summary)
-                offsets += _record(SUMMARY_OFFSET, struct.pack('<BQQ', opcode, place, len(group)))
+                offset = self._size + len(summary)
+                offsets += _record(SUMMARY_OFFSET, struct.pack('<BQQ', opcode, offset, len(group)))
             summary += group
         # The Footer's checksum covers the summary and the Footer itself up to there.
         footer = struct.pack('<BQQQ', FOOTER, 20, self._size, self._size + len(summary))
@@ -403,13 +403,13 @@ class _Chunk:
 
 def _tick_template(topics: Sequence[int], messages: Sequence[bytes]) -> tuple[NDArray[np.uint8], list[int]]:
     """Return the Message records of a tick, and where each begins."""
-    records, starts, place = [], [], 0
+    records, starts, offset = [], [], 0
     for topic, message in zip(topics, messages, strict=True):
         length = MESSAGE_HEAD.itemsize - _OPCODE_AND_LENGTH + len(message)
         head = np.array((MESSAGE, length, topic + 1, 0, 0, 0), dtype=MESSAGE_HEAD)
         records.append(head.tobytes() + message)
-        starts.append(place)
-        place += len(records[-1])
+        starts.append(offset)
+        offset += len(records[-1])
     return np.frombuffer(b''.join(records), dtype=np.uint8), starts
 
 
@@ -448,10 +448,10 @@ def _map(texts: Mapping[str, str]) -> bytes:
 
 
 def _cut(data: memoryview, sizes: Iterable[int]) -> list[memoryview]:
-    parts, place = [], 0
+    parts, offset = [], 0
     for size in sizes:
-        parts.append(data[place : place + size])
-        place += size
+        parts.append(data[offset : offset + size])
+        offset += size
     return parts
 
 

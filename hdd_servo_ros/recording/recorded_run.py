@@ -674,7 +674,7 @@ def _require_topics(path: Path, topics: Iterable[str], bag: Bag) -> None:
 
 
 def _require_types(path: Path, topics: Mapping[str, str], bag: Bag) -> None:
-    """Refuse a bag whose metadata give a topic of the loop another type than it has."""
+    """Reject a bag whose metadata give a topic of the loop another type than it has."""
     declared = {topics[topic.name]: topic.type_name for topic in ALL_LOOP_TOPICS if topic.name in topics}
     for topic, kind in {**declared, PARAMETER_EVENTS: PARAMETER_EVENT_TYPE}.items():
         if bag.types.get(topic, kind) != kind:
@@ -684,7 +684,7 @@ def _require_types(path: Path, topics: Mapping[str, str], bag: Bag) -> None:
 
 
 def _compare_with_bag(path: Path, description: dict[str, Any], topics: dict[str, str], bag: Bag) -> None:
-    """Refuse a bag that does not hold what ``run.yaml`` says of it."""
+    """Reject a bag that does not hold what ``run.yaml`` says of it."""
     _require_topics(path, topics.values(), bag)
     _require_types(path, topics, bag)
     last_tick = description.get('last_tick')

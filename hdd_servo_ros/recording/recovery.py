@@ -1,4 +1,4 @@
-"""Mending a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
+"""Repairing a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
 
 import contextlib
 import dataclasses
@@ -25,20 +25,20 @@ from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_file
 from hdd_servo_ros.recording.salvaged_messages import Message
 
 BACKUP = 'damaged'
-"""Folder in the run's folder for the originals of what is mended: of `run.yaml`, and of a damaged bag."""
+"""Folder in the run's folder for the originals of what is repaired: of `run.yaml`, and of a damaged bag."""
 _WORKSHOP = 'recovering'
 _COMPANIONS = ('-journal', '-wal', '-shm', '.tmp')
 """Endings of files that a database or a writer leaves beside those of a bag."""
 _BATCH = 4096
 """Messages that are written at once, or a few less."""
 _LEAST_SPACE = 2**20
-"""Space for a mended bag beside its messages [bytes]."""
+"""Space for a repaired bag beside its messages [bytes]."""
 _MEGA = 1e6
 _NO_TICK = 'no tick is left'
 
 
 class RecoveryError(Exception):
-    """A run that cannot be mended; says why."""
+    """A run that cannot be repaired; says why."""
 
     exit_code = UNREADABLE
 
@@ -51,13 +51,13 @@ class Finding:
     Attributes
     ----------
     faults
-        In words; none if there is nothing to mend.
+        In words; none if there is nothing to repair.
     status, reason
         What `run.yaml` is to say.
     last_tick
         The last tick that is complete on every loop topic, -1 if none is.
     kept, left
-        Numbers of messages that a mended bag holds, and of those of the incomplete tick behind it, which only the
+        Numbers of messages that a repaired bag holds, and of those of the incomplete tick behind it, which only the
         original holds.
     """
 
@@ -132,7 +132,9 @@ class Recovery:
                 self._whole_run = run
                 return ''
         if unknown := self._unknown_files():
-            raise RecoveryError(f'{unknown[0]} is neither an .mcap nor a .db3 file, and cannot be mended here; {fault}')
+            raise RecoveryError(
+                f'{unknown[0]} is neither an .mcap nor a .db3 file, and cannot be repaired here; {fault}'
+            )
         return fault if self._files else 'bag/ holds neither an .mcap nor a .db3 file'
 
     def _unknown_files(self) -> list[Path]:
@@ -149,7 +151,7 @@ class Recovery:
             found = salvage(file)
             unchecked |= not found.is_checked
             if found.unknown:
-                raise RecoveryError(f'{file}: {found.unknown}, which cannot be mended here')
+                raise RecoveryError(f'{file}: {found.unknown}, which cannot be repaired here')
             whole.types |= found.types
             whole.messages += found.messages
             if found.fault:
@@ -214,7 +216,7 @@ class Recovery:
             status = RECOVERED if ticks else FAILED
             reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else _NO_TICK
         elif faults and status != FINISHED:
-            reason += f' (bag mended up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
+            reason += f' (bag repaired up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
         return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
 
     def _status_fault(self) -> str:
@@ -224,7 +226,7 @@ class Recovery:
 
     @property
     def space_needed(self) -> int:
-        """Space on the disk that mending takes at most, beside what is there [bytes]; 0 if no bag is to be written."""
+        """Space on the disk that a repair takes at most, in addition [bytes]; 0 if no bag is to be written."""
         is_written = self._files and self.finding.last_tick >= 0 and self._is_damaged
         # Index and metadata of a bag of one tick are larger than the damaged file may be.
         return _LEAST_SPACE + sum(file.stat().st_size for file in self._files) if is_written else 0
@@ -233,34 +235,34 @@ class Recovery:
     def _is_damaged(self) -> bool:
         return bool(self._bag_fault or self._salvage.fault)
 
-    def mend(self, output: Path | None = None) -> tuple[Path, ...]:
+    def repair(self, output: Path | None = None) -> tuple[Path, ...]:
         """
-        Mend what is wrong; the originals of what is mended are kept in a folder of their own.
+        Repair what is wrong; the originals of what is repaired are kept in a folder of their own.
 
         A damaged bag is moved there even if no tick of it is left, and then there is no bag in its place.
 
         Parameters
         ----------
         output
-            New folder for the mended run, which may be on another disk; the run's folder then stays as it is. None to
-            mend the run in its folder.
+            New folder for the repaired run, which may be on another disk; the run's folder then stays as it is. None to
+            repair the run in its folder.
 
         Returns
         -------
         tuple of Path
-            The originals; none if nothing was to be mended.
+            The originals; none if nothing was to be repaired.
 
         Raises
         ------
         RecoveryError
-            If the disk has no room for the mended bag; the run's folder is as it was then.
+            If the disk has no room for the repaired bag; the run's folder is as it was then.
         FileExistsError
             If ``output`` exists.
         """
         if not self.finding.faults:
             return ()
         if output is not None:
-            return self._mend_into(output)
+            return self._repair_into(output)
         new_bag = self._write_bag(self.run / _WORKSHOP) if self.space_needed else None
         backup = _free_name(self.run / BACKUP)
         backup.mkdir()
@@ -274,7 +276,7 @@ class Recovery:
         rewrite_run_yaml(self.run, self._new_run_yaml())
         return tuple(sorted(backup.iterdir()))
 
-    def _mend_into(self, output: Path) -> tuple[Path, ...]:
+    def _repair_into(self, output: Path) -> tuple[Path, ...]:
         output.mkdir(parents=True)
         if self.space_needed:
             new_bag = self._write_bag(output / _WORKSHOP)
@@ -306,13 +308,13 @@ class Recovery:
     def _no_space(self, free: int) -> RecoveryError:
         needed = math.ceil(self.space_needed / _MEGA)
         return RecoveryError(
-            f'{self.run}: the mended bag needs up to {needed} MB beside the damaged one, and {free / _MEGA:.1f} MB are '
+            f'{self.run}: the repaired bag needs up to {needed} MB of disk space, and {free / _MEGA:.1f} MB are '
             'free: make room, or name a folder on another disk with --output'
         )
 
     def _write_bag_into(self, workshop: Path) -> Path:
         types = self._salvage.types
-        places = {topic: place for place, topic in enumerate(types)}
+        indices = {topic: index for index, topic in enumerate(types)}
         writer = BagWriter(
             workshop / 'bag',
             STORAGE_BY_ENDING[self._files[0].suffix],
@@ -325,7 +327,7 @@ class Recovery:
         whole = max(1, len(self._topics))
         while batch := list(itertools.islice(kept, _BATCH // whole * whole)):
             topics, times, payloads = zip(*batch, strict=True)
-            writer.write([places[topic] for topic in topics], times, payloads)
+            writer.write([indices[topic] for topic in topics], times, payloads)
         writer.close()
         try:
             RecordedRun.open_bag(workshop / 'bag', self._said.get('sample_time'), self._topics).verify()

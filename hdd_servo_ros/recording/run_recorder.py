@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS
 from hdd_servo_ros.messages.errors import DiskError, RunError
 from hdd_servo_ros.messages.outcome import FAILED, FINISHED
 from hdd_servo_ros.messages.tick_messages import TickMessages

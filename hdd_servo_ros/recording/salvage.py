@@ -163,19 +163,19 @@ class _McapSalvage:
         in_chunk
             Whether they are those of a chunk.
         """
-        place = 0
-        while place < len(data):
-            start = first + place
-            if len(data) - place < _RECORD.size:
+        offset = 0
+        while offset < len(data):
+            start = first + offset
+            if len(data) - offset < _RECORD.size:
                 raise self._cut_off(start, first + len(data))
-            opcode, size = _RECORD.unpack_from(data, place)
-            place += _RECORD.size
+            opcode, size = _RECORD.unpack_from(data, offset)
+            offset += _RECORD.size
             if opcode in (_DATA_END, _FOOTER):
                 return True
             if not 0 < opcode < 0x80 or opcode > _DATA_END:
                 self._distrust_last()
                 raise _Fault(f'no record at byte {start}')
-            content = data[place : place + size]
+            content = data[offset : offset + size]
             if opcode == _CHUNK:
                 self._take_chunk(content, size, start)
             elif len(content) < size:
@@ -184,7 +184,7 @@ class _McapSalvage:
                 # A message in a chunk is the chunk's to check.
                 self.found.is_checked &= opcode != _MESSAGE or in_chunk
                 self._take(opcode, content)
-            place += size
+            offset += size
         return False
 
     def _cut_off(self, start: int, end: int) -> _Fault:
@@ -249,15 +249,15 @@ class _McapSalvage:
             file.seek(start)
             chunk = memoryview(file.read(size))[_RECORD.size :]
         records = memoryview(DECOMPRESS[compression](chunk[_CHUNK_HEAD.size + 12 + len(compression) :]))
-        messages, place = [], 0
-        while place < len(records):
-            opcode, length = _RECORD.unpack_from(records, place)
-            place += _RECORD.size
+        messages, offset = [], 0
+        while offset < len(records):
+            opcode, length = _RECORD.unpack_from(records, offset)
+            offset += _RECORD.size
             if opcode == _MESSAGE:
-                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(records, place)
-                payload = bytes(records[place + _MESSAGE_HEAD.size : place + length])
+                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(records, offset)
+                payload = bytes(records[offset + _MESSAGE_HEAD.size : offset + length])
                 messages.append((self._channels[channel], time, payload))
-            place += length
+            offset += length
         return messages
 
     @staticmethod

@@ -96,11 +96,11 @@ class MessagePages:
         with self._path.open('rb') as file, self._path.open('rb') as others:
             number = 0
             while piece := file.read(self._size * _GROUP):
-                for place in range(0, len(piece) - self._size + 1, self._size):
+                for offset in range(0, len(piece) - self._size + 1, self._size):
                     number += 1
-                    if number == 1 or piece[place] != _LEAF:
+                    if number == 1 or piece[offset] != _LEAF:
                         continue
-                    page = memoryview(piece)[place : place + self._size]
+                    page = memoryview(piece)[offset : offset + self._size]
                     ends = [
                         next(_rows(page, self._usable, functools.partial(self._page, others), step), None)
                         for step in (1, -1)
@@ -116,10 +116,10 @@ def _rows(
 ) -> Iterator[tuple[int, Row]]:
     """Iterate over the messages on a leaf with their ids, from the last one on if ``step`` is -1."""
     (count,) = struct.unpack_from('>H', page, 3)
-    for place in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
+    for offset in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
         # What makes no sense is another table's row, or damaged.
         with contextlib.suppress(IndexError, KeyError, struct.error):
-            (cell,) = struct.unpack_from('>H', page, place)
+            (cell,) = struct.unpack_from('>H', page, offset)
             size, cell = _varint(page, cell)
             number, cell = _varint(page, cell)
             row = _message(_payload(page, cell, size, usable, other))
@@ -127,14 +127,14 @@ def _rows(
                 yield number, row
 
 
-def _payload(page: memoryview, place: int, size: int, usable: int, other: Callable[[int], memoryview]) -> bytes:
+def _payload(page: memoryview, offset: int, size: int, usable: int, other: Callable[[int], memoryview]) -> bytes:
     most, least = usable - 35, (usable - 12) * 32 // 255 - 23
     if size <= most:
-        return bytes(page[place : place + size])
+        return bytes(page[offset : offset + size])
     wanted = least + (size - least) % (usable - 4)
     local = wanted if wanted <= most else least
-    payload = bytes(page[place : place + local])
-    (following,) = struct.unpack_from('>I', page, place + local)
+    payload = bytes(page[offset : offset + local])
+    (following,) = struct.unpack_from('>I', page, offset + local)
     while following and len(payload) < size:
         page = other(following)
         payload += page[4 : 4 + min(usable - 4, size - len(payload))]
@@ -144,28 +144,28 @@ def _payload(page: memoryview, place: int, size: int, usable: int, other: Callab
 
 def _message(record: bytes) -> Row | None:
     """Return what a row of `messages` (id, topic_id, timestamp, data) holds, None if it is no such row."""
-    place, kinds = 0, []
-    head_size, place = _varint(record, 0)
-    while place < head_size:
-        kind, place = _varint(record, place)
+    offset, kinds = 0, []
+    head_size, offset = _varint(record, 0)
+    while offset < head_size:
+        kind, offset = _varint(record, offset)
         kinds.append(kind)
     if len(kinds) != 4 or kinds[3] < _FIRST_BLOB or kinds[3] % 2:
         return None
     values = []
     for kind in kinds[:3]:
         size = _INTEGER_SIZES[kind]
-        values.append(int.from_bytes(record[place : place + size], 'big', signed=True) if size else int(kind == 9))
-        place += size
-    end = place + (kinds[3] - _FIRST_BLOB) // 2
-    return None if end != len(record) else (values[1], values[2], record[place:end])
+        values.append(int.from_bytes(record[offset : offset + size], 'big', signed=True) if size else int(kind == 9))
+        offset += size
+    end = offset + (kinds[3] - _FIRST_BLOB) // 2
+    return None if end != len(record) else (values[1], values[2], record[offset:end])
 
 
-def _varint(data: bytes | memoryview, place: int) -> tuple[int, int]:
+def _varint(data: bytes | memoryview, offset: int) -> tuple[int, int]:
     """Return the number at a place, and the place behind it."""
     value = 0
     for count in range(8):
-        byte = data[place + count]
+        byte = data[offset + count]
         value = value << 7 | byte & 0x7F
         if byte < 0x80:
-            return value, place + count + 1
-    return value << 8 | data[place + 8], place + 9
+            return value, offset + count + 1
+    return value << 8 | data[offset + 8], offset + 9

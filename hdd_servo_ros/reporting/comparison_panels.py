@@ -14,7 +14,7 @@ from hdd_servo_ros.reporting.close_up import close_up_of
 from hdd_servo_ros.reporting.evaluation import follows_reference
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, TIME_LABEL, Lines, error_label, error_title
 from hdd_servo_ros.reporting.over_time import signals_over_time
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace, fitted_range
+from hdd_servo_ros.reporting.panel import COLORS, GRAY, CloseUp, Panel, Trace, fitted_range
 from hdd_servo_ros.reporting.run_names import run_names
 from hdd_servo_ros.reporting.run_panels import spectrum_line, spectrum_panel
 from hdd_servo_ros.reporting.seek_panels import access_times_of_runs
@@ -26,19 +26,19 @@ _POINTS = 20_000
 
 @dataclasses.dataclass(frozen=True)
 class Compared:
-    """A run of a comparison: what it is called, its colour, its verdict, and from when on [s] that counts, if asked."""
+    """A run of a comparison: what it is called, its color, its verdict, and from when on [s] that counts, if asked."""
 
     run: RecordedRun
     name: str
-    colour: str
+    color: str
     verdict: Verdict | None
     after: float | None = None
 
 
 def compared(runs: Mapping[str, RecordedRun], after: float | None = None) -> list[Compared]:
-    """Return runs, given by their names, with a colour for each and their verdicts."""
+    """Return runs, given by their names, with a color for each and their verdicts."""
     return [
-        Compared(run, name, COLOURS[index % len(COLOURS)], verdict_of(run, after), after)
+        Compared(run, name, COLORS[index % len(COLORS)], verdict_of(run, after), after)
         for index, (name, run) in enumerate(runs.items())
     ]
 
@@ -65,11 +65,11 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
         label = f'control [{shown(controlled[0].run.control_unit)}]'
         traces = _lines(controlled, close_up, lambda signals: signals.command)
         panels.append(_over_time('control', 'Control', label, traces, close_up))
-    seeks = access_times_of_runs({item.name: (item.run, item.colour) for item in following})
+    seeks = access_times_of_runs({item.name: (item.run, item.color) for item in following})
     if seeks is not None:
         panels.append(seeks)
     if following:
-        lines = (spectrum_line(item.name, item.run, after, item.colour, _buckets(following)) for item in following)
+        lines = (spectrum_line(item.name, item.run, after, item.color, _buckets(following)) for item in following)
         panels.append(spectrum_panel([line for line in lines if line is not None], following[0].run.units))
     return panels
 
@@ -88,7 +88,7 @@ def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel
     run = max((item.run for item in items), key=lambda run: run.duration)
     signals = signals_over_time(run, items[0].after, close_up)
     lines = Lines(signals, follows=True, close_up=close_up, buckets=_buckets(items))
-    reference = lines.over_time('reference', signals.desired_position, GREY, wide=True)
+    reference = lines.over_time('reference', signals.desired_position, GRAY, wide=True)
     heads = _lines(items, close_up, lambda signals: signals.position, reference)
     panel = _over_time('tracking', 'Tracking', f'position [{shown(run.length_unit)}]', (reference, *heads), close_up)
     # The reference is drawn below the heads, however large it is.
@@ -124,7 +124,7 @@ def _lines(
     for item in items:
         signals = signals_over_time(item.run, item.after, close_up)
         drawn = Lines(signals, follows=follows_reference(item.run), close_up=close_up, buckets=_buckets(items))
-        lines.append(drawn.over_time(item.name, signal(signals), item.colour))
+        lines.append(drawn.over_time(item.name, signal(signals), item.color))
     judged = [(line, item.verdict) for line, item in zip(lines, items, strict=True)]
     # A run without a verdict is one that follows nothing.
     tracking = [line.y for line, verdict in judged if verdict is not None and verdict.tracks]

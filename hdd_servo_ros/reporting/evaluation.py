@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdd_servo_ros.graph import catalogue
+from hdd_servo_ros.graph import catalog
 from hdd_servo_ros.graph.recorded_nodes import kind_by_name
 from hdd_servo_ros.messages.topics import ESTIMATES, HEAD, REFERENCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -38,7 +38,7 @@ def transient_of(duration: float, last_change: float = 0.0) -> float:
 
 def follows_reference(run: RecordedRun) -> bool:
     """Return whether the run has an error: a head that is to follow a reference."""
-    return REFERENCE.name in run and HEAD.name in run and catalogue.follows_reference(run.controller)
+    return REFERENCE.name in run and HEAD.name in run and catalog.follows_reference(run.controller)
 
 
 def gives_seek_mode(run: RecordedRun) -> bool:

@@ -173,8 +173,8 @@ class _SecondPass:
         if self._mean is not None:
             first = max(block.first_tick, self._start)
             error = block.track_error[first - block.first_tick :]
-            place = np.arange(first - self._start, first - self._start + len(error))
-            self.cumulative.add(block.units.error_factor * (error - self._mean[place % len(self._mean)]))
+            index = np.arange(first - self._start, first - self._start + len(error))
+            self.cumulative.add(block.units.error_factor * (error - self._mean[index % len(self._mean)]))
 
 
 _FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[float | None, LongFigures]] = weakref.WeakKeyDictionary()

@@ -12,7 +12,7 @@ from hdd_servo_ros.messages.units import Units, shown
 from hdd_servo_ros.reporting.chosen_rows import ChosenRows
 from hdd_servo_ros.reporting.decimation import chosen_rows_to_draw, rows_to_draw
 from hdd_servo_ros.reporting.evaluation import NOT_ADAPTED, changes_at_all
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Shade, Trace
+from hdd_servo_ros.reporting.panel import COLORS, GRAY, CloseUp, Panel, Shade, Trace
 from hdd_servo_ros.reporting.seek_view import COARSE, FINE, SeekView
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Lines:
         begin, end = np.searchsorted(self._chosen.ticks, (rows.start, rows.stop)).tolist()
         return slice(begin, end)
 
-    def over_time(self, name: str, values: Array, colour: str, wide: bool = False) -> Trace:
+    def over_time(self, name: str, values: Array, color: str, wide: bool = False) -> Trace:
         """Return a signal, shape (n,), as a line."""
         if self._chosen is None:
             rows = rows_to_draw(values, self._buckets, self._in_full)
@@ -88,7 +88,7 @@ class Lines:
         large = values[self._large]
         if len(large):
             rows = np.union1d(rows, self._large.start + rows_to_draw(large, BUCKETS))
-        return Trace(name, self._time[rows], values[rows], colour, wide)
+        return Trace(name, self._time[rows], values[rows], color, wide)
 
 
 def loop_panels(
@@ -137,7 +137,7 @@ def loop_panels(
         )
 
     if REFERENCE.name in signals and HEAD.name in signals:
-        head = lines.over_time('head', signals.position, COLOURS[0])
+        head = lines.over_time('head', signals.position, COLORS[0])
         if follows and seeks is not None:
             shades = seeks.shades(signals.time)
             position, errors = _seek_lines(signals, lines, seeks)
@@ -149,19 +149,19 @@ def loop_panels(
                 title = f'Position error, {scale} scale'
                 add(name, title, label, errors, y_range=(-limit, limit), shades=shades)
         elif follows:
-            reference = lines.over_time('reference', signals.desired_position, GREY, wide=True)
+            reference = lines.over_time('reference', signals.desired_position, GRAY, wide=True)
             add('tracking', 'Tracking', f'position [{length}]', [reference, head])
             add(
                 'error',
                 error_title([signals]),
                 error_label(signals.units),
-                [lines.over_time(error_name(signals), signals.units.error_factor * signals.position_error, COLOURS[1])],
+                [lines.over_time(error_name(signals), signals.units.error_factor * signals.position_error, COLORS[1])],
             )
         else:
             add('tracking', 'Head', f'position [{length}]', [head])
     if CONTROL.name in signals:
-        total = lines.over_time('total', signals.command, COLOURS[2])
-        feedback = lines.over_time('feedback part', signals.feedback, COLOURS[3])
+        total = lines.over_time('total', signals.command, COLORS[2])
+        feedback = lines.over_time('feedback part', signals.feedback, COLORS[3])
         add('control', 'Control', f'control [{volt}]', [total, feedback], largest_first=True)
     if DISTURBANCE.name in signals and signals.disturbance.force.any():
         forces = _forces(signals, lines)
@@ -179,13 +179,13 @@ def error_title(shown: Sequence[TimedSignals]) -> str:
     """Return the title of a diagram of the position errors of one run or several."""
     kinds = {signals.is_track_following for signals in shown}
     if len(kinds) > 1:
-        return 'Position error, x - x_d, with the servo sensor less the track centre'
-    return 'Track error, x - x_d - track centre' if kinds == {True} else 'Tracking error, x - x_d'
+        return 'Position error, x - x_d, with the servo sensor less the track center'
+    return 'Track error, x - x_d - track center' if kinds == {True} else 'Tracking error, x - x_d'
 
 
 def error_name(signals: TimedSignals, less: str = 'reference') -> str:
     """Return what the position error of a run is made of, from the reference or from another position."""
-    return f'head - {less} - track centre' if signals.is_track_following else f'head - {less}'
+    return f'head - {less} - track center' if signals.is_track_following else f'head - {less}'
 
 
 def error_label(units: Units) -> str:
@@ -196,14 +196,12 @@ def error_label(units: Units) -> str:
 def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[list[Trace], list[Trace]]:
     """Return target, and trajectory to it if there is one, and the head's errors from both."""
     factor = signals.units.error_factor
-    position = [_stairs(lines.over_time('target', seeks.target, GREY, wide=True))]
+    position = [_stairs(lines.over_time('target', seeks.target, GRAY, wide=True))]
     error = factor * (signals.position_error + signals.desired_position - seeks.target)
-    errors = [lines.over_time(error_name(signals, 'target'), error, COLOURS[1])]
+    errors = [lines.over_time(error_name(signals, 'target'), error, COLORS[1])]
     if not np.array_equal(seeks.target, signals.desired_position):
-        position.append(lines.over_time('trajectory', signals.desired_position, COLOURS[3]))
-        errors.insert(
-            0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.position_error, COLOURS[3])
-        )
+        position.append(lines.over_time('trajectory', signals.desired_position, COLORS[3]))
+        errors.insert(0, lines.over_time(error_name(signals, 'trajectory'), factor * signals.position_error, COLORS[3]))
     return position, errors
 
 
@@ -216,9 +214,9 @@ def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:
     """Return the force against u, and the feedforward that is to cancel it."""
     has_feedforward = ESTIMATES.name in signals and FEEDFORWARD in signals.estimates
     # Wide, so that it shows behind a feedforward that is nearly equal.
-    forces = [lines.over_time('force against u', signals.disturbance.force, COLOURS[4], wide=has_feedforward)]
+    forces = [lines.over_time('force against u', signals.disturbance.force, COLORS[4], wide=has_feedforward)]
     if has_feedforward:
-        forces.append(lines.over_time('feedforward', signals.estimates[FEEDFORWARD], COLOURS[5]))
+        forces.append(lines.over_time('feedforward', signals.estimates[FEEDFORWARD], COLORS[5]))
     return forces
 
 
@@ -226,8 +224,8 @@ def _with_and_without(signals: TimedSignals, lines: Lines) -> list[Trace]:
     """Return the running rms of the error, and as the supervisor estimates it to be without feedforward."""
     factor, estimates = signals.units.error_factor, signals.estimates
     return [
-        lines.over_time('without feedforward, estimated', factor * estimates['ff_rms_without'], GREY, wide=True),
-        lines.over_time('with feedforward', factor * estimates['ff_rms'], COLOURS[1]),
+        lines.over_time('without feedforward, estimated', factor * estimates['ff_rms_without'], GRAY, wide=True),
+        lines.over_time('with feedforward', factor * estimates['ff_rms'], COLORS[1]),
     ]
 
 
@@ -238,6 +236,6 @@ def _estimates(signals: TimedSignals, lines: Lines) -> list[Trace]:
         if name in NOT_ADAPTED or name in _SHOWN_ELSEWHERE or not changes_at_all(values) or len(traces) == _ESTIMATES:
             continue
         largest = float(np.abs(values).max())
-        colour = COLOURS[len(traces) % len(COLOURS)]
-        traces.append(lines.over_time(f'{name} (largest {largest:.3g})', values / largest, colour))
+        color = COLORS[len(traces) % len(COLORS)]
+        traces.append(lines.over_time(f'{name} (largest {largest:.3g})', values / largest, color))
     return traces

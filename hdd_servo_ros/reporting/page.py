@@ -190,7 +190,7 @@ class _Axes:
                 'x1': end,
                 'y0': 0,
                 'y1': 1,
-                'fillcolor': shade.colour,
+                'fillcolor': shade.color,
                 'opacity': SHADE_OPACITY,
                 'line': {'width': 0},
                 'name': shade.name,
@@ -205,11 +205,11 @@ class _Axes:
 def _style(trace: Trace) -> dict[str, Any]:
     """Return how a line looks."""
     if trace.barred:
-        return {'type': 'bar', 'width': BAR_WIDTH, 'marker': {'color': trace.colour}}
+        return {'type': 'bar', 'width': BAR_WIDTH, 'marker': {'color': trace.color}}
     if trace.marked:
-        drawn: dict[str, Any] = {'mode': 'markers', 'marker': {'color': trace.colour}}
+        drawn: dict[str, Any] = {'mode': 'markers', 'marker': {'color': trace.color}}
     else:
-        drawn = {'mode': 'lines', 'line': {'color': trace.colour, 'width': 4 if trace.wide else 1.2}}
+        drawn = {'mode': 'lines', 'line': {'color': trace.color, 'width': 4 if trace.wide else 1.2}}
     return drawn | {'opacity': trace.opacity}
 
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
-GREY = '#999999'
+COLORS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
+GRAY = '#999999'
 BAR_WIDTH = 0.6
 """Of the distance of two bars."""
 SHADE_OPACITY = 0.5
@@ -26,7 +26,7 @@ class Trace:
         Of the line in the legend.
     x, y
         Its points, shape (n,).
-    colour
+    color
         As ``#rrggbb``.
     wide
         Whether it is drawn wide and transparent, as a line that others cover.
@@ -41,7 +41,7 @@ class Trace:
     name: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    colour: str
+    color: str
     wide: bool = False
     marked: bool = False
     clipped: bool = False
@@ -71,13 +71,13 @@ class Shade:
         What they are, in the legend.
     intervals
         Begin and end of each, shape (m, 2).
-    colour
+    color
         As ``#rrggbb``.
     """
 
     name: str
     intervals: NDArray[np.float64]
-    colour: str
+    color: str
 
     def between(self, start: float, end: float) -> 'Shade':
         """Return the parts within a range."""

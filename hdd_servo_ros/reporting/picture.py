@@ -108,7 +108,7 @@ def draw_panel(
     for rank, index in enumerate(panel.drawing_order()):
         trace = traces[index]
         if trace.barred:
-            handles[index] = axis.bar(trace.x, trace.y, width=BAR_WIDTH, color=trace.colour, label=trace.name)[0]
+            handles[index] = axis.bar(trace.x, trace.y, width=BAR_WIDTH, color=trace.color, label=trace.name)[0]
             continue
         line, marker = ('none', 'o') if trace.marked else ('-', '')
         (handles[index],) = axis.plot(
@@ -116,7 +116,7 @@ def draw_panel(
             trace.y,
             linestyle=line,
             marker=marker,
-            color=trace.colour,
+            color=trace.color,
             label=trace.name,
             linewidth=2.6 if trace.wide else 0.9,
             alpha=trace.opacity,
@@ -165,7 +165,7 @@ def _shade(axis: Axes, shade: Shade) -> Artist:
     corners = [[(start, 0.0), (start, 1.0), (end, 1.0), (end, 0.0)] for start, end in shade.intervals.tolist()]
     collection = PolyCollection(
         corners,
-        facecolors=shade.colour,
+        facecolors=shade.color,
         edgecolors='none',
         alpha=SHADE_OPACITY,
         label=shade.name,

@@ -164,8 +164,8 @@ def _marked_name(name: str, run: RecordedRun, judged: Verdict | None) -> str:
     return f'{name} ({", ".join(marks)})' if marks else name
 
 
-def refuse_different_units(runs: Sequence[RecordedRun]) -> None:
-    """Refuse runs whose drives are in different units: raises ValueError."""
+def reject_different_units(runs: Sequence[RecordedRun]) -> None:
+    """Reject runs whose drives are in different units: raises ValueError."""
     if len({(run.length_unit, run.control_unit) for run in runs}) > 1:
         units = ', '.join(f'{run.path}: {run.length_unit} and {run.control_unit}' for run in runs)
         raise ValueError(f'runs in different units cannot be compared: {units}')
@@ -191,7 +191,7 @@ def comparison_table(
     ValueError
         If the units of the runs differ.
     """
-    refuse_different_units(runs)
+    reject_different_units(runs)
     by_run = [{metric.name: metric for metric in run_metrics(run, after)} for run in runs]
     for metrics, run, found in zip(by_run, runs, by_source, strict=False):
         metrics |= {metric.name: metric for metric in source_metrics(run, found)} if found is not None else {}

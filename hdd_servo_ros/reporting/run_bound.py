@@ -93,7 +93,7 @@ def run_bound(run: RecordedRun, start: int) -> RunBound | None:
     """
     Return the least error of feedback in a run, None if :func:`why_no_bound`.
 
-    The disturbance's spectra are those that the run has recorded, by Welch's method. The drive is linearised in
+    The disturbance's spectra are those that the run has recorded, by Welch's method. The drive is linearized in
     presliding where the head stays within the deflection at which friction breaks away, else in sliding.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from hdd_servo_ros.graph import catalogue
+from hdd_servo_ros.graph import catalog
 from hdd_servo_ros.messages.topics import DISTURBANCE
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
@@ -24,7 +24,7 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
             'there is no run.yaml: how the run ended, its controller, its parameters and saturation are not known'
         )
     missing = [f'/{name}' for name in ('head', 'reference') if name not in run]
-    if missing and catalogue.follows_reference(run.controller):
+    if missing and catalog.follows_reference(run.controller):
         lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
     if run.is_track_following and DISTURBANCE.name in run.description.get('topics_left_out', {}):
         lines.append(f'no track error, since the bag holds no /{DISTURBANCE.name}: the errors are x - x_d')

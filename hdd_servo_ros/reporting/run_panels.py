@@ -16,7 +16,7 @@ from hdd_servo_ros.reporting.long_figures import long_figures
 from hdd_servo_ros.reporting.long_runs import rows_of, stretch_of
 from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
 from hdd_servo_ros.reporting.over_time import signals_over_time
-from hdd_servo_ros.reporting.panel import COLOURS, Panel, Trace
+from hdd_servo_ros.reporting.panel import COLORS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
 from hdd_servo_ros.reporting.run_numbers import answers_to_edges, has_stepwise_reference
 from hdd_servo_ros.reporting.seek_panels import seek_panels
@@ -68,7 +68,7 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
         panels += [panel] if track is None else [track] if is_same else [panel, track]
     panels += seek_panels(part)
     if follows_reference(run):
-        line = spectrum_line('error', run, after, COLOURS[0], BUCKETS)
+        line = spectrum_line('error', run, after, COLORS[0], BUCKETS)
         panels.append(spectrum_panel([] if line is None else [line], run.units))
         panels += track_panels(run, after)
     if REFERENCE.name in run and HEAD.name in run:
@@ -76,7 +76,7 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
     return panels
 
 
-def spectrum_line(name: str, run: RecordedRun, after: float | None, colour: str, buckets: int) -> Trace | None:
+def spectrum_line(name: str, run: RecordedRun, after: float | None, color: str, buckets: int) -> Trace | None:
     """Return the amplitude spectrum of the position error of a run as a line; None if it is too short for one."""
     start = steady_start(run, after)
     if run.row_count - start <= 2:
@@ -89,7 +89,7 @@ def spectrum_line(name: str, run: RecordedRun, after: float | None, colour: str,
         frequencies, amplitudes = amplitude_spectrum(run.error_factor * run.position_error[start:], run.sample_time)
     # The mean is taken out, and a logarithmic axis has no 0 Hz. Its low lines are far apart.
     rows = 1 + rows_to_draw(amplitudes[1:], buckets, [slice(0, _LINES_IN_FULL)])
-    return Trace(name, frequencies[rows], amplitudes[rows], colour)
+    return Trace(name, frequencies[rows], amplitudes[rows], color)
 
 
 def spectrum_panel(lines: Sequence[Trace], units: Units) -> Panel:
@@ -118,7 +118,7 @@ def _bode_panels(response: FrequencyResponse) -> list[Panel]:
             f'Measured response: {name}',
             'frequency [Hz]',
             label,
-            (Trace(name, response.frequency, values, COLOURS[0]),),
+            (Trace(name, response.frequency, values, COLORS[0]),),
             logarithmic_x=True,
             y_range=(0.0, 1.05) if name == 'coherence' else None,
         )
@@ -144,7 +144,7 @@ def _edges_panel(run: RecordedRun, after: float | None) -> Panel | None:
         x = 1e3 * (part.time[rows] - part.time[row])
         y = 1.0 + (part.relative_position[rows] - part.desired_position[row]) / height
         name = f'edge at {part.time[row]:g} s'
-        traces.append(Trace(name, x, y, COLOURS[len(traces) % len(COLOURS)]))
+        traces.append(Trace(name, x, y, COLORS[len(traces) % len(COLORS)]))
     return Panel('edges', 'Responses to the edges', 'time after the edge [ms]', 'of the height', tuple(traces))
 
 
@@ -157,10 +157,10 @@ def _loop_panel(run: RecordedRun, after: float | None) -> Panel | None:
     rows = min(len(run.ticks), round(period * max(1, min(PERIODS, int(_LOOP_SAMPLES // period)))))
     part = slice(len(run.ticks) - rows, len(run.ticks), max(1, rows // _LOOP_SAMPLES))
     position = run.position[part]
-    traces = [Trace('pivot friction', position, run.head.friction[part], COLOURS[4])]
+    traces = [Trace('pivot friction', position, run.head.friction[part], COLORS[4])]
     if CONTROL.name in run:
-        traces.append(Trace('control', position, run.command[part], COLOURS[2]))
-        traces.append(Trace('its feedback part', position, run.feedback[part], COLOURS[3]))
+        traces.append(Trace('control', position, run.command[part], COLORS[2]))
+        traces.append(Trace('its feedback part', position, run.feedback[part], COLORS[3]))
     return Panel(
         'loop',
         'Hysteresis, last periods',

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hdd_servo_ros.graph import catalogue
+from hdd_servo_ros.graph import catalog
 from hdd_servo_ros.messages.signals import Signals
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.messages.topics import CONTROL, ESTIMATES, HEAD, REFERENCE
@@ -57,7 +57,7 @@ class RunSums:
         self._estimate_names: tuple[str, ...] = ()
         self._first_estimates = self._last_estimates = np.empty(0)
         self._adapted = np.empty(0, dtype=np.bool_)
-        self._follows = catalogue.follows_reference(description.get('controller'))
+        self._follows = catalog.follows_reference(description.get('controller'))
         self._ranges = Ranges.of(description)
 
     def add(self, signals: Signals) -> None:

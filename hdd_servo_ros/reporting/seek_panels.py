@@ -11,7 +11,7 @@ from hdd_servo_ros.analysis.seek_metrics import RESIDUAL_TIME, SeekResponse, res
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.loop_panels import error_label
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
+from hdd_servo_ros.reporting.panel import COLORS, GRAY, Panel, Trace
 from hdd_servo_ros.reporting.seek_view import COARSE, FINE
 from hdd_servo_ros.reporting.seeks_of_run import bound_curve, part_with_seeks, responses_of, seeks_of, tolerance_of
 
@@ -52,26 +52,26 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
     Parameters
     ----------
     runs
-        By name, each run and its colour.
+        By name, each run and its color.
 
     Returns
     -------
     Panel or None
         None where no run has seeks, or no drive is in um.
     """
-    parts = {name: (part_with_seeks(run), colour) for name, (run, colour) in runs.items()}
-    known = [(name, run, colour, tolerance_of(run)) for name, (run, colour) in parts.items() if seeks_of(run)]
-    seeking = [(name, run, colour, tolerance) for name, run, colour, tolerance in known if tolerance is not None]
+    parts = {name: (part_with_seeks(run), color) for name, (run, color) in runs.items()}
+    known = [(name, run, color, tolerance_of(run)) for name, (run, color) in parts.items() if seeks_of(run)]
+    seeking = [(name, run, color, tolerance) for name, run, color, tolerance in known if tolerance is not None]
     if not seeking:
         return None
     _, run, _, tolerance = max(seeking, key=lambda item: len({abs(seek.length) for seek in seeks_of(item[1])}))
     panel = _access_times(run, [], tolerance)
     traces = []
-    for name, run, colour, tolerance in seeking:
+    for name, run, color, tolerance in seeking:
         responses = responses_of(run, tolerance)
         lost = sum(not response.has_arrived for response in responses)
         label = f'{name} ({lost} of {len(responses)} do not arrive)' if lost else name
-        traces += _marks(run, label, [response for response in responses if response.has_arrived], colour)
+        traces += _marks(run, label, [response for response in responses if response.has_arrived], color)
     # A run with many seeks is drawn below those with few.
     traces.sort(key=lambda trace: -len(trace.x))
     return dataclasses.replace(
@@ -79,14 +79,14 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
     )
 
 
-def _marks(run: RecordedRun, name: str, responses: list[SeekResponse], colour: str) -> list[Trace]:
+def _marks(run: RecordedRun, name: str, responses: list[SeekResponse], color: str) -> list[Trace]:
     """Return the seek times, or how long seeks that do not arrive were watched [ms], over length; none without any."""
     if not responses:
         return []
     times = [1e3 * (response.seek_time if response.has_arrived else response.watched) for response in responses]
     lengths = [abs(response.seek.length) for response in responses]
     # A logarithm has no 0, the time of a head that is there when it is asked.
-    return [Trace(name, np.array(lengths), np.maximum(times, 1e3 * run.sample_time), colour, marked=True)]
+    return [Trace(name, np.array(lengths), np.maximum(times, 1e3 * run.sample_time), color, marked=True)]
 
 
 def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -> Panel:
@@ -95,14 +95,14 @@ def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: fl
     if curve is not None:
         known = np.isfinite(curve.fastest)
         traces = [
-            Trace('T*, time-optimal rigid body', curve.lengths, 1e3 * curve.time_optimal, GREY, wide=True),
+            Trace('T*, time-optimal rigid body', curve.lengths, 1e3 * curve.time_optimal, GRAY, wide=True),
             Trace('fastest with modes', curve.lengths[known], 1e3 * curve.fastest[known], _DARK),
         ]
-    for name, arrived, colour in (
-        ('seek', True, COLOURS[0]),
-        ('seek that does not arrive: time watched', False, COLOURS[1]),
+    for name, arrived, color in (
+        ('seek', True, COLORS[0]),
+        ('seek that does not arrive: time watched', False, COLORS[1]),
     ):
-        traces += _marks(run, name, [response for response in responses if response.has_arrived == arrived], colour)
+        traces += _marks(run, name, [response for response in responses if response.has_arrived == arrived], color)
     within = f'{run.error_factor * tolerance:.4g} {shown(run.error_unit)}'
     return Panel(
         'access_times',
@@ -129,9 +129,9 @@ def _errors(run: RecordedRun, responses: list[SeekResponse], tolerance: float) -
         since = 1e3 * (run.time[rows] - run.time[seek.row])
         last = max(last, float(since[-1]))
         error = factor * (position[rows] - seek.target)
-        traces.append(Trace(_name(response), since, error, COLOURS[index % len(COLOURS)]))
+        traces.append(Trace(_name(response), since, error, COLORS[index % len(COLORS)]))
     x, limit = np.array([0.0, last, last, 0.0, last]), factor * tolerance
-    limits = Trace(f'{100.0 * WRITE_LIMIT:g} % of pitch', x, np.array([limit, limit, np.nan, -limit, -limit]), GREY)
+    limits = Trace(f'{100.0 * WRITE_LIMIT:g} % of pitch', x, np.array([limit, limit, np.nan, -limit, -limit]), GRAY)
     return [
         Panel(
             f'seek_errors_{scale}',
@@ -158,7 +158,7 @@ def _spectrum(run: RecordedRun, responses: list[SeekResponse]) -> list[Panel]:
         if len(error) < 4:
             continue
         frequencies, amplitudes = residual_spectrum(error, run.sample_time)
-        traces.append(Trace(_name(response), frequencies, amplitudes, COLOURS[len(traces) % len(COLOURS)]))
+        traces.append(Trace(_name(response), frequencies, amplitudes, COLORS[len(traces) % len(COLORS)]))
     if not traces:
         return []
     return [

@@ -37,13 +37,13 @@ class SeekView:
         if self.mode is None or not len(time):
             return ()
         found = []
-        for mode, name, colour in _SHADES:
+        for mode, name, color in _SHADES:
             edges = np.diff(np.concatenate([[0], self.mode == mode, [0]]).astype(np.int8))
             starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
             if len(starts):
                 # Each row lasts until the next one.
                 intervals = np.column_stack([time[starts], time[np.minimum(ends, len(time) - 1)]])
-                found.append(Shade(name, intervals, colour))
+                found.append(Shade(name, intervals, color))
         return tuple(found)
 
 

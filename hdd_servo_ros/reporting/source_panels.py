@@ -8,7 +8,7 @@ import numpy as np
 from hdd_servo_ros.messages.units import shown
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.metric import Metric
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
+from hdd_servo_ros.reporting.panel import COLORS, GRAY, Panel, Trace
 
 REST = 'rest'
 
@@ -52,7 +52,7 @@ def source_panel(run: RecordedRun, found: ErrorBySource) -> Panel:
             name,
             np.array([float(index)]),
             np.array([run.error_factor * value]),
-            GREY if name in ('all', REST) else COLOURS[index % len(COLOURS)],
+            GRAY if name in ('all', REST) else COLORS[index % len(COLORS)],
             barred=True,
         )
         for index, (name, value) in enumerate(bars.items())

@@ -14,7 +14,7 @@ from hdd_servo_ros.reporting.long_figures import long_figures
 from hdd_servo_ros.reporting.long_runs import stretch_of
 from hdd_servo_ros.reporting.loop_panels import TIME_LABEL, Lines, error_label
 from hdd_servo_ros.reporting.over_time import signals_over_time
-from hdd_servo_ros.reporting.panel import COLOURS, GREY, Panel, Trace
+from hdd_servo_ros.reporting.panel import COLORS, GRAY, Panel, Trace
 from hdd_servo_ros.reporting.track_metrics import has_track
 from hdd_servo_ros.reporting.track_numbers import track_numbers
 from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of, track_pitch
@@ -69,18 +69,18 @@ def _over_time(run: RecordedRun, after: float | None) -> Panel:
     close_up = close_up_of(run)
     signals = signals_over_time(run, after, close_up)
     lines = Lines(signals, follows=True, close_up=close_up)
-    error = lines.over_time('head - reference - track centre', run.error_factor * signals.track_error, COLOURS[1])
+    error = lines.over_time('head - reference - track center', run.error_factor * signals.track_error, COLORS[1])
     pitch, traces = track_pitch(run), [error]
     if pitch is not None:
         # Both limits as one line with a gap, drawn within the close-up as well.
         ends = [float(signals.time[0]), float(signals.time[-1])]
         ends = sorted({*ends, *([] if close_up is None else [close_up.start, close_up.end])})
         x = np.array([*ends, ends[-1], *ends])
-        for limit, colour in ((WRITE_LIMIT, COLOURS[3]), (READ_LIMIT, COLOURS[4])):
+        for limit, color in ((WRITE_LIMIT, COLORS[3]), (READ_LIMIT, COLORS[4])):
             y = np.full(len(ends), run.error_factor * limit * pitch)
             is_far = 2.0 * np.abs(error.y).max() < y[0]
             name = f'{100.0 * limit:g} % of pitch'
-            traces.append(Trace(name, x, np.concatenate([y, [np.nan], -y]), colour, clipped=is_far))
+            traces.append(Trace(name, x, np.concatenate([y, [np.nan], -y]), color, clipped=is_far))
     return Panel(
         'track_error',
         'Track error',
@@ -98,12 +98,12 @@ def _shock_responses(run: RecordedRun, shocks: NDArray[np.float64]) -> Panel:
     for index, shock in enumerate(drawn):
         rows = slice(run.since(shock - _BEFORE_SHOCK).start, run.since(shock + _AFTER_SHOCK).start)
         since, error = 1e3 * (run.time[rows] - shock), run.error_factor * run.track_error[rows]
-        traces.append(Trace(f'shock at {shock:g} s', since, error, COLOURS[index % len(COLOURS)]))
+        traces.append(Trace(f'shock at {shock:g} s', since, error, COLORS[index % len(COLORS)]))
     return Panel('shocks', 'Responses to shocks', 'time from the shock [ms]', error_label(run.units), tuple(traces))
 
 
 def _cumulative_spectra(run: RecordedRun, after: float | None) -> list[tuple[str, Spectrum, str]]:
-    """Return the cumulative spectra of the track error by their names, with a colour for each."""
+    """Return the cumulative spectra of the track error by their names, with a color for each."""
     if run.is_long:
         figures = long_figures(run, after)
         whole, rest = figures.cumulative_spectrum, figures.cumulative_without_runout
@@ -112,8 +112,8 @@ def _cumulative_spectra(run: RecordedRun, after: float | None) -> list[tuple[str
         whole, rest = cumulative_spectrum(error, run.sample_time), None
         if sectors and len(error) >= 2 * sectors:
             rest = cumulative_spectrum(non_repeatable(error, sectors), run.sample_time)
-    lines = [('track error', whole, COLOURS[1])]
-    return lines if rest is None else [*lines, ('without repeatable runout', rest, COLOURS[0])]
+    lines = [('track error', whole, COLORS[1])]
+    return lines if rest is None else [*lines, ('without repeatable runout', rest, COLORS[0])]
 
 
 def _cumulative(run: RecordedRun, after: float | None) -> Panel:
@@ -122,7 +122,7 @@ def _cumulative(run: RecordedRun, after: float | None) -> Panel:
         'Cumulative spectrum of the track error',
         'frequency [Hz]',
         f'sigma below the frequency [{shown(run.error_unit)}]',
-        tuple(Trace(name, *spectrum, colour) for name, spectrum, colour in _cumulative_spectra(run, after)),
+        tuple(Trace(name, *spectrum, color) for name, spectrum, color in _cumulative_spectra(run, after)),
         logarithmic_x=True,
     )
 
@@ -140,8 +140,8 @@ def _runout(run: RecordedRun, parts: RunoutParts, start: int) -> Panel:
         'servo sector',
         error_label(run.units),
         (
-            Trace('RPE', sector, mean, COLOURS[0]),
-            Trace('RPE + 3 sigma of NRPE', sector, mean + spread, GREY),
-            Trace('RPE - 3 sigma of NRPE', sector, mean - spread, GREY),
+            Trace('RPE', sector, mean, COLORS[0]),
+            Trace('RPE + 3 sigma of NRPE', sector, mean + spread, GRAY),
+            Trace('RPE - 3 sigma of NRPE', sector, mean - spread, GRAY),
         ),
     )

@@ -24,7 +24,7 @@ SATURATED_SHARE = 0.5
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """
-    Judgement of a run, beyond how it ended.
+    Judgment of a run, beyond how it ended.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ _NODE = fields_of(
         'offers': mapping(string),
         'parameters': mapping(parameter_value),
         'last_tick_needed': count,
-        'refuses': string,
+        'rejects': string,
     },
     required=('inputs', 'outputs', 'offers', 'parameters'),
 )

@@ -66,4 +66,4 @@ class Ending:
             for _ in range(_FINAL_ANNOUNCEMENTS):
                 time.sleep(PERIODS[WAITING])
                 member.announce(outcome.reason)
-        member.wait_for_acknowledgements(_ACKNOWLEDGED_WITHIN)
+        member.wait_for_acknowledgments(_ACKNOWLEDGED_WITHIN)

@@ -123,7 +123,7 @@ class Input:
         return message
 
     def _examine(self, message: bytes, expected: int) -> None:
-        """Refuse what is no message of the topic; the next message of this size and kind needs no examination."""
+        """Reject what is no message of the topic; the next message of this size and kind needs no examination."""
         try:
             check_message(self.topic.codec, message)
         except ValueError as error:

@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.publisher import Publisher
 from rclpy.time import Time
 
-from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, refuse_failing
+from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, reject_failing
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import LoopTopic
@@ -126,7 +126,7 @@ class LoopNode(ParameterNode):
         is_change: bool,
     ) -> None:
         """
-        Refuse parameters with which this node cannot run; see :meth:`attempt`.
+        Reject parameters with which this node cannot run; see :meth:`attempt`.
 
         Parameters
         ----------
@@ -142,17 +142,17 @@ class LoopNode(ParameterNode):
         """
         attempt = self.attempt(sets, sample_time, nodes, is_change=is_change)
         if attempt is not None:
-            refuse_failing(self.get_name(), sets, accepted, attempt)
+            reject_failing(self.get_name(), sets, accepted, attempt)
 
     def check_start(self, sample_time: float, nodes: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse the present parameters if this node cannot run with them; raises :class:`ParameterError`."""
+        """Reject the present parameters if this node cannot run with them; raises :class:`ParameterError`."""
         sets = self.parameters.sets
         self.check(sets, {kind: kind() for kind in sets}, sample_time, nodes, is_change=False)
 
     def check_schedule(
         self, changes: Sequence[Change], sample_time: float, nodes: Mapping[str, Mapping[str, Any]]
     ) -> None:
-        """Refuse a schedule after one of whose changes this node cannot run; raises :class:`ParameterError`."""
+        """Reject a schedule after one of whose changes this node cannot run; raises :class:`ParameterError`."""
         accepted: Sets = self.parameters.sets
         for step in self.plan(changes):
             try:
@@ -162,7 +162,7 @@ class LoopNode(ParameterNode):
             accepted = step.sets
 
     def _check_change(self, sets: Sets) -> None:
-        """Refuse a change with which this node cannot run on; one of the schedule has been tried before the run."""
+        """Reject a change with which this node cannot run on; one of the schedule has been tried before the run."""
         if sets == self._scheduled:
             return
         assert self._run is not None
@@ -307,8 +307,8 @@ class LoopNode(ParameterNode):
         if not isinstance(error, ParameterError):
             try:
                 self.check_start(run.sample_time, run.nodes)
-            except ParameterError as refused:
-                error = refused
+            except ParameterError as rejected:
+                error = rejected
             else:
                 raise error
         return str(error) if error.name == 'schedule' else f'{self.get_name()}: {error}'
@@ -367,10 +367,10 @@ class LoopNode(ParameterNode):
             step = self._schedule.pop(0)
             self.show_time()
             self._scheduled = step.sets
-            refused = self.parameters.set(step.values)
+            rejected = self.parameters.set(step.values)
             self._scheduled = {}
-            if refused:
-                raise RunError(f'{self.get_fully_qualified_name()}: schedule {step.entry!r}: {refused}')
+            if rejected:
+                raise RunError(f'{self.get_fully_qualified_name()}: schedule {step.entry!r}: {rejected}')
         self._set_halt()
         return not self.done
 

@@ -122,7 +122,7 @@ class Member:
         if now - self._announced_at > period:
             self.announce()
 
-    def wait_for_acknowledgements(self, timeout: Duration) -> None:
+    def wait_for_acknowledgments(self, timeout: Duration) -> None:
         """Wait until all processes that are left have received what was sent."""
         self._publisher.wait_for_all_acked(timeout)
 

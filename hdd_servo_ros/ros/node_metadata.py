@@ -40,8 +40,8 @@ def metadata_of(nodes: Sequence[LoopNode], timer: TimerAnnouncement | None) -> d
             raise RunError(str(error)) from None
         for name, tick in needed.items():
             metadata[name]['last_tick_needed'] = tick
-        for name, reason in _schedule_refusals(nodes, timer):
-            metadata[name]['refuses'] = reason
+        for name, reason in _schedule_rejections(nodes, timer):
+            metadata[name]['rejects'] = reason
     return metadata
 
 
@@ -54,7 +54,7 @@ def _metadata_of_node(node: LoopNode) -> dict[str, Any]:
     }
 
 
-def _schedule_refusals(nodes: Iterable[LoopNode], timer: TimerAnnouncement) -> Iterator[tuple[str, str]]:
+def _schedule_rejections(nodes: Iterable[LoopNode], timer: TimerAnnouncement) -> Iterator[tuple[str, str]]:
     """
     Iterate over the nodes that cannot do what the timer's schedule says of them, and why.
 

@@ -68,7 +68,7 @@ def with_soft_range(message: ParameterDescriptor, declaration: Declaration, valu
     Return a descriptor in which every number has a range, for rqt_reconfigure, which shows a slider where there is one.
 
     Where the declaration has no bound, the range goes to ten times the default or the value, whichever is larger. rclpy
-    refuses what lies outside of a range that it knows, so it is not to know this one.
+    rejects what lies outside of a range that it knows, so it is not to know this one.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class ParameterNode(Node):
     Raises
     ------
     ParameterError, ArgumentError
-        If rclpy refuses the node's name, namespace or one of the parameters that every node has.
+        If rclpy rejects the node's name, namespace or one of the parameters that every node has.
     """
 
     def __init__(self, name: str) -> None:
@@ -152,7 +152,7 @@ class ParameterNode(Node):
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Change parameters together, or none if one is refused."""
+        """Change parameters together, or none if one is rejected."""
         if not parameter_list:
             return SetParametersResult(successful=True)  # no change, of which no event would tell either
         for parameter in parameter_list:
@@ -164,10 +164,10 @@ class ParameterNode(Node):
         given = [self._as_declared(parameter) for parameter in parameter_list]
         for parameter in given:
             declaration = self.declared.get(parameter.name)
-            # rclpy refuses another type too, and names neither the parameter nor what is allowed.
+            # rclpy rejects another type too, and names neither the parameter nor what is allowed.
             if declaration is not None and parameter.type_ != _type_of(declaration):
-                refusal = ParameterError(parameter.name, _as_list(parameter.value), declaration.allowed)
-                return SetParametersResult(successful=False, reason=str(refusal))
+                rejection = ParameterError(parameter.name, _as_list(parameter.value), declaration.allowed)
+                return SetParametersResult(successful=False, reason=str(rejection))
         return super().set_parameters_atomically(given)
 
 
@@ -254,11 +254,11 @@ class NodeParameters:
         self._report = report
 
     def check_further(self, check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None]) -> None:
-        """Refuse changes for which ``check``, given all parameter sets after the change, raises ParameterError."""
+        """Reject changes for which ``check``, given all parameter sets after the change, raises ParameterError."""
         self._further_check = check
 
     def set(self, values: Mapping[str, Value]) -> str:
-        """Change parameters together as `ros2 param set` does it; return why that is refused, else an empty text."""
+        """Change parameters together as `ros2 param set` does it; return why that is rejected, else an empty text."""
         declared = {declaration.name: declaration for kind in self.kinds for declaration in declarations(kind)}
         changes = []
         for name, value in values.items():

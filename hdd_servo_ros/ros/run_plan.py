@@ -8,7 +8,7 @@ from typing import Any
 from hdd_servo_ros.messages.errors import RunError
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
-from hdd_servo_ros.parameters.schedule import Change, parse_schedule, refuse_unknown_nodes
+from hdd_servo_ros.parameters.schedule import Change, parse_schedule, reject_unknown_nodes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,16 +97,16 @@ def make_run_plan(
     Raises
     ------
     RunError
-        If a node refuses the schedule.
+        If a node rejects the schedule.
     ParameterError
         If the schedule names an unknown node, or the duration does not go with the nodes' plans.
     """
     frame_id = next((node['offers']['frame_id'] for node in nodes.values() if 'frame_id' in node['offers']), '')
     for node in nodes.values():
-        if 'refuses' in node:
-            raise RunError(node['refuses'])
+        if 'rejects' in node:
+            raise RunError(node['rejects'])
     needed = {name: node['last_tick_needed'] for name, node in nodes.items() if 'last_tick_needed' in node}
-    refuse_unknown_nodes(timer.changes, list(nodes))
+    reject_unknown_nodes(timer.changes, list(nodes))
     last_tick = last_tick_of_run(timer, needed)
     return RunPlan(
         timer.sample_time, last_tick, timer.rate, frame_id, timer_name, nodes, list(processes), list(timer.schedule)

@@ -67,10 +67,10 @@ def who_can_reach(environment: Mapping[str, str]) -> str:
 
 
 def check_domain(environment: Mapping[str, str]) -> None:
-    """Refuse a ROS domain that has no ports: Fast DDS would end the process. Raises ArgumentError."""
+    """Reject a ROS domain that has no ports: Fast DDS would end the process. Raises ArgumentError."""
     given = environment.get('ROS_DOMAIN_ID')
     if given and not (given.isascii() and given.isdigit() and int(given[:9]) <= _LARGEST_DOMAIN):
-        raise ArgumentError(f'ROS_DOMAIN_ID = {shown(given)} is refused: an integer from 0 to {_LARGEST_DOMAIN}')
+        raise ArgumentError(f'ROS_DOMAIN_ID = {shown(given)} is rejected: an integer from 0 to {_LARGEST_DOMAIN}')
 
 
 def use_udp_alone(environment: MutableMapping[str, str]) -> None:

@@ -121,7 +121,7 @@ def targets_of(seek: SeekParameters) -> list[float]:
 
 
 def check_dwell_times(seek: SeekParameters) -> None:
-    """Refuse a seek that is not over when the next one starts: raises :class:`ParameterError`."""
+    """Reject a seek that is not over when the next one starts: raises :class:`ParameterError`."""
     bounds = _bounds(seek)
     targets = targets_of(seek)
     origins = [0.0, *targets[:-1]]

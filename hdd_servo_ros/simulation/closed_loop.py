@@ -123,8 +123,8 @@ def closed_loop(
         else:
             position, velocity, friction = plant_step(*plant, tick, held[0], held[1])
         if has_servo:
-            track_centre = disturbance_rows[row, 1] if is_disturbed else 0.0
-            error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_centre)
+            track_center = disturbance_rows[row, 1] if is_disturbed else 0.0
+            error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_center)
             # The feedforward is to cancel a force that the observer does not know of either.
             _, velocity_volts = observer_step(*observer, displacement_volts, held[0] - held[4])
             pes_rows[row, 0] = error

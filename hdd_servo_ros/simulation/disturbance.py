@@ -20,6 +20,6 @@ class DisturbanceSource(Protocol):
         """
         Return what consecutive ticks carry on each of :attr:`topics`, shape (count, width of the topic).
 
-        Of `/disturbance` that is force against u [V], displacement of the track centre [um], 0; of
+        Of `/disturbance` that is force against u [V], displacement of the track center [um], 0; of
         `/base_acceleration` the linear [m/s^2] and angular [rad/s^2] acceleration along and about x, y, z.
         """

@@ -31,15 +31,15 @@ from hdd_servo_ros.graph.block_parameters import (
     feedforward_parameters,
     input_parameters,
     observer_parameters,
-    refuse_other_units,
+    reject_other_units,
     runout_parameters,
     seek_kind,
     seek_parameters,
     sensor_scales,
 )
-from hdd_servo_ros.graph.catalogue import BASE_SENSOR, NODES, SENSORS, resolve
-from hdd_servo_ros.graph.catalogue import CONTROLLERS as CONTROLLER_NODES
-from hdd_servo_ros.graph.controller_loader import load_controller, refuse_former_object
+from hdd_servo_ros.graph.catalog import BASE_SENSOR, NODES, SENSORS, resolve
+from hdd_servo_ros.graph.catalog import CONTROLLERS as CONTROLLER_NODES
+from hdd_servo_ros.graph.controller_loader import load_controller, reject_former_object
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.signals import SignalRows
@@ -129,7 +129,7 @@ class Experiment:
     Raises
     ------
     ParameterError
-        If a value is refused or a name unknown; the name is preceded by its node's. If the ``step`` of a controller
+        If a value is rejected or a name unknown; the name is preceded by its node's. If the ``step`` of a controller
         given as an object takes six arguments, as it once did. If ``disturbance`` and a ``disturbance_generator`` are
         both given.
 
@@ -199,7 +199,7 @@ class Experiment:
             if self.servo is not None and NODES[node].needs_ldv:
                 raise ParameterError('sensor', sensor, f'ldv, which {node} measures')
         else:
-            refuse_former_object(controller)
+            reject_former_object(controller)
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
         if isinstance(self.controller, KnowsOutputLimit):
@@ -208,7 +208,7 @@ class Experiment:
         self.observer = None if self.servo is None else Observer(observer, sample_time)
         self.seek: Seek | None = None
         if seek.is_used:
-            refuse_other_units(f'{node}.seek.method', seek, self.plant.parameters)
+            reject_other_units(f'{node}.seek.method', seek, self.plant.parameters)
             try:
                 surroundings = self._surroundings_of_seek(seek, parameters_of_law)
             except ParameterError as error:
@@ -224,12 +224,12 @@ class Experiment:
             self.accelerometer = self._block(BASE_SENSOR, sections)
         self.feedforward: Feedforward | None = None
         if feedforward.is_used:
-            refuse_other_units(f'{node}.feedforward.method', feedforward, self.plant.parameters)
+            reject_other_units(f'{node}.feedforward.method', feedforward, self.plant.parameters)
             knowledge = self._knowledge_of(feedforward, parameters_of_law)
             self.feedforward = Feedforward(feedforward, sample_time, *knowledge)
         self.runout: RunoutCancellation | None = None
         if runout.is_used:
-            refuse_other_units(f'{node}.runout.method', runout, self.plant.parameters)
+            reject_other_units(f'{node}.runout.method', runout, self.plant.parameters)
             try:
                 path = self._runout_path(runout, parameters_of_law)
             except ParameterError as error:
@@ -478,14 +478,14 @@ class Experiment:
         return Controllers._make(arrays)
 
     def _measure(
-        self, rows: SignalRows, row: int, tick: int, head: Sequence[float], control: float, track_centre: float
+        self, rows: SignalRows, row: int, tick: int, head: Sequence[float], control: float, track_center: float
     ) -> tuple[float, float]:
         """Return what the sensor gives the controller, and write its row."""
         if self.servo is None or self.observer is None:
             ldv = self.ldv.step(tick, head[0], head[1])
             rows.ldv[row] = (*ldv, 0.0)
             return ldv
-        decoded = self.servo.step(tick, head[0], track_centre)
+        decoded = self.servo.step(tick, head[0], track_center)
         rows.pes[row] = decoded
         # The feedforward is to cancel a force that the observer does not know of either.
         _, velocity = self.observer.step(decoded[1], control - float(self._held[4]))
@@ -494,14 +494,14 @@ class Experiment:
     def _run_from_python(self, rows: SignalRows) -> None:
         signals = [rows[topic.name] for topic in SIGNAL_TOPICS if topic.name in rows]
         forces = rows.disturbance.force if DISTURBANCE.name in rows else np.zeros(len(rows))
-        centres = rows.disturbance.track_centre if DISTURBANCE.name in rows else np.zeros(len(rows))
+        centers = rows.disturbance.track_center if DISTURBANCE.name in rows else np.zeros(len(rows))
         base = rows[BASE_ACCELERATION.name] if BASE_ACCELERATION.name in rows else np.zeros((len(rows), 6))
         for row in range(len(rows)):
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
             control, force, linear, angular = self._held[:4].tolist()
             head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force)
-            measured = self._measure(rows, row, tick, head, control, float(centres[row]))
+            measured = self._measure(rows, row, tick, head, control, float(centers[row]))
             outputs = (0.0, 0.0)
             if self.accelerometer is not None:
                 outputs = self.accelerometer.step(tick, linear, angular, control)

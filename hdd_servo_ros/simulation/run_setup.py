@@ -14,7 +14,7 @@ from hdd_servo_ros.analysis.parameter_trial import (
     attempt_change,
     attempt_for,
     has_extremes,
-    refuse_failing,
+    reject_failing,
 )
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters
 from hdd_servo_ros.control.controller import HasPlan
@@ -23,7 +23,7 @@ from hdd_servo_ros.control.observer import ControllerObserverParameters
 from hdd_servo_ros.control.outside import ControllerError
 from hdd_servo_ros.control.runout_parameters import ControllerRunoutParameters
 from hdd_servo_ros.control.seek_parameters import ControllerSeekParameters, SeekControllerParameters
-from hdd_servo_ros.graph.catalogue import (
+from hdd_servo_ros.graph.catalog import (
     CONTROLLERS,
     NODES,
     names_with_parameters,
@@ -32,7 +32,7 @@ from hdd_servo_ros.graph.catalogue import (
 )
 from hdd_servo_ros.graph.connections import outputs_of
 from hdd_servo_ros.graph.controller_loader import ControllerKind, load_controller
-from hdd_servo_ros.graph.known_parameters import refuse_unknown, take_standard
+from hdd_servo_ros.graph.known_parameters import reject_unknown, take_standard
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR, PLAYBACK, roles_of_run
 from hdd_servo_ros.graph.topic_names import topic_names
@@ -50,7 +50,7 @@ from hdd_servo_ros.parameters.run_parameters import (
     TimerParameters,
     last_tick_of_run,
 )
-from hdd_servo_ros.parameters.schedule import Step, plan, refuse_unknown_nodes
+from hdd_servo_ros.parameters.schedule import Step, plan, reject_unknown_nodes
 from hdd_servo_ros.recording.playback import Playback
 from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -163,18 +163,18 @@ class Simulation:
             attempt = self._attempt(name, sets, kinds, outside, is_change=False)
             if attempt is not None:
                 try:
-                    refuse_failing(name, kinds, {kind: kind() for kind in kinds}, attempt)
+                    reject_failing(name, kinds, {kind: kind() for kind in kinds}, attempt)
                 except ParameterError as error:
                     raise with_node(error, name) from error.__cause__
 
     def _check_schedule(self, sets: Mapping[str, Sets], outside: ControllerKind | None) -> None:
-        """Refuse a schedule after one of whose changes a node cannot run."""
+        """Reject a schedule after one of whose changes a node cannot run."""
         accepted = dict(sets)
         for name, step in self.schedule:
             attempt = self._attempt(name, sets, step.sets, outside, is_change=True)
             if attempt is not None:
                 try:
-                    refuse_failing(name, step.sets, accepted[name], attempt)
+                    reject_failing(name, step.sets, accepted[name], attempt)
                 except ParameterError as error:
                     raise ParameterError('schedule', step.entry, str(error)) from error.__cause__
             accepted[name] = step.sets
@@ -214,7 +214,7 @@ class Simulation:
             raise with_node(error, node) from None
         take_standard(values)
         try:
-            refuse_unknown(values)
+            reject_unknown(values)
         except ParameterError as error:
             # What was given for all nodes is missing in all.
             raise error if arguments.is_for_all(error.name) else with_node(error, node) from None
@@ -225,7 +225,7 @@ class Simulation:
     ) -> list[tuple[str, Step]]:
         """Return what the schedule changes, node and step, in the order of the ticks."""
         changes = self.timer.changes
-        refuse_unknown_nodes(changes, list(self._full_names.values()))
+        reject_unknown_nodes(changes, list(self._full_names.values()))
         steps = [
             (name, step)
             for name, kinds in sets.items()

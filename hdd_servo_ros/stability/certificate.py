@@ -331,10 +331,10 @@ def _output_conditions(
     }
     smallest = min(limits, key=limits.__getitem__)
     limited = np.abs(unsaturated) > limits[smallest]
-    quantisation, delay = f'dsp.dac_bits {dsp.dac_bits}', f'dsp.computation_delay {dsp.computation_delay}'
+    quantization, delay = f'dsp.dac_bits {dsp.dac_bits}', f'dsp.computation_delay {dsp.computation_delay}'
     if dsp.dac_bits > 0:
         rounded = float(np.abs(u - unsaturated)[~limited].max(initial=0.0))
-        quantisation += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
+        quantization += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
     if dsp.computation_delay > 0:
         delay += f': u {dsp.computation_delay * sample_time:g} s late, which the theorem does not cover'
     return {
@@ -342,7 +342,7 @@ def _output_conditions(
             not limited.any(),
             f'u was limited at {int(limited.sum())} ticks; {smallest} lets {limits[smallest]:.6g} out',
         ),
-        'dsp.dac_bits': (dsp.dac_bits == 0, quantisation),
+        'dsp.dac_bits': (dsp.dac_bits == 0, quantization),
         'dsp.computation_delay': (dsp.computation_delay == 0, delay),
     }
 

@@ -126,7 +126,7 @@ EFFECTS = (
     ),
     Effect(
         'dsp.dac_bits',
-        'no quantisation of u',
+        'no quantization of u',
         'not covered; violations are counted all the same',
         lambda loop: loop.dsp.dac_bits > 0,
     ),

@@ -6,7 +6,7 @@ The proof needs of them only that, wherever the run goes,
     |h - sigma v| + |d| <= W*'S + phi,                                                   (4.12)-(4.15)
 
 so that any values that keep this give bounds that hold. They are not equally good: c2 of (4.31) grows with their
-squares. So among all that keep it, those with the smallest c2 are taken. This is a problem of least distance: minimise
+squares. So among all that keep it, those with the smallest c2 are taken. This is a problem of least distance: minimize
 a weighted sum of squares under linear inequalities, which Lawson and Hanson's non-negative least squares solves exactly
 (*Solving Least Squares Problems*, chapter 23).
 """
@@ -146,7 +146,7 @@ def run_values(
 
 
 def _check_parts(parameters: AdaptiveNnParameters) -> None:
-    """Refuse a controller that lacks what the proof cannot do without."""
+    """Reject a controller that lacks what the proof cannot do without."""
     p = parameters
     if p.desired.enabled:
         allowed = 'false: theorem 4.1 is about the measured v and a_r; docs/controllers.md has the proof of this option'
@@ -190,7 +190,7 @@ class NetworkAt:
             (inputs[1], lattice(network.velocity_minimum, network.velocity_maximum, network.nodes), velocity_width),
         )
         self._position, self._velocity = (
-            np.exp(-(((z[:, None] - centres[None, :]) / width) ** 2)) for z, centres, width in axes
+            np.exp(-(((z[:, None] - centers[None, :]) / width) ** 2)) for z, centers, width in axes
         )
 
     def output(self, weights: Array) -> Array:

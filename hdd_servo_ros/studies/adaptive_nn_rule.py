@@ -107,7 +107,7 @@ def _measured_laws(g: float, delay: int) -> dict[str, object]:
 
 
 def _desired_laws(base: AdaptiveNnParameters, g: float) -> dict[str, object]:
-    """Return gain and leakage of the normalised laws, whose rate comes to k_i s^2/(2 g) for a scale s."""
+    """Return gain and leakage of the normalized laws, whose rate comes to k_i s^2/(2 g) for a scale s."""
     laws = base.laws
     rates = {name: rate for name, rate in DESIRED_RATES.items() if base.bristle.enabled or '.' not in name}
     return _with_leakage({name: round_down(2.0 * rate * g / laws[name].scale ** 2) for name, rate in rates.items()})

@@ -17,7 +17,7 @@ from hdd_servo_ros.analysis.metrics import is_stepwise
 from hdd_servo_ros.campaign.case import Case, parameter_file
 from hdd_servo_ros.campaign.command import exit_code
 from hdd_servo_ros.campaign.runner import run_cases
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, names_with_parameters
+from hdd_servo_ros.graph.catalog import CONTROLLERS, names_with_parameters
 from hdd_servo_ros.graph.controller_loader import load_controller
 from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.messages.command_line import CommandParser
@@ -27,7 +27,7 @@ from hdd_servo_ros.parameters.files import ArgumentError, parse_ros_arguments
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import close_up_of
 from hdd_servo_ros.reporting.comparison_panels import compared, error_panel, position_panel
-from hdd_servo_ros.reporting.panel import COLOURS
+from hdd_servo_ros.reporting.panel import COLORS
 from hdd_servo_ros.reporting.picture import draw_panel
 from hdd_servo_ros.reporting.run_metrics import run_metrics
 from hdd_servo_ros.reporting.verdict import verdict_of
@@ -254,9 +254,9 @@ def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
     axes = figure.subplots(3, len(experiments), squeeze=False)
     controllers = list(dict.fromkeys(controller for _, controller in runs))
     for column, experiment in zip(axes.T, experiments, strict=True):
-        # Of all controllers, so that each has the same colour in every column.
+        # Of all controllers, so that each has the same color in every column.
         items = [
-            dataclasses.replace(item, colour=COLOURS[controllers.index(item.name) % len(COLOURS)])
+            dataclasses.replace(item, color=COLORS[controllers.index(item.name) % len(COLORS)])
             for item in compared({controller: run for (of, controller), run in runs.items() if of == experiment})
         ]
         # One that failed ends early.
@@ -337,7 +337,7 @@ def _comparison(options: argparse.Namespace) -> Comparison:
     for name in overrides:
         instead = _INSTEAD.get(name.rpartition(':')[2])
         if instead:
-            raise ArgumentError(f'-p {name} is refused: compare sets it for each run; use {instead}')
+            raise ArgumentError(f'-p {name} is rejected: compare sets it for each run; use {instead}')
     return Comparison(tuple(contestants.values()), experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
 
 

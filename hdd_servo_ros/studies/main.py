@@ -59,14 +59,14 @@ def _default_output(options: argparse.Namespace) -> Path:
     return Path('runs') / '-'.join(parts)
 
 
-def _refuse_too_coarse(cases: Iterable[Case], defaults: Mapping[str, object], directory: Path) -> None:
-    """Refuse a sample time at which the figures would be drawn from a few samples."""
+def _reject_too_coarse(cases: Iterable[Case], defaults: Mapping[str, object], directory: Path) -> None:
+    """Reject a sample time at which the figures would be drawn from a few samples."""
     for case in cases:
         run = PlannedRun(case, defaults, directory)
         samples = run.period / run.sample_time
         if samples < MINIMUM_SAMPLES * (1.0 - 1e-9):
             raise ArgumentError(
-                f'--sample-time {run.sample_time:g} is refused: {case.name} would have {samples:.3g} samples a period '
+                f'--sample-time {run.sample_time:g} is rejected: {case.name} would have {samples:.3g} samples a period '
                 f'of its reference, not {MINIMUM_SAMPLES}; at most {run.period / MINIMUM_SAMPLES:.3g} s will do for it'
             )
 
@@ -86,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         cases = [case for figure in wanted.values() for case in figure.CASES]
         if options.sample_time is not None:
-            _refuse_too_coarse(cases, defaults, directory)
+            _reject_too_coarse(cases, defaults, directory)
         run_cases(cases, directory, without_ros=options.without_ros, defaults=defaults)
         for path in make_figures(wanted, directory):
             print(path)

@@ -38,7 +38,7 @@ LEAST_POLE = 0.005
 """Below it the derivative's filter is left out."""
 INTEGRAL_COST = 1.05
 """What the integral may cost of the squared error, where steps count."""
-_REFUSED = 1e9
+_REJECTED = 1e9
 """Cost of what breaks the rule, beyond any squared error [um^2]."""
 _SINE_DURATION, _SINE_TRANSIENT = 1.0, 0.5
 """Of the simulated sines [s]."""
@@ -147,12 +147,12 @@ class PidSearch:
             nonlocal best
             law = self._at(point)
             if law.proportional == 0.0:
-                return 1e3 * _REFUSED
+                return 1e3 * _REJECTED
             value = objective(law)
             if value < best:
                 excess = self._excess(law)
                 if excess > 0.0:
-                    return _REFUSED * (1.0 + min(excess, 100.0))
+                    return _REJECTED * (1.0 + min(excess, 100.0))
                 best = value
             return value
 
@@ -226,11 +226,11 @@ class PidSearch:
     def _best_by_estimate(self) -> tuple[Sequence[float], float]:
         """Return the best point of a global search on both sides of the hump, by the estimated cost, and this."""
         best: Sequence[float] = ()
-        least = _REFUSED
+        least = _REJECTED
         for low, high in ((self._whole[0], HUMP), (HUMP, self._whole[1])):
             found = self._minimum(self._estimated, (low, high))
             searched = f'sqrt(k_i/k_d) of {low:.0f} to {high:.0f} Hz'
-            if found.fun >= _REFUSED:
+            if found.fun >= _REJECTED:
                 self._report(f'{searched}: no PID controller keeps the rule')
                 continue
             squares = self._estimate.mean_squares(self._at(found.x))
@@ -238,7 +238,7 @@ class PidSearch:
             self._report(f'{searched}: rms errors of about {errors}')
             if found.fun < least:
                 best, least = found.x, found.fun
-        if least == _REFUSED:
+        if least == _REJECTED:
             allowed = f'more: no PID controller with Ms <= {MAX_SENSITIVITY:g} overshoots so little on this drive [%]'
             raise ParameterError('overshoot', self._overshoot, allowed)
         return best, least
@@ -258,13 +258,13 @@ class PidSearch:
 
     def _rounded(self, law: LinearController) -> LinearController:
         """Return the best controller near ``law`` whose gains have three digits."""
-        integrals = [_neighbours(law.integral)]
+        integrals = [_neighbors(law.integral)]
         if not math.isinf(self._overshoot):
             # The first one that the other gains keep the rule with.
             integrals = [[round_down((1.0 - step) * law.integral)] for step in (0.0, 0.005, 0.01, 0.02, 0.04, 0.08)]
         keeping: list[LinearController] = []
         for some in integrals:
-            near = itertools.product(_neighbours(law.derivative), some, _neighbours(law.bandwidth))
+            near = itertools.product(_neighbors(law.derivative), some, _neighbors(law.bandwidth))
             laws = (self._law(*gains, digits=3) for gains in near)
             keeping = keeping or [law for law in laws if self._keeps_the_rule(law)]
         return min(keeping, key=self._simulated, default=law)
@@ -293,7 +293,7 @@ def _bounds(integral_range: tuple[float, float]) -> list[tuple[float, float]]:
     return [(math.log(low_share), math.log(high_share)), (math.log(low), math.log(high)), (0.0, LARGEST_POLE)]
 
 
-def _neighbours(value: float) -> list[float]:
+def _neighbors(value: float) -> list[float]:
     """Return the two values with three digits about ``value`` and the next ones below and above, 0 for 0."""
     if value == 0.0:
         return [0.0]

@@ -16,7 +16,7 @@ reduced to the largest with which one does. The network and phi_hat get the smal
 which chatters in the noise. Their leakage rate is 5 1/s.
 
 With desired compensation g is divided 95 : 2.5 : 2.5, and the estimates are not in the frozen loop. Each law is
-normalised by the peak of its regressor, and on a sine far above its scale s the estimate converges at k_i s^2/(2 g):
+normalized by the peak of its regressor, and on a sine far above its scale s the estimate converges at k_i s^2/(2 g):
 100 1/s for sigma_hat, m_hat and spring_hat, 300 for hysteresis_hat and 200 for relaxation_hat, since the third
 harmonic, which only they can remove, is the smallest part of the error.
 Without it, sigma_hat and m_hat converge at 6 1/s on the design reference, a 2 um sine at 100 Hz (k_sigma <v^2>/g and
@@ -108,7 +108,7 @@ def _overshoot(text: str) -> float:
     except ValueError:
         limit = math.nan
     if not 0.0 < limit < math.inf:
-        raise ArgumentError(f'--overshoot {text} is refused: expected a number above 0 [%], or none')
+        raise ArgumentError(f'--overshoot {text} is rejected: expected a number above 0 [%], or none')
     return limit
 
 

@@ -38,7 +38,7 @@ class Checks(TrackChecks, SeekChecks):
     Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
 
     Errors are those of the head's true position, in ``run.error_unit``: nm for a drive in um. With the servo sensor
-    they are relative to the track centre. Times are in s.
+    they are relative to the track center. Times are in s.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class Checks(TrackChecks, SeekChecks):
                     f'{topic} has {found} messages, {wanted} are expected: {held} ({tick * run.sample_time:g} s)\n'
                     f'{self._where()}\nplot: {plot}'
                 )
-            run[topic]  # refuses receive times that are not those of the ticks
+            run[topic]  # rejects receive times that are not those of the ticks
         return self
 
     def parameter(self, node: str, name: str, equals: Any, tick: int | None = None) -> Checks:
@@ -267,7 +267,7 @@ class Checks(TrackChecks, SeekChecks):
         self, what: str, value: float, at_most: float, unit: str, signal: str, values: NDArray[np.float64], rows: slice
     ) -> Checks:
         __tracebackhide__ = True
-        _refuse_no_limit(at_most)
+        _reject_no_limit(at_most)
         run, part = self._run, values[rows]
         # A comparison with what is not a number is false, in the check as in what it is made of.
         if value <= at_most and not np.isfinite(part).all():
@@ -286,7 +286,7 @@ class Checks(TrackChecks, SeekChecks):
 
     def _compare_edges(self, name: str, at_most: float, unit: str, factor: float, band: float = 0.02) -> Checks:
         __tracebackhide__ = True
-        _refuse_no_limit(at_most)
+        _reject_no_limit(at_most)
         run = self._run
         self._require_finite(name.replace('_', ' '), 'position', run.position)
         self._require_finite(name.replace('_', ' '), 'reference', run.desired_position)
@@ -316,7 +316,7 @@ class Checks(TrackChecks, SeekChecks):
         tolerance: float,
     ) -> Checks:
         __tracebackhide__ = True
-        _refuse_no_limit(at_most)
+        _reject_no_limit(at_most)
         # What is not a number is not within a limit.
         numbers = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=math.inf, posinf=math.inf)
         worst = int(numbers.argmax())
@@ -400,7 +400,7 @@ class Checks(TrackChecks, SeekChecks):
         """Draw the signal, whole and about a row, and return the picture's path; its ticks are the run's if None."""
         # Late: only a test that fails waits for matplotlib.
         from hdd_servo_ros.reporting.decimation import rows_to_draw
-        from hdd_servo_ros.reporting.panel import COLOURS, GREY, CloseUp, Panel, Trace
+        from hdd_servo_ros.reporting.panel import COLORS, GRAY, CloseUp, Panel, Trace
         from hdd_servo_ros.reporting.picture import write_picture
         from hdd_servo_ros.reporting.run_names import run_name
 
@@ -410,8 +410,8 @@ class Checks(TrackChecks, SeekChecks):
         nearby = slice(max(0, row - _CLOSE_UP_ROWS), min(len(values), row + _CLOSE_UP_ROWS))
         drawn = rows_to_draw(values, _BUCKETS, [nearby])
         time = times[drawn]
-        traces = [] if reference is None else [Trace('reference', time, reference[drawn], GREY, wide=True)]
-        traces.append(Trace(name, time, values[drawn], COLOURS[0]))
+        traces = [] if reference is None else [Trace('reference', time, reference[drawn], GRAY, wide=True)]
+        traces.append(Trace(name, time, values[drawn], COLORS[0]))
         close_up = CloseUp(float(times[nearby][0]), float(times[nearby][-1]), f'about tick {ticks[row]}')
         if limit is not None:
             # One line with a gap: both limits go by one name, and both are in the close-up.
@@ -420,8 +420,8 @@ class Checks(TrackChecks, SeekChecks):
             x, y = np.concatenate([x, [np.nan], x]), np.concatenate([y, [np.nan], -y])
             # The gap has a time as well, so that a close-up keeps it.
             x[len(y) // 2] = close_up.end
-            traces.append(Trace(f'limit {_text(limit, unit)}', x, y, COLOURS[1]))
-        traces.append(Trace('this tick', times[[row]], values[[row]], COLOURS[3], marked=True))
+            traces.append(Trace(f'limit {_text(limit, unit)}', x, y, COLORS[1]))
+        traces.append(Trace('this tick', times[[row]], values[[row]], COLORS[3], marked=True))
         label = f'{name} [{unit}]' if unit else name
         panel = Panel(name, 'whole run', 'time [s]', label, tuple(traces), close_up=close_up)
         stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'
@@ -442,7 +442,7 @@ def _vector_fields(name: str) -> dict[str, tuple[int, Field | None]]:
     return found
 
 
-def _refuse_no_limit(at_most: float) -> None:
+def _reject_no_limit(at_most: float) -> None:
     if not (math.isfinite(at_most) and at_most >= 0.0):
         raise ValueError(f'at_most = {at_most!r} is no limit: a finite number at least 0 is needed')
 

@@ -52,7 +52,7 @@ def make_run(
     Raises
     ------
     ExperimentFailed
-        If the run fails, is refused, or takes too long.
+        If the run fails, is rejected, or takes too long.
 
     Examples
     --------

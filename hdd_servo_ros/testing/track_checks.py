@@ -24,7 +24,7 @@ _SIGNAL = 'track_error'
 
 class TrackChecks(abc.ABC):
     """
-    The checks of the track error, head - reference - track centre, in ``run.error_unit``; part of ``run.check``.
+    The checks of the track error, head - reference - track center, in ``run.error_unit``; part of ``run.check``.
 
     Without a disturbance the track error is the tracking error.
     """
@@ -152,7 +152,7 @@ class TrackChecks(abc.ABC):
             If the least error is not known; the message says why.
         """
         __tracebackhide__ = True
-        # Late: it solves an optimisation problem with the linear drive.
+        # Late: it solves an optimization problem with the linear drive.
         from hdd_servo_ros.reporting.run_bound import run_bound, why_no_bound
 
         error, rows = self._track_error(after, None)

@@ -1,1 +1,1 @@
-"""Commands around recorded and running experiments: rerun, mend, watch."""
+"""Commands around recorded and running experiments: rerun, repair, watch."""

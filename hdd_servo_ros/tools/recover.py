@@ -1,4 +1,4 @@
-"""`recover`: mend a run's bag and `run.yaml` after a crash."""
+"""`recover`: repair a run's bag and `run.yaml` after a crash."""
 
 import math
 import sys
@@ -14,26 +14,26 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='recover',
-        description='Mend a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
-        epilog=f'A damaged bag is moved into RUN/{BACKUP}/, beside a copy of the run.yaml that there was; a mended bag '
+        description='Repair a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
+        epilog=f'A damaged bag is moved into RUN/{BACKUP}/, with a copy of the original run.yaml; a repaired bag '
         'needs as much space as it at most, beside it or, with --output, on another disk. '
-        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 wrong arguments, 3 it cannot be mended.',
+        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 wrong arguments, 3 it cannot be repaired.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
-    parser.add_argument('--output', type=Path, metavar='DIR', help='leave RUN as it is and write the mended run here')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='leave RUN as it is and write the repaired run here')
     parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
     return parser
 
 
 @command('recover', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Mend a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
+    """Repair a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
     parsed = command_line().parse_args(arguments)
     with reading(parsed.run):
         recovery = Recovery(parsed.run)
     finding = recovery.finding
     if not finding.faults and finding.last_tick < 0:
-        print(f'recover: {parsed.run}: nothing is left to mend: {finding.status}, {finding.reason}')
+        print(f'recover: {parsed.run}: nothing is left to repair: {finding.status}, {finding.reason}')
         return 1
     if not finding.faults:
         print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if recovery.space_needed:
             print(f'recover: needs up to {math.ceil(recovery.space_needed / 1e6)} MB on the disk')
     else:
-        originals = ' and '.join(str(path) for path in recovery.mend(parsed.output)) or 'there were none'
+        originals = ' and '.join(str(path) for path in recovery.repair(parsed.output)) or 'there were none'
         print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
     return 0 if finding.last_tick >= 0 else 1
 

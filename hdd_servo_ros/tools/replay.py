@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES, SENSORS
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES, SENSORS
 from hdd_servo_ros.graph.recorded_nodes import kind_of_node
 from hdd_servo_ros.graph.roles import PLAYBACK, RECORDED_RUN
 from hdd_servo_ros.messages.command_line import CommandParser
@@ -63,7 +63,7 @@ class Recording:
         self._topics: dict[str, str] = {**metadata['topics'], **left_out}
         """Every topic of the run, recorded or not."""
         self.kinds = {name: kind_of_node(name, node, metadata) for name, node in metadata['nodes'].items()}
-        """The nodes' names in the catalogue, by their full names in the run."""
+        """The nodes' names in the catalog, by their full names in the run."""
         optional = {name for topic, name in self._topics.items() if topic in _OPTIONAL_NAMES}
         self.nodes: dict[str, dict[str, Any]] = {
             name: node
@@ -77,7 +77,7 @@ class Recording:
                 f'{run}: {", ".join(lost)} was left out by parameter topics of bag_recorder, so it cannot be replayed'
             )
         if metadata['status'] == RUNNING:
-            raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` mends it')
+            raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` repairs it')
         if metadata['last_tick'] is None or metadata['last_tick'] < 0:
             raise ReplayError(f'{run}: it holds no tick')
         external = [
@@ -100,7 +100,7 @@ class Recording:
             raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
         self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
-        self._refuse_other_names()
+        self._reject_other_names()
         # A controller from outside the package is loaded by what it was given as, not by its node's name.
         self.controller: str = metadata.get('controller_class', metadata['controller'])
         if self.controller not in CONTROLLERS and not trusted:
@@ -111,8 +111,8 @@ class Recording:
         self.last_tick: int = metadata['last_tick']
         self.sample_time: float = metadata['sample_time']
 
-    def _refuse_other_names(self) -> None:
-        """Refuse nodes that a rerun could not give their names: they would run with parameters that nobody gave."""
+    def _reject_other_names(self) -> None:
+        """Reject nodes that a rerun could not give their names: they would run with parameters that nobody gave."""
         own = set(NODES)
         if 'controller_class' in self.metadata:
             # A custom controller's name is known once its class is loaded; it is what publishes /control.
@@ -254,7 +254,7 @@ def replay(run: Path, output: Path, *, without_ros: bool, trusted: bool = False)
         print(f'replay: parameter change {entry}')
     exit_code = rerun(recording, output, without_ros=without_ros)
     if exit_code == WRONG_ARGUMENTS:
-        raise ReplayError(f'{run}: what run.yaml says is refused, so it cannot be rerun')
+        raise ReplayError(f'{run}: what run.yaml says is rejected, so it cannot be rerun')
     if exit_code != 0:
         print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
         return 1

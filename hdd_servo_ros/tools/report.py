@@ -16,7 +16,7 @@ from tqdm import tqdm
 from hdd_servo_ros.messages.command_line import CommandParser
 from hdd_servo_ros.messages.exit_codes import EPILOG, UNREADABLE, command, reading
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.reporting.report import compare_runs, comparison_table, refuse_different_units, report_run
+from hdd_servo_ros.reporting.report import compare_runs, comparison_table, reject_different_units, report_run
 from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.source_panels import ErrorBySource
 
@@ -110,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with reading(path):
             runs.append(RecordedRun.open(path))
             _check(runs[-1])
-    refuse_different_units(runs)
+    reject_different_units(runs)
     written, remarks = [], []
     by_source: list[ErrorBySource | None] = []
     jobs = tqdm(runs, desc='report', unit='run', disable=not sys.stderr.isatty() or len(runs) < 2)

@@ -159,16 +159,16 @@ def choose_view(*, web: bool, port: int) -> int | None:
     mpl.rcParams.update({'webagg.address': _ADDRESS, 'webagg.port': port, 'webagg.port_retries': 1})
     mpl.rcParams['webagg.open_in_browser'] = False
     plt.switch_backend('WebAgg')
-    refuse_other_hosts(port)
+    reject_other_hosts(port)
     serve_any_page()
     return port
 
 
-def refuse_other_hosts(port: int) -> None:
+def reject_other_hosts(port: int) -> None:
     """
     Answer only those who ask for this machine by its own name, with 403 for all others.
 
-    The server listens on the loopback alone, and a WebSocket is refused to a page of another origin. A page of another
+    The server listens on the loopback alone, and a WebSocket is rejected to a page of another origin. A page of another
     site whose name has been pointed to 127.0.0.1 would pass both: its origin is then the host that it asks for.
     """
     import tornado.web

@@ -1,4 +1,4 @@
-"""A signal cut into pieces at random places, some of which may be empty."""
+"""A signal cut into pieces at random offsets, some of which may be empty."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 @st.composite
 def signals_in_pieces(draw, least=1, most=400):
-    """Return a signal of some samples, and the places at which it is cut."""
+    """Return a signal of some samples, and the offsets at which it is cut."""
     count = draw(st.integers(least, most))
     seed = draw(st.integers(0, 2**32 - 1))
     offset = draw(st.sampled_from([0.0, 1.0, -1e3]))

@@ -64,7 +64,7 @@ def test_square_root_law_follows_a_stribeck_curve_under_noise() -> None:
 
 
 @pytest.mark.parametrize('terms', [['coulomb_level', 'stiffness'], ['coulomb_level', 'viscous_coefficient']])
-def test_data_that_do_not_determine_the_terms_are_refused(terms: list[str]) -> None:
+def test_data_that_do_not_determine_the_terms_are_rejected(terms: list[str]) -> None:
     with pytest.raises(ValueError, match='do not determine'):
         fit_linear(np.full(10, 5.0), np.full(10, 0.1), terms)
 
@@ -214,7 +214,7 @@ def test_a_friction_without_a_stribeck_fall_is_identified(seed: int) -> None:
     assert found.stiffness == pytest.approx(truth.stiffness, rel=5e-3)
 
 
-def test_data_that_cannot_be_are_refused() -> None:
+def test_data_that_cannot_be_are_rejected() -> None:
     p = FrictionParameters()
     path = np.linspace(0.0, 1.0, 10)
     for sample_time in (0.0, -1.0e-4, math.nan, math.inf):

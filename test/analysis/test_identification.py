@@ -228,12 +228,12 @@ def test_more_poles_and_zeros_than_data_without_noise_can_tell():
         ((BAND, np.zeros(200), 2, 1), 'not zero'),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(arguments, message):
+def test_what_cannot_be_fitted_is_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         identify(*arguments)
 
 
-def test_other_refusals():
+def test_other_rejections():
     with pytest.raises(ValueError, match='there are sanathanan-koerner, levy'):
         identify(BAND, np.ones(200), 2, 1, method='best')
     with pytest.raises(ValueError, match='one positive number a point'):

@@ -1,4 +1,4 @@
-"""The command: what it prints, warns of and refuses."""
+"""The command: what it prints, warns of and rejects."""
 
 import dataclasses
 import os
@@ -126,7 +126,7 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
         (['--method', 'levy'], '--method levy wants --poles'),
     ],
 )
-def test_options_that_mean_nothing_are_refused(options, words, capsys):
+def test_options_that_mean_nothing_are_rejected(options, words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(['response.csv', *options])
     assert ended.value.code == 2

@@ -142,6 +142,6 @@ def test_takes_other_controllers():
     ('time_constant', 'horizon', 'name'),
     [(0.0, 0.01, 'time_constant'), (math.inf, 0.01, 'time_constant'), (TAU, T, 'horizon')],
 )
-def test_refuses_what_has_no_transient(time_constant, horizon, name):
+def test_rejects_what_has_no_transient(time_constant, horizon, name):
     with pytest.raises(ParameterError, match=f'{name} = '):
         initial_value_gains(make_pid, SLIDING, time_constant, T, horizon)

@@ -52,7 +52,7 @@ def test_other_units():
     assert tracking_metrics([0.0], [0.0], [2.0], [0.0], unit=1.0).rms_error == 2.0
 
 
-def test_what_is_refused():
+def test_what_is_rejected():
     with pytest.raises(ValueError, match='transient'):
         tracking_metrics([0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], transient=2.0)
     with pytest.raises(ValueError, match='shape'):
@@ -118,7 +118,7 @@ def test_the_parts_add_up_to_the_signal(signal, period):
     assert parts.repeatable_rms**2 + parts.non_repeatable_rms**2 == pytest.approx(rms(used) ** 2, rel=1e-9, abs=1e-6)
 
 
-def test_a_signal_shorter_than_two_periods_is_refused():
+def test_a_signal_shorter_than_two_periods_is_rejected():
     with pytest.raises(ValueError, match='two periods of 100 samples are needed, and there are 199'):
         repeatable_parts(np.zeros(199), 100.0)
 

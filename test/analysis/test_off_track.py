@@ -55,7 +55,7 @@ def test_the_half_sine_response_of_an_oscillator():
     t, _ = half_sine(1.0, 0.02, 0.05, 3000)
     phase = w * np.clip(t - 0.05, 0.0, None)
     during = 0.5 * amplitude * (np.sin(phase) - phase * np.cos(phase))
-    # With the damping of a loop afterwards.
+    # With the damping of a loop afterward.
     after = 0.5 * np.pi * amplitude * -np.cos(phase) * np.exp(-100.0 * (t - 0.07))
     error = np.where(phase < np.pi, during, after)
     (found,) = shock_responses(t, error, [0.05], band=0.05)

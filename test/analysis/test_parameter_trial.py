@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from hdd_servo_ros.analysis.parameter_trial import _STEPS, attempt_change, attempt_for, has_extremes, refuse_failing
+from hdd_servo_ros.analysis.parameter_trial import _STEPS, attempt_change, attempt_for, has_extremes, reject_failing
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
-from hdd_servo_ros.graph.catalogue import CONTROLLER, NODES
+from hdd_servo_ros.graph.catalog import CONTROLLER, NODES
 from hdd_servo_ros.parameters import ParameterError, from_mapping
 
 T = 1e-4
@@ -23,7 +23,7 @@ RAISES = [
     ('pid_controller', 'feedforward.model.gain', 1.797e308),
     ('pid_controller', 'observer.stiffness', 1.797e308),
 ]
-"""An exception in the block; such a parameter is refused in a file too."""
+"""An exception in the block; such a parameter is rejected in a file too."""
 NOT_FINITE = [
     ('vcm_plant', 'gain', 1.797e308),
     ('vcm_plant', 'friction.bristle_damping', 1.797e308),
@@ -65,29 +65,29 @@ def block_of(name):
     return NODES[name].block_parameters() if name in present else None
 
 
-def refuse(node, *, is_change, accepted=None, **values):
+def reject(node, *, is_change, accepted=None, **values):
     sets = sets_of(node, **values)
     attempt = attempt_for(node, T, sets, block_of, is_change=is_change)
     assert attempt is not None
-    refuse_failing(node, sets, accepted or sets_of(node), attempt)
+    reject_failing(node, sets, accepted or sets_of(node), attempt)
 
 
 @pytest.mark.parametrize('is_change', [False, True])
 @pytest.mark.parametrize(('node', 'name', 'value'), RAISES)
-def test_a_block_that_cannot_be_made_is_refused_by_name(node, name, value, is_change):
-    with pytest.raises(ParameterError) as refused:
-        refuse(node, is_change=is_change, **{name: value})
-    assert refused.value.name.endswith(name.rpartition('.')[2])
-    assert repr(value) in str(refused.value)
+def test_a_block_that_cannot_be_made_is_rejected_by_name(node, name, value, is_change):
+    with pytest.raises(ParameterError) as rejected:
+        reject(node, is_change=is_change, **{name: value})
+    assert rejected.value.name.endswith(name.rpartition('.')[2])
+    assert repr(value) in str(rejected.value)
 
 
 @pytest.mark.parametrize(('node', 'name', 'value'), NOT_FINITE)
-def test_a_change_to_outputs_that_are_not_finite_is_refused_by_name(node, name, value):
-    with pytest.raises(ParameterError, match='not finite') as refused:
-        refuse(node, is_change=True, **{name: value})
-    assert refused.value.name == name
+def test_a_change_to_outputs_that_are_not_finite_is_rejected_by_name(node, name, value):
+    with pytest.raises(ParameterError, match='not finite') as rejected:
+        reject(node, is_change=True, **{name: value})
+    assert rejected.value.name == name
     # A run that begins so ends by itself.
-    refuse(node, is_change=False, **{name: value})
+    reject(node, is_change=False, **{name: value})
 
 
 @pytest.mark.parametrize('node', [row.name for row in NODES.values() if row.block])
@@ -96,9 +96,9 @@ def test_the_defaults_are_accepted(node):
         sets = sets_of(node, stop_frequency=4000.0)
         attempt = attempt_for(node, T, sets, lambda _: None, is_change=True)
         assert attempt is not None
-        refuse_failing(node, sets, sets, attempt)
+        reject_failing(node, sets, sets, attempt)
     else:
-        refuse(node, is_change=True)
+        reject(node, is_change=True)
 
 
 def test_every_block_that_is_not_a_controller_has_a_step():
@@ -107,13 +107,13 @@ def test_every_block_that_is_not_a_controller_has_a_step():
 
 def test_of_several_changes_the_one_to_blame_is_named():
     values = {'frequency': 120.0, 'start_time': 1.7e308, 'amplitude': 3.0}
-    with pytest.raises(ParameterError, match=r'parameter start_time = 1.7e\+308 is refused: a value with which'):
-        refuse('reference_generator', is_change=True, **values)
+    with pytest.raises(ParameterError, match=r'parameter start_time = 1.7e\+308 is rejected: a value with which'):
+        reject('reference_generator', is_change=True, **values)
 
 
 def test_an_own_error_of_the_block_stays_as_it_is():
     with pytest.raises(ParameterError, match=r'feedforward\.taps'):
-        refuse('pid_controller', is_change=False, **{'feedforward.taps': 400, 'feedforward.path_length': 400})
+        reject('pid_controller', is_change=False, **{'feedforward.taps': 400, 'feedforward.path_length': 400})
 
 
 def test_a_copy_of_the_block_is_tried_and_the_block_stays():
@@ -123,7 +123,7 @@ def test_a_copy_of_the_block_is_tried_and_the_block_stays():
     generator = DisturbanceGenerator(sets[NODES['disturbance_generator'].block_parameters], T)
     twin = DisturbanceGenerator(sets[NODES['disturbance_generator'].block_parameters], T)
     changed = sets_of('disturbance_generator', **{'force_noise.sigma': 1.0})
-    refuse_failing(
+    reject_failing(
         'disturbance_generator', changed, sets, attempt_change('disturbance_generator', generator, is_change=True)
     )
     assert [generator.step(tick) for tick in range(5)] == [twin.step(tick) for tick in range(5)]

@@ -71,7 +71,7 @@ def test_follows_tiny_motion_in_the_default_friction(driver):
 
 @EVERY_DRIVER
 def test_response_is_that_of_the_transfer_function(driver):
-    """The sliding drive without friction: discretised by scipy from a state space written independently."""
+    """The sliding drive without friction: discretized by scipy from a state space written independently."""
     parameters = from_mapping(PlantParameters, {**driver, **SLIDING, 'substeps': 1024})
     frequencies = np.geomspace(20.0, 4999.0, 60)
     response = sampled_drive(parameters, T, presliding=False).response(frequencies)[:, 0]

@@ -86,7 +86,7 @@ def test_the_switched_voltage_ends_at_rest_on_the_target(length, limit, level, v
 
 
 def test_no_other_voltage_is_faster():
-    """The shortest time in which a discretised body reaches the target at rest, any voltage allowed."""
+    """The shortest time in which a discretized body reaches the target at rest, any voltage allowed."""
     plant, length, samples = drive_with(), 150.0, 400
     bound = time_optimal_seek(plant, length).time
 

@@ -46,7 +46,7 @@ def test_a_plan_brings_the_drive_to_rest_on_the_target(sample_time):
         plan = found.plans[row, :samples]
         length = 9.0 / np.abs(plan).max()
         head = positions(frictionless(), plan, length, sample_time, found.vibration_samples)
-        # The largest vibration afterwards is what the plan says, and it decays to nothing.
+        # The largest vibration afterward is what the plan says, and it decays to nothing.
         assert np.abs(head[: found.vibration_samples] - length).max() == pytest.approx(vibration * length, abs=2e-4)
         later = positions(frictionless(), plan, length, sample_time, 40 * found.vibration_samples)
         assert abs(later[-1] - length) < 2e-4 + 1e-6 * length

@@ -1,4 +1,4 @@
-"""The accelerometers against scipy's discretisation of the same filters, and each error by itself."""
+"""The accelerometers against scipy's discretization of the same filters, and each error by itself."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The converters: monotonic, within half a step, and with the noise that quantisation has."""
+"""The converters: monotonic, within half a step, and with the noise that quantization has."""
 
 import math
 
@@ -53,7 +53,7 @@ def test_every_code_is_reached():
     assert sorted(found) == list(range(-8, 8))
 
 
-def test_quantisation_noise():
+def test_quantization_noise():
     """An input that fills many codes evenly gets an error of step/sqrt(12) rms, and no mean."""
     step, lowest, highest = converter_codes(10, 1.0)
     volts = np.random.default_rng(1).uniform(-0.9, 0.9, 40000)

@@ -1,4 +1,4 @@
-"""The vibrometer's demodulator, its coloured noise and its drop-outs, against scipy.signal and their statistics."""
+"""The vibrometer's demodulator, its colored noise and its drop-outs, against scipy.signal and their statistics."""
 
 import math
 from typing import Any, cast
@@ -66,7 +66,7 @@ class TestDemodulator:
 
     @pytest.mark.parametrize('frequency', [100.0, 2000.0, 30000.0])
     def test_the_low_pass_is_that_of_scipy(self, frequency):
-        """First order, discretised with a first-order hold."""
+        """First order, discretized with a first-order hold."""
         motion = np.cumsum(np.random.default_rng(2).normal(size=(500, 2)), axis=0)
         motion -= motion[0]
         system = signal.TransferFunction([1.0], [1.0 / (2.0 * math.pi * frequency), 1.0])

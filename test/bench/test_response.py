@@ -74,12 +74,12 @@ def test_other_csvs(tmp_path, text):
         ('1;0,5;3\n', "line 1: magnitude is '0,5'"),
     ],
 )
-def test_a_bad_csv_is_refused_by_name(tmp_path, text, message):
+def test_a_bad_csv_is_rejected_by_name(tmp_path, text, message):
     path = tmp_path / 'bad.csv'
     path.write_text(text)
-    with pytest.raises(ValueError, match=r'bad\.csv') as refused:
+    with pytest.raises(ValueError, match=r'bad\.csv') as rejected:
         read_csv(path)
-    assert message in str(refused.value)
+    assert message in str(rejected.value)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_the_unit_of_the_response_is_kept(tmp_path, title, unit):
     assert read_csv(path).unit == unit
 
 
-def test_what_is_no_text_is_refused_by_name(tmp_path):
+def test_what_is_no_text_is_rejected_by_name(tmp_path):
     path = tmp_path / 'bad.csv'
     path.write_bytes(b'frequency,\xbf\n')
     with pytest.raises(ValueError, match=r'bad\.csv is no CSV file'):

@@ -1,4 +1,4 @@
-"""Units and ranges of the columns of a measured response: another unit gives the same response, or is refused."""
+"""Units and ranges of the columns of a measured response: another unit gives the same response, or is rejected."""
 
 import numpy as np
 import pytest
@@ -61,10 +61,10 @@ def test_a_unit_is_converted(tmp_path, title, values, attribute, expected):
         ('coherence', ('nan', '1'), "line 2: coherence is 'nan', not a finite number"),
     ],
 )
-def test_what_cannot_be_is_refused(tmp_path, title, values, message):
-    with pytest.raises(ValueError, match=r'response\.csv') as refused:
+def test_what_cannot_be_is_rejected(tmp_path, title, values, message):
+    with pytest.raises(ValueError, match=r'response\.csv') as rejected:
         read_csv(written(tmp_path / 'response.csv', title, values))
-    assert message in str(refused.value)
+    assert message in str(rejected.value)
 
 
 def plant(rng, count):
@@ -93,7 +93,7 @@ def csv_of(path, frequency, magnitude, response, head):
     return path
 
 
-def is_refused(path):
+def is_rejected(path):
     try:
         read_csv(path)
     except ValueError as error:
@@ -102,29 +102,29 @@ def is_refused(path):
 
 
 @pytest.mark.parametrize('head', [None, 'frequency,magnitude,phase'])
-def test_decibels_without_a_unit_are_refused_where_the_phase_tells(tmp_path, head):
+def test_decibels_without_a_unit_are_rejected_where_the_phase_tells(tmp_path, head):
     """All of them positive, so that they could be a linear magnitude."""
     found = wrong = 0
     for seed in range(100):
         frequency, response = plant(np.random.default_rng(seed), 60)
         decibels = 20.0 * np.log10(np.abs(response))
         path = tmp_path / 'response.csv'
-        found += is_refused(csv_of(path, frequency, decibels - decibels.min() + 3.0, response, head))
-        wrong += is_refused(csv_of(path, frequency, np.abs(response), response, head))
+        found += is_rejected(csv_of(path, frequency, decibels - decibels.min() + 3.0, response, head))
+        wrong += is_rejected(csv_of(path, frequency, np.abs(response), response, head))
     assert found >= 45
     assert wrong <= 1
 
 
-def test_decibels_of_the_drive_are_refused(tmp_path):
+def test_decibels_of_the_drive_are_rejected(tmp_path):
     frequency = np.geomspace(100.0, 5000.0, 80)
     s = 2j * np.pi * frequency
     response = 4e7 / (s**2 + 200.0 * s + (2.0 * np.pi * 150.0) ** 2)
     decibels = 20.0 * np.log10(np.abs(response))
     assert decibels.max() > 20.0
-    assert is_refused(csv_of(tmp_path / 'r.csv', frequency, decibels - decibels.min() + 1.0, response, None))
-    assert not is_refused(csv_of(tmp_path / 'r.csv', frequency, np.abs(response), response, None))
-    labelled = csv_of(tmp_path / 'r.csv', frequency, decibels, response, 'frequency,magnitude [dB],phase')
-    np.testing.assert_allclose(read_csv(labelled).response, response, rtol=1e-12)
+    assert is_rejected(csv_of(tmp_path / 'r.csv', frequency, decibels - decibels.min() + 1.0, response, None))
+    assert not is_rejected(csv_of(tmp_path / 'r.csv', frequency, np.abs(response), response, None))
+    labeled = csv_of(tmp_path / 'r.csv', frequency, decibels, response, 'frequency,magnitude [dB],phase')
+    np.testing.assert_allclose(read_csv(labeled).response, response, rtol=1e-12)
 
 
 def test_what_is_written_is_read_again_whatever_the_values(tmp_path):
@@ -168,7 +168,7 @@ def test_a_response_of_velocity_or_acceleration_is_integrated(tmp_path, unit, de
 
 
 @pytest.mark.parametrize('head', [None, 'frequency,magnitude [um/V],phase'])
-def test_radians_without_a_unit_are_refused_where_the_slope_tells(tmp_path, head):
+def test_radians_without_a_unit_are_rejected_where_the_slope_tells(tmp_path, head):
     found = wrong = 0
     path = tmp_path / 'response.csv'
     for seed in range(100):

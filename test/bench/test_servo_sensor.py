@@ -17,33 +17,33 @@ def sensor(**changes):
     return ServoSensor(ServoSensorParameters(**{**PERFECT, **changes}), 1e-4)
 
 
-def decoded(block, heads, centres=None):
+def decoded(block, heads, centers=None):
     """Error, position and sector at ticks 0, 1, ..., shape (n, 3)."""
-    centres = np.zeros(len(heads)) if centres is None else centres
-    return np.array([block.step(tick, head, centres[tick]) for tick, head in enumerate(heads)])
+    centers = np.zeros(len(heads)) if centers is None else centers
+    return np.array([block.step(tick, head, centers[tick]) for tick, head in enumerate(heads)])
 
 
 def test_position_and_fraction_of_a_track():
     heads = np.random.default_rng(1).uniform(-30.0, 30.0, 1000)
-    centres = np.random.default_rng(2).uniform(-0.3, 0.3, 1000)
-    error, position, _ = decoded(sensor(), heads, centres).T
-    np.testing.assert_allclose(position, heads - centres, atol=1e-12)
+    centers = np.random.default_rng(2).uniform(-0.3, 0.3, 1000)
+    error, position, _ = decoded(sensor(), heads, centers).T
+    np.testing.assert_allclose(position, heads - centers, atol=1e-12)
     # The remainder of IEEE 754 is the distance from the nearest multiple.
-    np.testing.assert_allclose(error, [math.remainder(x, PITCH) for x in heads - centres], atol=1e-12)
+    np.testing.assert_allclose(error, [math.remainder(x, PITCH) for x in heads - centers], atol=1e-12)
 
 
 @pytest.mark.parametrize('track', [-40, 0, 3])
-def test_with_the_reference_on_a_track_the_error_is_head_minus_track_centre(track):
-    centre = track * PITCH
-    heads = centre + np.linspace(-0.4, 0.4, 9) * PITCH
+def test_with_the_reference_on_a_track_the_error_is_head_minus_track_center(track):
+    center = track * PITCH
+    heads = center + np.linspace(-0.4, 0.4, 9) * PITCH
     runout = np.full(9, 0.05 * PITCH)
     error, position, _ = decoded(sensor(), heads, runout).T
-    np.testing.assert_allclose(position - centre, heads - centre - runout, atol=1e-12)
-    np.testing.assert_allclose(error, position - centre, atol=1e-12)
+    np.testing.assert_allclose(position - center, heads - center - runout, atol=1e-12)
+    np.testing.assert_allclose(error, position - center, atol=1e-12)
 
 
 @pytest.mark.parametrize('bits', [4, 10])
-def test_the_fraction_is_rounded_to_codes_of_which_the_track_centre_is_one(bits):
+def test_the_fraction_is_rounded_to_codes_of_which_the_track_center_is_one(bits):
     heads = np.random.default_rng(3).uniform(-0.5, 0.5, 500) * PITCH
     error = decoded(sensor(bits=bits), heads)[:, 0]
     codes = error / (PITCH / 2**bits)
@@ -52,7 +52,7 @@ def test_the_fraction_is_rounded_to_codes_of_which_the_track_centre_is_one(bits)
     assert sensor(bits=bits).step(0, 0.0)[0] == 0.0
 
 
-def test_the_nonlinearity_is_zero_at_the_track_centre_and_half_way_between_two():
+def test_the_nonlinearity_is_zero_at_the_track_center_and_half_way_between_two():
     heads = np.linspace(-0.5, 0.4999, 1001) * PITCH
     error = decoded(sensor(nonlinearity=5.0), heads)[:, 0]
     wanted = heads + 0.05 * PITCH * np.sin(2.0 * np.pi * heads / PITCH)
@@ -132,17 +132,17 @@ def test_other_parameters_go_on_from_the_held_values():
 @pytest.mark.parametrize(
     ('changes', 'error'),
     [
-        ({'track_pitch': 0.0}, r'track_pitch = 0\.0 is refused: .*above 0'),
-        ({'nonlinearity': 16.0}, r'nonlinearity = 16\.0 is refused'),
-        ({'missing': {'sectors': (1,)}}, r'missing\.sectors = \(1,\) is refused: empty with sectors = 0'),
+        ({'track_pitch': 0.0}, r'track_pitch = 0\.0 is rejected: .*above 0'),
+        ({'nonlinearity': 16.0}, r'nonlinearity = 16\.0 is rejected'),
+        ({'missing': {'sectors': (1,)}}, r'missing\.sectors = \(1,\) is rejected: empty with sectors = 0'),
         (
             {'sectors': 4, 'missing': {'sectors': (1, 4)}},
-            r'missing\.sectors = \(1, 4\) is refused: below sectors, .* 4',
+            r'missing\.sectors = \(1, 4\) is rejected: below sectors, .* 4',
         ),
-        ({'sectors': 2, 'missing': {'sectors': (0, 1)}}, r'missing\.sectors = \(0, 1\) is refused: fewer than all 2'),
+        ({'sectors': 2, 'missing': {'sectors': (0, 1)}}, r'missing\.sectors = \(0, 1\) is rejected: fewer than all 2'),
     ],
 )
-def test_refused(changes, error):
+def test_rejected(changes, error):
     if 'missing' in changes:
         changes = {**changes, 'missing': MissingSectorParameters(**changes['missing'])}
     with pytest.raises(ParameterError, match=error):

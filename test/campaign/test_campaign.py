@@ -193,13 +193,13 @@ def test_a_run_that_kills_each_worker_is_a_row(own_metrics):
     assert np.isnan(found['rms_error'][2])
 
 
-def test_a_run_that_fails_or_is_refused_is_a_row_with_its_reason():
+def test_a_run_that_fails_or_is_rejected_is_a_row_with_its_reason():
     spec = {**AMPLITUDES, 'vary': [{'pid_controller:proportional_gain': [0.05, 1.7e308, -1.0]}]}
     found = Campaign(spec).run(workers=2)
-    assert found['status'].tolist() == ['finished', 'failed', 'refused']
+    assert found['status'].tolist() == ['finished', 'failed', 'rejected']
     assert found['verdict'].tolist()[1] == 'diverged'
     assert 'not finite' in found['reason'].tolist()[1]
-    assert 'pid_controller:proportional_gain = -1.0 is refused' in found['reason'].tolist()[2]
+    assert 'pid_controller:proportional_gain = -1.0 is rejected' in found['reason'].tolist()[2]
     assert found['last_tick'].tolist()[2] == -1
 
 
@@ -300,7 +300,7 @@ def test_a_recorded_run_that_is_not_whole_or_another_is_made_again(tmp_path, har
         ),
     ],
 )
-def test_a_changed_specification_is_refused_with_what_changed(tmp_path, change, said):
+def test_a_changed_specification_is_rejected_with_what_changed(tmp_path, change, said):
     Campaign(AMPLITUDES).run(tmp_path)
     with pytest.raises(ArgumentError, match=re.escape(f'holds another campaign: {said}; remove it, or give another')):
         Campaign({**AMPLITUDES, **change}).run(tmp_path)
@@ -312,7 +312,7 @@ def test_only_what_is_kept_may_change(tmp_path):
     assert len(list(tmp_path.glob('runs/*'))) == 3
 
 
-def test_a_folder_of_another_campaign_is_refused(tmp_path):
+def test_a_folder_of_another_campaign_is_rejected(tmp_path):
     Campaign(AMPLITUDES).run(tmp_path)
     with pytest.raises(ArgumentError, match='holds another campaign'):
         Campaign({**AMPLITUDES, 'after': 0.01}).run(tmp_path)
@@ -348,7 +348,7 @@ def test_two_campaigns_do_not_work_in_one_folder(tmp_path):
         Campaign(AMPLITUDES).run(tmp_path)
 
 
-def test_a_metric_that_no_run_has_is_refused_and_leaves_the_folder_empty(tmp_path):
+def test_a_metric_that_no_run_has_is_rejected_and_leaves_the_folder_empty(tmp_path):
     with pytest.raises(ArgumentError, match="no run has 'rms_eror'; did you mean rms_error"):
         Campaign({**AMPLITUDES, 'metrics': ['rms_eror']}).run(tmp_path)
     assert not list(tmp_path.iterdir())
@@ -363,28 +363,28 @@ def test_a_metric_that_no_run_has_is_refused_and_leaves_the_folder_empty(tmp_pat
         ({'keep': {'worst': 1, 'of': 'rms_eror'}}, "keep: of: no run has 'rms_eror'; did you mean rms_error?"),
     ],
 )
-def test_a_misspelt_metric_is_refused_before_the_first_run_even_if_none_would_finish(entries, message):
+def test_a_misspelt_metric_is_rejected_before_the_first_run_even_if_none_would_finish(entries, message):
     spec = {**AMPLITUDES, 'vary': [{'pid_controller:proportional_gain': [-1.0]}], **entries}
     with pytest.raises(ArgumentError, match=re.escape(message)):
         Campaign(spec)
 
 
-def test_a_metric_that_only_other_runs_have_is_refused_when_it_is_known(tmp_path):
+def test_a_metric_that_only_other_runs_have_is_rejected_when_it_is_known(tmp_path):
     with pytest.raises(ArgumentError, match="keep: of: no run has 'seeks'; there are rms_error, max_error"):
         Campaign({**AMPLITUDES, 'keep': {'worst': 1, 'of': 'seeks'}}).run(tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_campaign_in_which_every_run_is_refused_has_a_table_a_picture_and_a_page(tmp_path, capsys):
+def test_a_campaign_in_which_every_run_is_rejected_has_a_table_a_picture_and_a_page(tmp_path, capsys):
     vary = {'vary': [{'pid_controller:proportional_gain': [-1.0, -2.0]}]}
     (tmp_path / 'spec.yaml').write_text(json.dumps({**AMPLITUDES, **vary, 'keep': {'worst': 1, 'of': 'rms_error'}}))
     assert campaign_main.main([str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out')]) == 0
     assert '2 of 2 runs did not finish' in capsys.readouterr().out
     with (tmp_path / 'out' / 'table.csv').open() as file:
         rows = list(csv.DictReader(file))
-    assert [(row['status'], row['rms_error']) for row in rows] == 2 * [('refused', 'nan')]
-    assert 'pid_controller:proportional_gain = -2.0 is refused' in rows[1]['reason']
-    assert 'proportional_gain = -1.0 is refused' in (tmp_path / 'out' / 'campaign.html').read_text()
+    assert [(row['status'], row['rms_error']) for row in rows] == 2 * [('rejected', 'nan')]
+    assert 'pid_controller:proportional_gain = -2.0 is rejected' in rows[1]['reason']
+    assert 'proportional_gain = -1.0 is rejected' in (tmp_path / 'out' / 'campaign.html').read_text()
 
 
 def test_the_worst_runs_are_those_of_the_largest_absolute_value_by_their_numbers():
@@ -425,12 +425,12 @@ def test_a_controller_that_would_end_the_process_is_a_failed_row(own_metrics, co
 
 
 @pytest.mark.parametrize('workers', ['2', 2.5, 0, True])
-def test_a_wrong_number_of_workers_is_refused(workers):
+def test_a_wrong_number_of_workers_is_rejected(workers):
     with pytest.raises(ArgumentError, match=re.escape(f'workers = {workers!r} is not allowed: an integer of at least')):
         Campaign(AMPLITUDES).run(workers=workers)
 
 
-def test_a_changed_metric_is_refused_on_the_way_on(tmp_path, monkeypatch):
+def test_a_changed_metric_is_rejected_on_the_way_on(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     module = tmp_path / 'changing_metric.py'
     module.write_text('def one(run):\n    return 1.0\n')
@@ -466,12 +466,12 @@ def test_the_command_writes_the_table(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('text', 'line'),
     [
-        ('controllers: [pidd]', "spec.yaml: controllers: pidd: parameter controller = 'pidd' is refused"),
-        ('set: {vcm_plant:gain: -1.0}', 'spec.yaml: set: parameter vcm_plant:gain = -1.0 is refused'),
+        ('controllers: [pidd]', "spec.yaml: controllers: pidd: parameter controller = 'pidd' is rejected"),
+        ('set: {vcm_plant:gain: -1.0}', 'spec.yaml: set: parameter vcm_plant:gain = -1.0 is rejected'),
         ('set: {vcm_plan:gain: 1.0}', "spec.yaml: set: parameters for '/vcm_plan', but there are"),
         (
             'controllers: [{name: a, controller: pid, set: {vcm_plant:gain: -1.0}}]',
-            'spec.yaml: controllers: a: set: parameter vcm_plant:gain = -1.0 is refused',
+            'spec.yaml: controllers: a: set: parameter vcm_plant:gain = -1.0 is rejected',
         ),
         ('metrics: [nowhere:f]', 'spec.yaml: metrics: nowhere:f cannot be imported'),
         ('vary: 3', 'spec.yaml: vary: 3 is not a list of blocks'),

@@ -140,7 +140,7 @@ def test_runs_that_did_not_finish_do_not_hide_the_worst_ones(tmp_path):
     rows = re.findall(r'<tr><td>(\d+)</td>.*?<td class="text">cd ', page)
     worst = [12, 11] if table['rms_error'][12] > table['rms_error'][11] else [11, 12]
     assert [int(number) for number in rows] == [*range(10), *worst]
-    # What was refused cannot be recorded.
+    # What was rejected cannot be recorded.
     assert [path.name for path in (tmp_path / 'runs').iterdir()] == [f'{worst[0]:06d}']
 
 

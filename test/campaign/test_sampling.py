@@ -78,6 +78,6 @@ def test_a_list_is_scaled_element_by_element():
         ('cauchy', 0.0, 1.0, 'none of uniform, normal, log_uniform'),
     ],
 )
-def test_a_wrong_distribution_is_refused(kind, first, second, message):
+def test_a_wrong_distribution_is_rejected(kind, first, second, message):
     with pytest.raises(ArgumentError, match=message):
         Distribution(kind, first, second)

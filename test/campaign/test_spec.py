@@ -284,7 +284,7 @@ def test_an_entry_from_python_is_named(entries, message):
 
 
 @pytest.mark.parametrize('text', ['[1, 2]', 'a: [', ''])
-def test_what_is_no_specification_is_refused(tmp_path, text):
+def test_what_is_no_specification_is_rejected(tmp_path, text):
     (tmp_path / 'spec.yaml').write_text(text)
     with pytest.raises(ArgumentError, match=r'specification .*spec\.yaml is not'):
         read_spec(tmp_path / 'spec.yaml')

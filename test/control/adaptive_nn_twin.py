@@ -12,13 +12,13 @@ class Twin:
     def __init__(self, parameters, sample_time):
         self.p, self.T = parameters, sample_time
         network = parameters.network
-        self.centres = [
+        self.centers = [
             (x, v)
             for x in np.linspace(network.position_minimum, network.position_maximum, network.nodes)
             for v in np.linspace(network.velocity_minimum, network.velocity_maximum, network.nodes)
         ]
         self.sigma, self.mass, self.phi = parameters.sigma.initial, parameters.mass.initial, parameters.phi.initial
-        self.W = np.resize(np.array(network.initial, dtype=float), len(self.centres))
+        self.W = np.resize(np.array(network.initial, dtype=float), len(self.centers))
         self.widths = np.zeros(2)
         self.integral = 0.0
         self.saturated = 0
@@ -31,7 +31,7 @@ class Twin:
 
     def activations(self, x, v):
         width_x, width_v = np.array(self.p.network.axis_widths) * np.exp(self.widths)
-        return np.array([math.exp(-(((x - a) / width_x) ** 2) - ((v - b) / width_v) ** 2) for a, b in self.centres])
+        return np.array([math.exp(-(((x - a) / width_x) ** 2) - ((v - b) / width_v) ** 2) for a, b in self.centers])
 
     def law(self, theta, gain, leakage, drive):
         """theta' = gain (drive - leakage theta) over T, by its solution."""

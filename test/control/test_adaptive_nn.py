@@ -121,7 +121,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     'widths': {'width.enabled': True, 'network.initial': [0.5]},
     'saturation': {'control_limit': 12.0},
     'desired compensation': DESIRED,
-    'desired compensation without normalisation': {**DESIRED, 'sigma.scale': 0.0, 'bristle.spring.scale': 0.0},
+    'desired compensation without normalization': {**DESIRED, 'sigma.scale': 0.0, 'bristle.spring.scale': 0.0},
     'desired compensation without bristles': {**DESIRED, 'bristle.enabled': False},
     'desired compensation with projection': {
         **DESIRED,
@@ -299,12 +299,12 @@ def test_compensator_learns_with_the_reference_of_a_lag_ago():
     }
     controller = controller_of(**values)
     p = controller.parameters.compensator
-    x_centres = np.linspace(p.position_minimum, p.position_maximum, 3)
-    v_centres = np.linspace(p.velocity_minimum, p.velocity_maximum, 3)
+    x_centers = np.linspace(p.position_minimum, p.position_maximum, 3)
+    v_centers = np.linspace(p.velocity_minimum, p.velocity_maximum, 3)
 
     def activations(x, v):
-        s_x = np.exp(-(((x - x_centres) / (0.5 * p.width * (p.position_maximum - p.position_minimum))) ** 2))
-        s_v = np.exp(-(((v - v_centres) / (0.5 * p.width * (p.velocity_maximum - p.velocity_minimum))) ** 2))
+        s_x = np.exp(-(((x - x_centers) / (0.5 * p.width * (p.position_maximum - p.position_minimum))) ** 2))
+        s_v = np.exp(-(((v - v_centers) / (0.5 * p.width * (p.velocity_maximum - p.velocity_minimum))) ** 2))
         return np.outer(s_x, s_v).ravel()
 
     weights = np.zeros(9)
@@ -357,11 +357,11 @@ def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
         assert abs(named(controller)[estimate]) <= bound * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize('place', range(5))
+@pytest.mark.parametrize('offset', range(5))
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_not_hidden(place, value):
+def test_what_is_not_finite_is_not_hidden(offset, value):
     inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
-    inputs[place] = value
+    inputs[offset] = value
     assert not math.isfinite(step(controller_of(**OFF, control_limit=1.0), 0, *inputs)[0])
     assert not math.isfinite(step(controller_of(), 0, *inputs)[0])
 
@@ -399,9 +399,9 @@ def test_update_keeps_what_was_learnt():
     controller = controller_of()
     for k, row in enumerate(signals(50).tolist()):
         step(controller, k, *row)
-    learnt = controller.state.copy()
+    learned = controller.state.copy()
     controller.update(parameters_of(feedback_gain=20.0))
-    np.testing.assert_array_equal(controller.state, learnt)
+    np.testing.assert_array_equal(controller.state, learned)
     result = step(controller, 50, *row)
     assert result[2] == -20.0 * named(controller)['r']
     with pytest.raises(ParameterError, match=r'network\.nodes'):
@@ -429,14 +429,14 @@ def test_update_keeps_what_was_learnt():
         ('phi.leakage', {'phi.leakage': -0.1}),
     ],
 )
-def test_what_is_refused(name, values):
+def test_what_is_rejected(name, values):
     with pytest.raises(ParameterError, match=name.replace('.', r'\.')):
         parameters_of(**values)
 
 
-def test_a_refused_range_names_both_of_its_ends():
+def test_a_rejected_range_names_both_of_its_ends():
     """The one that was changed may be either; found by a service that set the minimum alone."""
-    allowed = 'network.velocity_maximum = 5.0 is refused: above velocity_minimum = 7'
+    allowed = 'network.velocity_maximum = 5.0 is rejected: above velocity_minimum = 7'
     with pytest.raises(ParameterError, match=allowed.replace('.', r'\.')):
         parameters_of(**{'network.velocity_minimum': 7.0})
 

@@ -199,6 +199,6 @@ def test_integral_is_frozen_while_the_voltage_is_limited():
         ({'integral_rate': -1.0}, 'integral_rate'),
     ],
 )
-def test_refuses_what_makes_no_law(values, name):
+def test_rejects_what_makes_no_law(values, name):
     with pytest.raises(ParameterError, match=f'{name} = '):
         CnfParameters(**values)

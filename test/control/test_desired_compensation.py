@@ -66,7 +66,7 @@ def test_estimates_rest_with_the_reference():
     first = [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')]
     follow(controller, [(1.0, 0.0, 0.0)] * 200, 100)
     rested = [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')]
-    # One more sample is learnt from: the last one in motion, whose effect these estimates are the first to show.
+    # One more sample is learned from: the last one in motion, whose effect these estimates are the first to show.
     follow(controller, [(1.0, 0.0, 0.0)], 300)
     assert [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')] == rested
     assert rested != first
@@ -116,7 +116,7 @@ def test_learning_saturates_with_the_excitation():
         ({'bristle.spring.initial': 0.06}, r'bristle\.spring\.initial.*with projection'),
     ],
 )
-def test_what_is_refused(values, message):
+def test_what_is_rejected(values, message):
     with pytest.raises(ParameterError, match=message):
         from_mapping(AdaptiveNnParameters, values)
 

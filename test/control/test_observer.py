@@ -1,4 +1,4 @@
-"""The observer against a time-varying Kalman filter, scipy's discretisation, and its own definition."""
+"""The observer against a time-varying Kalman filter, scipy's discretization, and its own definition."""
 
 from typing import Any
 
@@ -109,12 +109,12 @@ def test_other_parameters_keep_position_and_velocity():
     assert observer.estimates.tolist() == [0.3, velocity]
 
 
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ParameterError, match=r"method = 'luenberger' is refused: .*kalman, difference"):
+def test_an_unknown_method_is_rejected():
+    with pytest.raises(ParameterError, match=r"method = 'luenberger' is rejected: .*kalman, difference"):
         ObserverParameters(method='luenberger')
 
 
-def test_a_bandwidth_for_which_there_are_no_gains_is_refused():
+def test_a_bandwidth_for_which_there_are_no_gains_is_rejected():
     stiff = ObserverParameters(bandwidth=10.0, gain=4e9, stiffness=10.0, viscous_coefficient=0.0)
-    with pytest.raises(ParameterError, match=r'observer\.bandwidth = 10\.0 is refused: higher: .* T = 1e-06 s'):
+    with pytest.raises(ParameterError, match=r'observer\.bandwidth = 10\.0 is rejected: higher: .* T = 1e-06 s'):
         filter_matrices(stiff, 1e-6)

@@ -67,21 +67,21 @@ def test_three_voltages_keep_their_order():
     assert step(answering((1.0, 2.0, 3.0))) == (1.0, 2.0, 3.0)
 
 
-def test_what_is_not_finite_is_passed_on_for_the_topic_to_refuse():
+def test_what_is_not_finite_is_passed_on_for_the_topic_to_reject():
     assert math.isnan(step(answering(math.nan))[0])
 
 
 @pytest.mark.parametrize('answer', [None, '1', True, 1j, (1.0, 2.0), (1.0, 2.0, None), np.array([1.0, 2.0, 3.0])])
-def test_anything_else_is_refused(answer):
-    with pytest.raises(ControllerError, match=r'^mine: step returned .* not the voltage u, .* at tick 41$') as refused:
+def test_anything_else_is_rejected(answer):
+    with pytest.raises(ControllerError, match=r'^mine: step returned .* not the voltage u, .* at tick 41$') as rejected:
         step(answering(answer), 41)
-    assert refused.value.tick == 41
+    assert rejected.value.tick == 41
 
 
 def test_an_exception_is_told_in_one_line_with_its_place():
-    with pytest.raises(ControllerError) as refused:
+    with pytest.raises(ControllerError) as rejected:
         step(answering(ValueError('no\n  good')), 3)
-    said = str(refused.value)
+    said = str(rejected.value)
     assert said.startswith('mine: step raised ValueError: no good (')
     assert f'{__file__}:' in said
     assert said.endswith(' at tick 3')
@@ -122,7 +122,7 @@ def test_estimates_get_the_time_in_front_unless_it_is_there(names, expected):
 
 
 @pytest.mark.parametrize('estimates', [None, [1.0], [1.0, 'x'], [[1.0, 2.0]]])
-def test_estimates_of_another_shape_are_refused(estimates):
+def test_estimates_of_another_shape_are_rejected(estimates):
     class Estimating(Proportional):
         estimate_names = ('e', 'n')
 
@@ -233,14 +233,14 @@ def test_warnings_that_raise_are_told_in_one_line():
 
 @pytest.mark.parametrize('attribute', ['limit_output', 'warnings', 'fault'])
 def test_what_is_to_be_a_method_must_be_one(attribute):
-    said = rf"'mine' is refused: its {attribute} = 3 is not a method {attribute}\("
+    said = rf"'mine' is rejected: its {attribute} = 3 is not a method {attribute}\("
     with pytest.raises(ParameterError, match=said):
         OutsideController('mine', type('Odd', (Proportional,), {attribute: 3}), Gain(), T)
 
 
 @pytest.mark.parametrize('tick', [-1, 1.0, None, True])
 def test_a_plan_ends_at_a_tick(tick):
-    with pytest.raises(ParameterError, match=r"'mine' is refused: its last_tick = .* an integer at least 0"):
+    with pytest.raises(ParameterError, match=r"'mine' is rejected: its last_tick = .* an integer at least 0"):
         OutsideController('mine', type('Planning', (Proportional,), {'last_tick': tick}), Gain(), T)
 
 

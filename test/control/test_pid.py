@@ -187,11 +187,11 @@ def test_a_new_feedforward_fades_in():
     assert u[-1] == pytest.approx(0.5 * 2.0 - 0.1 * 3.0, rel=1e-3)
 
 
-@pytest.mark.parametrize('place', range(5))
+@pytest.mark.parametrize('offset', range(5))
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_not_hidden(place, value):
+def test_what_is_not_finite_is_not_hidden(offset, value):
     inputs = [0.1, 0.1, 0.1, 0.1, 0.1]
-    inputs[place] = value
+    inputs[offset] = value
     assert not math.isfinite(step(pid(), 0, *inputs)[0])
 
 

@@ -157,6 +157,6 @@ def test_lag_makes_up_for_a_delay_exactly():
 @pytest.mark.parametrize(
     ('name', 'value'), [('natural_frequency', 0.0), ('discount', 1.0), ('discount', 0.0), ('lag', -1e-6)]
 )
-def test_refuses_what_makes_no_law(name, value):
+def test_rejects_what_makes_no_law(name, value):
     with pytest.raises(ParameterError, match=f'{name} = '):
         PtosParameters(**{name: value})

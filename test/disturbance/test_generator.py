@@ -37,7 +37,7 @@ def generator(values, sample_time=T):
 def stepped(block, first_tick, count):
     """Return the rows of both topics from single steps."""
     steps = [block.step(tick) for tick in range(first_tick, first_tick + count)]
-    disturbance = np.array([(force, track_centre, 0.0) for force, track_centre, _, _ in steps])
+    disturbance = np.array([(force, track_center, 0.0) for force, track_center, _, _ in steps])
     return disturbance, np.array([(*linear, *angular) for _, _, linear, angular in steps])
 
 
@@ -107,11 +107,11 @@ def test_the_coupling(linear, angular, cubic, scale):
         'coupling.cubic': cubic,
         'coupling.cubic_scale': scale,
     }
-    force, track_centre, accelerations, rotations = generator(values).step(0)
+    force, track_center, accelerations, rotations = generator(values).step(0)
     assert (accelerations, rotations) == ((0.0, linear, 0.0), (0.0, 0.0, angular))
     alone = (50.8e3 * angular + 0.02 * 1e6 * linear) / 4.0968e7
     assert force == pytest.approx(alone * (1.0 + cubic * (alone / scale) ** 2), rel=1e-9, abs=1e-12)
-    assert track_centre == 0.0
+    assert track_center == 0.0
 
 
 def test_levels_that_were_computed_elsewhere():
@@ -181,7 +181,7 @@ def test_what_is_switched_off_and_on_again_goes_on():
     assert same(block.rows(20, 50), goes_on.rows(20, 50))
 
 
-def test_a_change_that_is_refused_changes_nothing():
+def test_a_change_that_is_rejected_changes_nothing():
     block, other = generator(ALL), generator(ALL)
     block.rows(0, 10)
     other.rows(0, 10)

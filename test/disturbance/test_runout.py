@@ -17,7 +17,7 @@ def generator(sample_time, values):
     return DisturbanceGenerator(from_mapping(DisturbanceParameters, {**ON, **values}), sample_time)
 
 
-def track_centre(sample_time, values, count):
+def track_center(sample_time, values, count):
     return generator(sample_time, values).rows(0, count)[0][:, 1]
 
 
@@ -29,7 +29,7 @@ def test_harmonics_are_the_fourier_coefficients_of_a_revolution(sectors, sample_
         'runout.repeatable.phases': (0.0, 0.25, 0.4),
         'spindle.sectors': sectors,
     }
-    found = track_centre(sample_time, values, 3 * sectors)
+    found = track_center(sample_time, values, 3 * sectors)
     # Exactly the same in every revolution.
     assert found[:sectors].tobytes() == found[sectors : 2 * sectors].tobytes() == found[2 * sectors :].tobytes()
     coefficients = np.fft.rfft(found[:sectors]) / sectors * 2.0
@@ -48,16 +48,16 @@ def test_without_sectors_the_harmonics_turn_with_the_spindle():
     }
     ticks = np.arange(2000)
     expected = np.sin(2.0 * np.pi * (2.0 * 90.0 * 1e-4 * ticks + 0.1))
-    assert track_centre(1e-4, values, 2000) == pytest.approx(expected, abs=1e-10)
+    assert track_center(1e-4, values, 2000) == pytest.approx(expected, abs=1e-10)
 
 
 def test_phases_by_seed_belong_to_their_harmonic():
     def alone(order, seed):
         values = {'runout.repeatable.orders': (order,), 'runout.repeatable.amplitudes': (0.01,)}
-        return track_centre(1e-4, {**values, 'runout.repeatable.seed': seed}, 500)
+        return track_center(1e-4, {**values, 'runout.repeatable.seed': seed}, 500)
 
     both = {'runout.repeatable.orders': (1, 5), 'runout.repeatable.amplitudes': (0.01, 0.01)}
-    assert track_centre(1e-4, both, 500) == pytest.approx(alone(1, 1) + alone(5, 1), abs=1e-15)
+    assert track_center(1e-4, both, 500) == pytest.approx(alone(1, 1) + alone(5, 1), abs=1e-15)
     assert not np.allclose(alone(1, 1), alone(1, 2))
 
 
@@ -73,7 +73,7 @@ def test_a_random_sequence_has_exactly_its_sigma_and_repeats(preset, seed, cutof
         'runout.repeatable.seed': seed,
         'spindle.sectors': sectors,
     }
-    found = track_centre(sample_time, values, 2 * sectors)
+    found = track_center(sample_time, values, 2 * sectors)
     assert found[:sectors].tobytes() == found[sectors:].tobytes()
     assert found[:sectors].std() == pytest.approx(sigma, rel=1e-12)
     assert abs(found[:sectors].mean()) < 1e-13 * sigma
@@ -90,7 +90,7 @@ def test_the_spectrum_of_the_random_sequence_is_that_of_the_low_pass():
             'runout.repeatable.seed': seed,
             'spindle.sectors': sectors,
         }
-        power += np.abs(np.fft.rfft(track_centre(37879e-9, values, sectors))) ** 2
+        power += np.abs(np.fft.rfft(track_center(37879e-9, values, sectors))) ** 2
     orders = np.arange(1, sectors // 2)
     # |1 - d|^2/|1 - d exp(-i w)|^2 with d such that it is 1/2 at the cutoff.
     half = 2.0 - np.cos(2.0 * np.pi * cutoff / sectors)
@@ -113,7 +113,7 @@ def test_a_sequence_from_a_file(tmp_path):
         'runout.repeatable.sequence_file': str(file),
         'spindle.sectors': 84,
     }
-    assert track_centre(99206e-9, values, 168).tolist() == [*sequence, *sequence]
+    assert track_center(99206e-9, values, 168).tolist() == [*sequence, *sequence]
     with pytest.raises(ParameterError, match='a row for each of the 220 sectors; it has 84'):
         generator(37879e-9, {**values, 'spindle.sectors': 220})
     # Read once: a change during a run needs no file.
@@ -129,7 +129,7 @@ def test_a_sequence_from_a_file(tmp_path):
     [
         (
             {'runout.repeatable.sequence': 'random'},
-            r'spindle\.sectors = 0 is refused: runout\.repeatable\.sequence = ran',
+            r'spindle\.sectors = 0 is rejected: runout\.repeatable\.sequence = ran',
         ),
         ({'runout.repeatable.sequence': 'file'}, r'sequence_file'),
         ({'runout.repeatable.amplitudes': (1.0,)}, 'as many elements as orders, which has 3'),
@@ -137,11 +137,11 @@ def test_a_sequence_from_a_file(tmp_path):
         ({'runout.repeatable.orders': (0, 1, 2)}, 'at least 1'),
     ],
 )
-def test_what_is_refused(values, reason):
+def test_what_is_rejected(values, reason):
     with pytest.raises(ParameterError, match=reason):
         generator(1e-4, values)
 
 
 def test_a_sequence_that_is_off_needs_no_sectors():
     values = {'runout.repeatable.sequence': 'random', 'runout.repeatable.enabled': False}
-    assert not track_centre(1e-4, values, 10).any()
+    assert not track_center(1e-4, values, 10).any()

@@ -78,8 +78,8 @@ def test_a_single_shock_is_not_repeated():
     assert np.flatnonzero(found[:, 1]).tolist() == list(range(1000, 1020))
 
 
-def test_pulses_that_overlap_are_refused():
+def test_pulses_that_overlap_are_rejected():
     with pytest.raises(
-        ParameterError, match=r'shock\.period = 0\.001 is refused: 0, or at least the duration of 0\.002'
+        ParameterError, match=r'shock\.period = 0\.001 is rejected: 0, or at least the duration of 0\.002'
     ):
         from_mapping(DisturbanceParameters, {'shock.period': 1e-3})

@@ -26,20 +26,20 @@ def test_a_whole_number_of_nanoseconds_is_always_close_enough(sectors, speed):
 @pytest.mark.parametrize(
     ('sectors', 'sample_time'), [(0, 1e-4), (84, 1e-4), (83, 1e-4), (84, 99204e-9), (220, 37878e-9), (84, 49603e-9)]
 )
-def test_what_is_not_synchronous_is_refused_in_one_line(sectors, sample_time):
+def test_what_is_not_synchronous_is_rejected_in_one_line(sectors, sample_time):
     spindle = SpindleParameters(7200.0, sectors)
     assert spindle.samples_per_revolution(sample_time) == 0
     with pytest.raises(ParameterError) as error:
         spindle.require_synchronous(sample_time, 'runout.repeatable.sequence = random')
     text = str(error.value)
     assert text.startswith(
-        f'parameter spindle.sectors = {sectors} is refused: runout.repeatable.sequence = random needs'
+        f'parameter spindle.sectors = {sectors} is rejected: runout.repeatable.sequence = random needs'
     )
     assert f'sample_time is {sample_time!r} s' in text
     assert '\n' not in text
 
 
-def test_the_advice_of_the_refusal_is_synchronous():
+def test_the_advice_of_the_rejection_is_synchronous():
     with pytest.raises(ParameterError, match=r'such as sectors = 83 with sample_time = 0\.000100402 s'):
         SpindleParameters(7200.0, 0).require_synchronous(1e-4, 'this')
     assert SpindleParameters(7200.0, 83).samples_per_revolution(0.000100402) == 83

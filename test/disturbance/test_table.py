@@ -45,17 +45,17 @@ def test_a_recording_is_read(tmp_path, text):
         ('0,1\n1,2\n0.5,3\n', 'times ascend; row 3 has 0.5 s after 1.0 s'),
     ],
 )
-def test_a_bad_recording_is_refused_in_one_line(tmp_path, text, reason):
+def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
     path = written(tmp_path, text)
     with pytest.raises(ParameterError) as error:
         read_recording('vibration.linear.recording', path, 'acceleration [m/s^2]')
     said = str(error.value)
-    assert said.startswith(f'parameter vibration.linear.recording = {shown(path)} is refused: a CSV file')
+    assert said.startswith(f'parameter vibration.linear.recording = {shown(path)} is rejected: a CSV file')
     assert reason in said
     assert '\n' not in said
 
 
-def test_what_is_no_text_file_is_refused(tmp_path):
+def test_what_is_no_text_file_is_rejected(tmp_path):
     with pytest.raises(ParameterError, match='No such file'):
         read_table('file', str(tmp_path / 'nothing.csv'), ['x'], 1)
     with pytest.raises(ParameterError, match=r'a CSV file of x: .*directory'):

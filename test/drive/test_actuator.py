@@ -115,8 +115,8 @@ def test_tracks_are_3_17_and_3_18() -> None:
     other = [(c @ np.linalg.solve(1j * point * np.eye(2) - a, b))[0, 0] for point in w]
     np.testing.assert_allclose(one, other, rtol=1e-12)
     # 1 m of tracks is TPI/0.0254 of them
-    metres = ActuatorParameters().gain / 1.0e6
-    assert one[0].real == pytest.approx(-metres * 25.0e3 / 0.0254 / w[0] ** 2, rel=1e-8)
+    meters = ActuatorParameters().gain / 1.0e6
+    assert one[0].real == pytest.approx(-meters * 25.0e3 / 0.0254 / w[0] ** 2, rel=1e-8)
 
 
 @pytest.mark.parametrize('driver', ['reduced', 'rigid', 'current', 'voltage'])
@@ -235,7 +235,7 @@ def test_rigid_driver_runs_3_16_and_reduced_its_own_gain() -> None:
     assert replace(rigid, actuator=replace(heavy, driver='reduced')).rigid_gain == 4.0968e7
     plant = Plant(replace(rigid, friction=FrictionParameters(model='none'), resonance=NO_RESONANCE), 1.0e-4)
     assert plant.step(1, 1.0)[1] == pytest.approx(rigid.rigid_gain * 1.0e-4)
-    # (3.17): k_y tracks a radian, of l_arm metres a radian
+    # (3.17): k_y tracks a radian, of l_arm meters a radian
     tracks = at(transfer.tracks(heavy, 25.0e3), 50.0) / heavy.position_gain(25.0e3) * heavy.arm_length * 1.0e6
     assert tracks == pytest.approx(complex(transfer.frequency_response(replace(rigid, resonance=NO_RESONANCE), 50.0)))
 

@@ -189,12 +189,12 @@ def test_lugre_body_on_its_driver_against_radau(
     actuator = ActuatorParameters(driver=driver, amplifier_gain=amplifier_gain, source_resistance=40.0)
     p = FrictionParameters()
     a = actuator
-    metre = a.units_per_metre
+    meter = a.units_per_meter
     control = 0.5 * np.sin(2.0 * np.pi * 80.0 * T * np.arange(100))
 
     def rhs(_: float, y: Array, u: float) -> list[float]:
         _, speed, z, output, current = y
-        v = speed * a.arm_length * metre
+        v = speed * a.arm_length * meter
         g = p.coulomb_level + (p.static_level - p.coulomb_level) * math.exp(-((v / p.stribeck_velocity) ** 2))
         z_rate = v - p.stiffness * abs(v) / g * z
         h = p.stiffness * z + p.bristle_damping * z_rate + p.viscous_coefficient * v
@@ -212,7 +212,7 @@ def test_lugre_body_on_its_driver_against_radau(
         atol = [1e-13, 1e-11, 1e-10, 1e-11, 1e-11]
         y = solve_ivp(rhs, (0.0, T), y, method='Radau', args=(u,), rtol=1e-9, atol=atol).y[:, -1]
         rows.append(y)
-    reference = np.array(rows)[:, [0, 1, 2]] * [a.arm_length * metre, a.arm_length * metre, 1.0]
+    reference = np.array(rows)[:, [0, 1, 2]] * [a.arm_length * meter, a.arm_length * meter, 1.0]
     peaks = np.abs(reference).max(axis=0)
     assert peaks[2] > 5.0  # it slides
     counts = [4, 8, 16, 32]

@@ -1,5 +1,5 @@
 """
-The default drive's low-frequency behaviour against what figs. 2.3 and 5.4 and their text say.
+The default drive's low-frequency behavior against what figs. 2.3 and 5.4 and their text say.
 
 Stepped sine through the block at T = 0.1 ms, fundamental of the head position over that of the control as sampled.
 """

@@ -1,4 +1,4 @@
-"""Resonances: modal form, exact discretisation, parameter checks."""
+"""Resonances: modal form, exact discretization, parameter checks."""
 
 import itertools
 import math
@@ -163,7 +163,7 @@ def cluster(count: int, spacing: float) -> ResonanceParameters:
 @pytest.mark.parametrize(
     ('count', 'spacing'), [(2, 1e-6), (3, 1.2e-5), (3, 1e-4), (4, 1.2e-5), (4, 1e-4), (5, 1.2e-5), (5, 1e-3)]
 )
-def test_poles_too_close_for_the_modal_form_are_refused(count: int, spacing: float) -> None:
+def test_poles_too_close_for_the_modal_form_are_rejected(count: int, spacing: float) -> None:
     with pytest.raises(ParameterError, match='distinct poles; with poles this close') as error:
         cluster(count, spacing)
     assert error.value.name == 'frequencies'

@@ -46,7 +46,7 @@ def motion(parameters: PlantParameters, control: Any) -> tuple[Array, Array, Pla
 def ballistic(
     acceleration: float, start: float, velocity: float, stop: float, restitution: float, time: npt.NDArray[Any]
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
-    """Return position and velocity under a constant acceleration towards a stop, and the impacts: time and speed."""
+    """Return position and velocity under a constant acceleration toward a stop, and the impacts: time and speed."""
     begun, x, v = 0.0, start, velocity
     impacts: list[tuple[float, float]] = []
     parts = []
@@ -317,10 +317,10 @@ def test_what_is_told() -> None:
         ('initial_position', {'travel.upper': 5.0, 'initial_position': 6.0}),
     ],
 )
-def test_what_is_refused(name: str, values: dict[str, object]) -> None:
-    with pytest.raises(ParameterError) as refused:
+def test_what_is_rejected(name: str, values: dict[str, object]) -> None:
+    with pytest.raises(ParameterError) as rejected:
         from_mapping(PlantParameters, values)
-    assert refused.value.name == name
+    assert rejected.value.name == name
 
 
 def test_one_limit_may_be_zero() -> None:

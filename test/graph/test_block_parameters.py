@@ -24,6 +24,6 @@ def test_its_own_scales_win_and_zero_takes_the_sensors(own, expected):
     assert sensor_scales(input_parameters('pid_controller', {**own, 'control_limit': 3.0}), SENSOR) == expected
 
 
-def test_a_bad_scale_is_refused_by_name():
-    with pytest.raises(ParameterError, match=r'pid_controller\.displacement_scale = -1\.0 is refused'):
+def test_a_bad_scale_is_rejected_by_name():
+    with pytest.raises(ParameterError, match=r'pid_controller\.displacement_scale = -1\.0 is rejected'):
         input_parameters('pid_controller', {'displacement_scale': -1.0})

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import CONTROLLERS, NODES
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES
 from hdd_servo_ros.graph.connections import TOPICS, inputs_of, optional_inputs_of, outputs_of
 from hdd_servo_ros.messages.topics import (
     ALL_LOOP_TOPICS,
@@ -46,7 +46,7 @@ def test_inputs_and_outputs(node):
     assert [topic.name for topic in outputs_of(node)] == outputs
 
 
-def test_an_unknown_node_is_refused():
+def test_an_unknown_node_is_rejected():
     with pytest.raises(KeyError):
         inputs_of('nobody')
 

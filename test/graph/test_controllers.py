@@ -1,4 +1,4 @@
-"""Controllers from outside: where they are found, what is refused, and that they run as the built-in ones do."""
+"""Controllers from outside: where they are found, what is rejected, and that they run as the built-in ones do."""
 
 import itertools
 import re
@@ -9,9 +9,9 @@ import pytest
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.control.outside import ControllerError
-from hdd_servo_ros.graph.catalogue import NODES, purpose
+from hdd_servo_ros.graph.catalog import NODES, purpose
 from hdd_servo_ros.graph.controller_loader import load_controller, snake_case
-from hdd_servo_ros.graph.known_parameters import node_declarations, refuse_unknown
+from hdd_servo_ros.graph.known_parameters import node_declarations, reject_unknown
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.simulation.experiment import Experiment
@@ -86,9 +86,9 @@ def test_an_import_path_from_the_working_folder(tmp_path):
     assert 'stiffness' in {declaration.name for declaration in node_declarations('spring')}
     assert {'sample_time', 'start_timeout'} <= {declaration.name for declaration in node_declarations('spring')}
     assert purpose('spring') == 'Pulls back. And more.'
-    refuse_unknown({'stiffness': 1.0})
+    reject_unknown({'stiffness': 1.0})
     with pytest.raises(ParameterError, match='did you mean stiffness'):
-        refuse_unknown({'stifness': 1.0})
+        reject_unknown({'stifness': 1.0})
 
 
 def test_a_node_name_of_its_own(tmp_path):
@@ -130,7 +130,7 @@ def test_an_entry_point(tmp_path, monkeypatch):
         ([('@dataclasses.dataclass(frozen=True)', '')], r'Gains is no frozen dataclass'),
         ([('(frozen=True)', ''), ('(ParameterSet)', '')], r'Gains is no frozen dataclass'),
         ([("parameter(0.5, 'k_p', unit='V/um', minimum=0.0)", '0.5')], r'Gains\.stiffness is not declared by'),
-        ([('(0.5,', '(-0.5,')], r'the defaults of Gains: parameter stiffness = -0\.5 is refused'),
+        ([('(0.5,', '(-0.5,')], r'the defaults of Gains: parameter stiffness = -0\.5 is rejected'),
         ([('stiffness: float', 'peer_timeout: float')], r'Gains\.peer_timeout: every node has a para'),
         ([('class Spring', 'class VcmPlant'), ], r'there is no Spring in'),
         ([("'Pulls back. And more.'", "node_name = 'vcm_plant'")], r'there is another node vcm_plant; give class Spr'),
@@ -140,12 +140,12 @@ def test_an_entry_point(tmp_path, monkeypatch):
         ([('import dataclasses', 'import dataclasses\nraise SystemExit(3)')], r'importing .* raised SystemExit: 3 \('),
     ],
 )  # fmt: skip
-def test_what_is_refused(tmp_path, changes, said):
+def test_what_is_rejected(tmp_path, changes, said):
     module = write(tmp_path, GOOD, *changes)
-    with pytest.raises(ParameterError, match=said) as refused:
+    with pytest.raises(ParameterError, match=said) as rejected:
         load_controller(f'{module}:Spring')
-    assert str(refused.value).startswith(f"parameter controller = '{module}:Spring' is refused: ")
-    assert '\n' not in str(refused.value)
+    assert str(rejected.value).startswith(f"parameter controller = '{module}:Spring' is rejected: ")
+    assert '\n' not in str(rejected.value)
 
 
 FORMER = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
@@ -156,7 +156,7 @@ FORMER = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d'
     [FORMER, ('k', 'x', 'v', 'x_d', 'dx_d', 'ddx_d'), ('k', 'x', 'v', '*reference'), ('tick', '*signals'), ('tick',)],
     ids=', '.join,
 )
-def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, capsys, arguments):
+def test_the_former_arguments_of_step_are_rejected_with_what_to_change(tmp_path, capsys, arguments):
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {", ".join(arguments)})'))
     said = (
         'Spring.step takes one argument now: inputs, with inputs.tick, inputs.position [um] and inputs.velocity [um/s]'
@@ -165,8 +165,8 @@ def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, 
         load_controller(f'{module}:Spring')
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run']) == 2
     # With a cold cache a line says first that kernels are being compiled.
-    (error,) = [line for line in capsys.readouterr().err.splitlines() if 'refused' in line]
-    assert error.startswith(f"simulate: parameter controller = '{module}:Spring' is refused: {said}")
+    (error,) = [line for line in capsys.readouterr().err.splitlines() if 'rejected' in line]
+    assert error.startswith(f"simulate: parameter controller = '{module}:Spring' is rejected: {said}")
     assert error.endswith('; see docs/write-your-own-controller.md')
 
 
@@ -178,12 +178,12 @@ def test_the_former_arguments_of_step_are_refused_with_what_to_change(tmp_path, 
         ('inputs', '(k, x, v, *reference) = inputs.tick', False),
     ],
 )
-def test_former_arguments_that_only_a_trial_finds_are_refused_with_what_to_change(tmp_path, arguments, law, hinted):
+def test_former_arguments_that_only_a_trial_finds_are_rejected_with_what_to_change(tmp_path, arguments, law, hinted):
     error = 'e = inputs.position - inputs.desired_position'
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {arguments})'), (error, law))
-    with pytest.raises(ParameterError, match=r'tried with zeros: spring: step raised (Type|Value)Error') as refused:
+    with pytest.raises(ParameterError, match=r'tried with zeros: spring: step raised (Type|Value)Error') as rejected:
         simulation(tmp_path, module)
-    assert ('; Spring.step takes one argument now: inputs, with' in str(refused.value)) == hinted
+    assert ('; Spring.step takes one argument now: inputs, with' in str(rejected.value)) == hinted
 
 
 @pytest.mark.parametrize('arguments', ['inputs', 'measured', '*arguments', 'inputs, gain=1.0'])
@@ -249,7 +249,7 @@ def simulation(tmp_path, module, *arguments):
     return Simulation(parse_ros_arguments([*ros, *arguments]))
 
 
-def test_its_parameters_are_taken_and_refused_like_any(tmp_path):
+def test_its_parameters_are_taken_and_rejected_like_any(tmp_path):
     module = write(tmp_path)
     file = tmp_path / 'gains.yaml'
     file.write_text('/**/spring:\n  ros__parameters:\n    stiffness: 0.25\n')
@@ -258,7 +258,7 @@ def test_its_parameters_are_taken_and_refused_like_any(tmp_path):
     assert made.nodes['/spring']['outputs'] == ['/control', '/estimates']
     assert simulation(tmp_path, module, '-p', 'stiffness:=0.75').nodes['/spring']['parameters']['stiffness'] == 0.75
     with pytest.raises(
-        ParameterError, match=r'spring:stiffness = -1\.0 is refused: a finite number at least 0 \[V/um\]'
+        ParameterError, match=r'spring:stiffness = -1\.0 is rejected: a finite number at least 0 \[V/um\]'
     ):
         simulation(tmp_path, module, '-p', 'spring:stiffness:=-1.0')
     with pytest.raises(ParameterError, match='did you mean stiffness'):
@@ -331,18 +331,18 @@ def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys)
     assert capsys.readouterr().err.endswith(said)
 
 
-def test_a_scheduled_change_that_the_class_cannot_take_is_refused_before_the_run(tmp_path):
-    refusing = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
-    module = write(tmp_path, GOOD, ('self.parameters = parameters', refusing))
-    with pytest.raises(ParameterError, match=r"schedule = '0.03 spring stiffness 1.5' is refused: .*AssertionError"):
+def test_a_scheduled_change_that_the_class_cannot_take_is_rejected_before_the_run(tmp_path):
+    rejecting = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
+    module = write(tmp_path, GOOD, ('self.parameters = parameters', rejecting))
+    with pytest.raises(ParameterError, match=r"schedule = '0.03 spring stiffness 1.5' is rejected: .*AssertionError"):
         simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
 
 
 def test_a_scheduled_change_that_the_class_fails_to_take_in_the_run_ends_it(tmp_path, capsys):
     # A trial cannot know what the class holds against it by then.
-    refusing = "assert parameters.stiffness < 1.0 or not hasattr(self, 'late'); self.parameters = parameters"
+    rejecting = "assert parameters.stiffness < 1.0 or not hasattr(self, 'late'); self.parameters = parameters"
     late = 'e = inputs.position - inputs.desired_position; self.__dict__.update({"late": 1} if inputs.tick > 9 else {})'
-    changes = (('self.parameters = parameters', refusing), ('e = inputs.position - inputs.desired_position', late))
+    changes = (('self.parameters = parameters', rejecting), ('e = inputs.position - inputs.desired_position', late))
     module = write(tmp_path, GOOD, *changes)
     made = simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
     exit_code, directory = simulate(made, progress=False)
@@ -374,7 +374,7 @@ def test_a_failure_leaves_the_rows_before_it(tmp_path):
     assert rows.control[:60, 0].tolist() == [0.0, *(1.0 / (60 - tick) for tick in range(1, 60))]
 
 
-def test_what_fails_at_once_is_refused_before_a_run(tmp_path):
+def test_what_fails_at_once_is_rejected_before_a_run(tmp_path):
     law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
     module = write(tmp_path, GOOD, (law, '1.0 / inputs.position'))
     with pytest.raises(ParameterError, match='tried with zeros: spring: step raised ZeroDivisionError'):

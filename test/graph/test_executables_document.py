@@ -2,7 +2,7 @@ import argparse
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import COMMANDS, NODES, resolve
+from hdd_servo_ros.graph.catalog import COMMANDS, NODES, resolve
 from hdd_servo_ros.graph.executables_document import document
 from hdd_servo_ros.messages.exit_codes import FAILED, UNREADABLE, WRONG_ARGUMENTS
 

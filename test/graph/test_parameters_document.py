@@ -1,7 +1,7 @@
 import pytest
 
 from hdd_servo_ros.graph import parameters_document
-from hdd_servo_ros.graph.catalogue import names_with_parameters
+from hdd_servo_ros.graph.catalog import names_with_parameters
 from hdd_servo_ros.graph.known_parameters import node_declarations
 
 PAGES = parameters_document.pages()

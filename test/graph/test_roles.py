@@ -2,7 +2,7 @@
 
 import pytest
 
-from hdd_servo_ros.graph.catalogue import CONTROLLER, DISTURBANCE_SOURCE, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, DISTURBANCE_SOURCE, nodes_of_run
 from hdd_servo_ros.graph.roles import roles_of_run
 from hdd_servo_ros.messages.topics import BASE_SENSOR, POSITION_SENSOR
 from hdd_servo_ros.parameters import ParameterError
@@ -58,10 +58,10 @@ def test_a_section_of_its_own_names_a_node(tmp_path, section, namespace, is_name
     assert found == {CONTROLLER: 'pid_controller', **(GENERATED if is_named else {})}
 
 
-def test_a_recorded_and_a_generated_disturbance_are_refused():
+def test_a_recorded_and_a_generated_disturbance_are_rejected():
     words = ['-p', 'playback:recorded_run:=runs/shaken', '-p', 'disturbance_generator:shock.enabled:=true']
     with pytest.raises(
-        ParameterError, match=r"playback:recorded_run = 'runs/shaken' is refused: empty with parameters"
+        ParameterError, match=r"playback:recorded_run = 'runs/shaken' is rejected: empty with parameters"
     ):
         roles(words)
 
@@ -76,6 +76,6 @@ def test_the_servo_sensor_takes_the_place_of_the_vibrometer():
     assert names.index('vcm_plant') + 1 == names.index('servo_sensor')
 
 
-def test_a_controller_that_measures_ldv_refuses_the_servo_sensor():
-    with pytest.raises(ParameterError, match=r"sensor = 'servo' is refused: ldv, since signal_analyzer measures /ldv"):
+def test_a_controller_that_measures_ldv_rejects_the_servo_sensor():
+    with pytest.raises(ParameterError, match=r"sensor = 'servo' is rejected: ldv, since signal_analyzer measures /ldv"):
         roles_of_run('signal_analyzer', parse_ros_arguments([]), 'servo')

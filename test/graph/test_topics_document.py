@@ -5,7 +5,7 @@ import re
 import pytest
 
 from hdd_servo_ros.graph import topics_document
-from hdd_servo_ros.graph.catalogue import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS
 from hdd_servo_ros.graph.connections import TOPICS
 
 

@@ -55,7 +55,7 @@ def test_acceleration_is_what_an_independent_deserializer_reads(frame, values):
 
 @given(names=st.lists(names, min_size=1, max_size=9))
 def test_array_is_what_an_independent_deserializer_reads(names):
-    values = [float(place) for place in range(len(names))]
+    values = [float(offset) for offset in range(len(names))]
     codec = ArrayCodec(names)
     packed = codec.pack(values)
     assert codec.pack_array(np.array(values)) == packed
@@ -111,8 +111,8 @@ def test_an_acceleration_is_what_rclpy_makes_and_reads(frame):
     assert serialization.deserialize_message(ours, AccelStamped) == message
 
 
-@pytest.mark.parametrize(('labels', 'match'), [(2, 'expected one labelled dimension'), (1, 'elements and')])
-def test_an_array_of_another_layout_is_refused(labels, match):
+@pytest.mark.parametrize(('labels', 'match'), [(2, 'expected one labeled dimension'), (1, 'elements and')])
+def test_an_array_of_another_layout_is_rejected(labels, match):
     array = TYPES.types['std_msgs/msg/Float64MultiArray']
     layout = TYPES.types['std_msgs/msg/MultiArrayLayout']
     dimension = TYPES.types['std_msgs/msg/MultiArrayDimension']

@@ -47,7 +47,7 @@ def test_a_report_is_known_by_its_run_and_may_be_padded():
 
 @pytest.mark.parametrize('codec', [CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, REPORTS], ids=lambda codec: codec.type_name)
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_message_or_refused(codec, data):
+def test_any_bytes_are_a_message_or_rejected(codec, data):
     for message in (data, b'\x00\x01\x00\x00' + data):
         with contextlib.suppress(ValueError):
             check_message(codec, message)

@@ -49,7 +49,7 @@ def test_what_one_may_have_written_is_read_as_pyyaml_reads_it(text):
         ('a: \x00', 'special characters|control characters'),
     ],
 )
-def test_what_nobody_wrote_is_refused_in_one_line(text, why):
+def test_what_nobody_wrote_is_rejected_in_one_line(text, why):
     with pytest.raises(YamlError, match=why) as error:
         parse_yaml(text)
     assert '\n' not in str(error.value)

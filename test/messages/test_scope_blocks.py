@@ -87,6 +87,6 @@ def test_what_is_written_is_read_again():
         (SimpleNamespace(layout=SimpleNamespace(dim=[]), data=()), '0 dimensions'),
     ],
 )
-def test_what_is_no_block_is_refused(message, said):
+def test_what_is_no_block_is_rejected(message, said):
     with pytest.raises(ValueError, match=said):
         read_scope_message(message)

@@ -63,8 +63,8 @@ class Starter:
         shutil.copytree(PACKAGE, self.directory / name / 'hdd_servo_ros', ignore=shutil.ignore_patterns('__pycache__'))
         return self.directory / name
 
-    def start(self, place, *arguments):
-        environment = {**os.environ, 'XDG_CACHE_HOME': str(self.directory / 'cache'), 'PYTHONPATH': str(place)}
+    def start(self, directory, *arguments):
+        environment = {**os.environ, 'XDG_CACHE_HOME': str(self.directory / 'cache'), 'PYTHONPATH': str(directory)}
         process = subprocess.Popen(
             [sys.executable, '-c', CALL, *arguments],
             cwd=self.directory,

@@ -1,4 +1,4 @@
-"""A kernel that was loaded from the cache runs, and is inlined into others that are compiled afterwards."""
+"""A kernel that was loaded from the cache runs, and is inlined into others that are compiled afterward."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What `parse_ros_arguments` takes means to rcl what it means here; what it refuses, `rig` refuses by it as well."""
+"""What `parse_ros_arguments` takes means to rcl what it means here; what it rejects, `rig` rejects by it as well."""
 
 import itertools
 import math
@@ -17,7 +17,7 @@ SECTION = '  ros__parameters:\n'
 
 
 def of_rcl(arguments):
-    """Return what rcl makes of a command line: names, parameters and topics of each node; None if it refuses."""
+    """Return what rcl makes of a command line: names, parameters and topics of each node; None if it rejects."""
     context = rclpy.Context()
     try:
         rclpy.init(context=context, args=['program', *arguments])
@@ -181,7 +181,7 @@ def test_a_value_is_what_rcl_takes_it_for(text):
     assert expect_as_rcl(['--ros-args', '-p', f'plant:x:={text}'])
 
 
-REFUSED = (
+REJECTED = (
     '',
     '[1.0, 2]',
     '[a, 1]',
@@ -198,8 +198,8 @@ REFUSED = (
 )
 
 
-@pytest.mark.parametrize('text', REFUSED)
-def test_a_value_that_is_refused(text):
+@pytest.mark.parametrize('text', REJECTED)
+def test_a_value_that_is_rejected(text):
     with pytest.raises(ArgumentError, match="-p 'plant:x:="):
         parse_ros_arguments(['--ros-args', '-p', f'plant:x:={text}'])
 
@@ -238,7 +238,7 @@ def test_a_file_is_what_rcl_takes_it_for(tmp_path, name):
     assert expect_as_rcl(['--ros-args', '--params-file', str(path)])
 
 
-REFUSED_FILES = {
+REJECTED_FILES = {
     f'plant:\n{SECTION}': "line 2: 'ros__parameters' is empty: it is to hold parameters",
     'plant:\n  ros__parameters: [1, 2]\n': 'line 2: .* is to hold parameters',
     'plant:\n': "line 1: 'plant' is empty: it is to hold ros__parameters or further names",
@@ -268,17 +268,17 @@ REFUSED_FILES = {
 }
 
 
-@pytest.mark.parametrize('text', REFUSED_FILES)
-def test_a_file_that_is_refused_is_named_with_the_line(tmp_path, text):
+@pytest.mark.parametrize('text', REJECTED_FILES)
+def test_a_file_that_is_rejected_is_named_with_the_line(tmp_path, text):
     path = tmp_path / 'file.yaml'
     path.write_text(text)
-    with pytest.raises(ArgumentError, match=f'^parameter file .*file.yaml: .*{REFUSED_FILES[text]}') as refused:
+    with pytest.raises(ArgumentError, match=f'^parameter file .*file.yaml: .*{REJECTED_FILES[text]}') as rejected:
         parse_ros_arguments(['--ros-args', '--params-file', str(path)])
-    assert len(str(refused.value)) < len(str(path)) + 250
-    assert '\n' not in str(refused.value)
+    assert len(str(rejected.value)) < len(str(path)) + 250
+    assert '\n' not in str(rejected.value)
 
 
-def test_a_file_in_latin_1_is_refused(tmp_path):
+def test_a_file_in_latin_1_is_rejected(tmp_path):
     path = tmp_path / 'file.yaml'
     path.write_bytes(f'# fréquence\nplant:\n{SECTION}    x: 1\n'.encode('latin-1'))
     with pytest.raises(ArgumentError, match=r'file.yaml: no YAML: .*UTF-8'):
@@ -365,7 +365,7 @@ def test_remap_rules_mean_what_they_mean_to_rcl():
         assert expect_as_rcl(['--ros-args', *itertools.chain(*(('-r', rule) for rule in rules))]), rules
 
 
-REFUSED_RULES = (
+REJECTED_RULES = (
     'reference',
     'reference:=',
     ':=a',
@@ -400,8 +400,8 @@ REFUSED_RULES = (
 )
 
 
-@pytest.mark.parametrize('rule', REFUSED_RULES)
-def test_a_remap_rule_that_rcl_refuses_is_refused(rule):
+@pytest.mark.parametrize('rule', REJECTED_RULES)
+def test_a_remap_rule_that_rcl_rejects_is_rejected(rule):
     assert of_rcl(['--ros-args', '-r', rule]) is None
     with pytest.raises(ArgumentError, match=r'^-r .* is not'):
         parse_ros_arguments(['--ros-args', '-r', rule])

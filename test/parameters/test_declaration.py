@@ -5,8 +5,8 @@ import pickle
 import numpy as np
 import pytest
 
-from hdd_servo_ros.graph.catalogue import names_with_parameters
-from hdd_servo_ros.graph.known_parameters import node_declarations, refuse_unknown
+from hdd_servo_ros.graph.catalog import names_with_parameters
+from hdd_servo_ros.graph.known_parameters import node_declarations, reject_unknown
 from hdd_servo_ros.parameters import (
     ParameterError,
     ParameterSet,
@@ -126,12 +126,12 @@ def test_names_are_dotted_and_go_round():
         ('absent', 1, 'no such parameter'),
     ],
 )
-def test_a_bad_value_is_refused_by_name_value_and_what_is_allowed(name, value, allowed):
-    with pytest.raises(ParameterError, match=allowed) as refused:
+def test_a_bad_value_is_rejected_by_name_value_and_what_is_allowed(name, value, allowed):
+    with pytest.raises(ParameterError, match=allowed) as rejected:
         from_mapping(Outer, {name: value})
-    assert refused.value.name == name
-    assert f'parameter {name} = {value!r} is refused' in str(refused.value)
-    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
+    assert rejected.value.name == name
+    assert f'parameter {name} = {value!r} is rejected' in str(rejected.value)
+    assert str(pickle.loads(pickle.dumps(rejected.value))) == str(rejected.value)
 
 
 @pytest.mark.parametrize('node', names_with_parameters())
@@ -146,9 +146,9 @@ def test_every_parameter_of_every_node_is_described(node):
 
 
 def test_what_another_node_has_is_passed_over_and_a_typo_is_not():
-    refuse_unknown({'duration': 1.0, 'controller': 'pid'})
+    reject_unknown({'duration': 1.0, 'controller': 'pid'})
     with pytest.raises(ParameterError, match='did you mean duration'):
-        refuse_unknown({'durration': 1.0})
+        reject_unknown({'durration': 1.0})
 
 
 def test_a_set_of_before_is_taken_for_the_very_same_values_only():

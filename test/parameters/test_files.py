@@ -102,16 +102,16 @@ def test_the_file_that_a_value_is_from_is_known(tmp_path):
     assert parsed.origin('plant:f') == ''
     again = parse_ros_arguments(['--ros-args', '-p', 'plant:d:=4', '--params-file', base])
     assert again.origin('plant:d') == f'{base}, line 6'
-    refused = pytest.raises(
-        ParameterError, match=r'parameter plant:d = 3 is refused: less; given in .*base\.yaml, line 6'
+    rejected = pytest.raises(
+        ParameterError, match=r'parameter plant:d = 3 is rejected: less; given in .*base\.yaml, line 6'
     )
-    with refused, again.naming_files():
+    with rejected, again.naming_files():
         raise ParameterError('plant:d', 3, 'less')
-    with pytest.raises(ParameterError, match=r'is refused: less$'), parsed.naming_files():
+    with pytest.raises(ParameterError, match=r'is rejected: less$'), parsed.naming_files():
         raise ParameterError('plant:d', 4, 'less')
 
 
-def test_a_quality_of_service_is_refused_with_the_reason():
+def test_a_quality_of_service_is_rejected_with_the_reason():
     """The name of its topic begins with a slash, which the syntax of names has not."""
     for node in ('', 'plant:'):
         with pytest.raises(ArgumentError, match='the quality of service of the topics is fixed'):
@@ -144,7 +144,7 @@ def test_later_files_win(tmp_path):
     assert read_parameter_files([first, second]) == {'n': {'a': 1, 'b': 3}}
 
 
-def test_a_parameter_for_no_node_is_refused():
+def test_a_parameter_for_no_node_is_rejected():
     parsed = parse_ros_arguments(['--ros-args', '-p', 'plnt:gain:=1'])
     with pytest.raises(ArgumentError, match="parameters for '/plnt', but there are /plant"):
         parsed.check_nodes(['plant'])
@@ -154,7 +154,7 @@ def test_a_parameter_for_no_node_is_refused():
 def test_as_rcl_reads_it(path):
     """The shipped files mean the same to ROS's own parser."""
     rclpy = pytest.importorskip('rclpy')
-    from hdd_servo_ros.graph.catalogue import names_with_parameters
+    from hdd_servo_ros.graph.catalog import names_with_parameters
 
     arguments = ['--ros-args', '--params-file', str(path)]
     context = rclpy.Context()

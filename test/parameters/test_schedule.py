@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hdd_servo_ros.control.pid import PidParameters
 from hdd_servo_ros.parameters import ParameterError, to_mapping
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, TimerParameters
-from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule, plan, refuse_unknown_nodes
+from hdd_servo_ros.parameters.schedule import format_entry, parse_schedule, plan, reject_unknown_nodes
 
 T = 1e-4
 PID = '/bench1/pid_controller'
@@ -44,8 +44,8 @@ def test_what_is_no_tick(time):
         parse_schedule([f'{time} a b 1'], T, 10_000)
 
 
-def test_the_timer_refuses_a_wrong_schedule():
-    with pytest.raises(ParameterError, match=r'schedule = .0.5 a.* is refused'):
+def test_the_timer_rejects_a_wrong_schedule():
+    with pytest.raises(ParameterError, match=r'schedule = .0.5 a.* is rejected'):
         TimerParameters(schedule=('0.5 a',))
     assert TimerParameters(schedule=('0.5 a b 1',)).changes[0].tick == 5000
 
@@ -78,7 +78,7 @@ def test_later_changes_keep_earlier_ones():
         ('0.5 pid_controller peer_timeout 5.0', 'read-only'),
     ],
 )
-def test_what_a_node_refuses(entry, reason):
+def test_what_a_node_rejects(entry, reason):
     with pytest.raises(ParameterError, match=reason) as caught:
         planned(entry)
     assert entry in str(caught.value)
@@ -89,12 +89,12 @@ def test_one_parameter_twice_at_once():
         planned('0.5 pid_controller proportional_gain 1', '0.5 pid_controller proportional_gain 2')
 
 
-def test_other_nodes_are_passed_over_and_strangers_refused():
+def test_other_nodes_are_passed_over_and_strangers_rejected():
     assert planned('0.5 vcm_plant gain 1', '0.5 /bench2/pid_controller proportional_gain 1') == ()
     changes = parse_schedule(['0.5 vcm_plant gain 1'], T, 10_000)
-    refuse_unknown_nodes(changes, ['/vcm_plant'])
+    reject_unknown_nodes(changes, ['/vcm_plant'])
     with pytest.raises(ParameterError, match='no such node; there are /bench1/pid_controller'):
-        refuse_unknown_nodes(changes, [PID])
+        reject_unknown_nodes(changes, [PID])
 
 
 @given(

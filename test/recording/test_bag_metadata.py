@@ -95,7 +95,7 @@ def test_numbers_need_no_quotes(run):
         ((*TOPIC, 'message_count'), '201'),
     ],
 )
-def test_one_verdict_on_one_bag_and_recover_mends_it(run, original, capsys, keys, value):
+def test_one_verdict_on_one_bag_and_recover_repairs_it(run, original, capsys, keys, value):
     change(run, keys, value)
     for command, arguments in ((report, [run]), (compare_bags, [run, original])):
         assert command([str(argument) for argument in arguments]) == 3

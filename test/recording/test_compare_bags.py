@@ -17,7 +17,7 @@ def bag(path, count=5, changes=None, leave_out=None, without=None):
     writer = BagWriter(path, 'mcap', topics, {})
     for tick in range(count):
         stamp = TICKS.stamp(tick)
-        for place, (name, type_name, _) in enumerate(topics):
+        for offset, (name, type_name, _) in enumerate(topics):
             payload = VECTOR.pack(stamp, tick, 2.0, 3.0)
             if type_name.endswith('Clock'):
                 payload = ClockCodec.pack(stamp)
@@ -26,7 +26,7 @@ def bag(path, count=5, changes=None, leave_out=None, without=None):
             payload = (changes or {}).get((name, tick), payload)
             if (name, tick) == without:
                 continue
-            writer.write((place,), (TICKS.nanoseconds(tick),), (payload,))
+            writer.write((offset,), (TICKS.nanoseconds(tick),), (payload,))
     writer.close()
     return path
 
@@ -113,7 +113,7 @@ def test_signals(tmp_path):
         ({'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}}, 'message 4 does not carry the stamp'),
     ],
 )
-def test_a_bag_that_is_no_run_is_refused(tmp_path, arguments, match):
+def test_a_bag_that_is_no_run_is_rejected(tmp_path, arguments, match):
     run = Run.open(bag(tmp_path / 'a', **arguments))
     with pytest.raises(ValueError, match=match):
         [run[topic.name] for topic in LOOP_TOPICS]

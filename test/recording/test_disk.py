@@ -171,10 +171,10 @@ def test_a_reserve_takes_up_room_and_gives_it_back(small_disk):
 
 
 def test_a_reserve_where_the_system_cannot_allocate(tmp_path, monkeypatch):
-    def refuse(*_):
+    def reject(*_):
         raise OSError(errno.EOPNOTSUPP, 'not supported')
 
-    monkeypatch.setattr(os, 'posix_fallocate', refuse)
+    monkeypatch.setattr(os, 'posix_fallocate', reject)
     reserve = Reserve(tmp_path / 'reserve')
     reserve.grow(100_000)
     assert (tmp_path / 'reserve').stat().st_blocks * 512 >= 100_000

@@ -1,4 +1,4 @@
-"""Bags of another recorder: the stamps inside decide what a tick is, and a bag of two runs is refused."""
+"""Bags of another recorder: the stamps inside decide what a tick is, and a bag of two runs is rejected."""
 
 import numpy as np
 import pytest
@@ -75,16 +75,16 @@ def stamp_of(nanoseconds):
 )
 @pytest.mark.parametrize('origin', [0, WALL])
 @pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_stamps_that_go_back_or_repeat_are_refused(tmp_path, capsys, ticks, message, origin, storage):
+def test_stamps_that_go_back_or_repeat_are_rejected(tmp_path, capsys, ticks, message, origin, storage):
     bag = write(tmp_path / 'bag', ticks, origin=origin, storage=storage)
-    with pytest.raises(BagError, match='the bag holds more than one run, or a topic with two publishers') as refused:
+    with pytest.raises(BagError, match='the bag holds more than one run, or a topic with two publishers') as rejected:
         Run.open(bag).head  # noqa: B018
-    assert message in str(refused.value)
+    assert message in str(rejected.value)
     assert report([str(bag), '--output', str(tmp_path / 'out')]) == 3
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_two_runs_received_in_simulated_time_are_refused(tmp_path):
+def test_two_runs_received_in_simulated_time_are_rejected(tmp_path):
     """Sorted by receive time they lie between each other."""
     ticks = [*range(60), *range(60)]
     bag = write(tmp_path / 'bag', ticks, received=[T * tick for tick in ticks])
@@ -129,7 +129,7 @@ def test_stamps_in_wall_time_count_from_the_first(tmp_path, origin, first):
     assert report([str(run.path), '--output', str(tmp_path / 'out')]) == 0
 
 
-def test_stamps_in_wall_time_between_ticks_are_refused(tmp_path):
+def test_stamps_in_wall_time_between_ticks_are_rejected(tmp_path):
     def jitter(topic, number, payload):
         if topic != 'ldv' or number != 7:
             return payload
@@ -140,7 +140,7 @@ def test_stamps_in_wall_time_between_ticks_are_refused(tmp_path):
         Run.open(bag).ldv  # noqa: B018
 
 
-def test_negative_stamps_are_refused_by_their_number(tmp_path, capsys):
+def test_negative_stamps_are_rejected_by_their_number(tmp_path, capsys):
     bag = write(tmp_path / 'bag', range(-5, 20))
     assert report([str(bag), '--output', str(tmp_path / 'out')]) == 3
     error = capsys.readouterr().err
@@ -194,7 +194,7 @@ def longer_frame(topic, number, payload):
     ],
 )
 @pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
-def test_a_message_that_is_laid_out_in_another_way_is_refused(tmp_path, capsys, change, message, storage):
+def test_a_message_that_is_laid_out_in_another_way_is_rejected(tmp_path, capsys, change, message, storage):
     bag = write(tmp_path / 'bag', range(20), change=change, storage=storage)
     assert report([str(bag), '--output', str(tmp_path / 'out')]) == 3
     assert compare_bags([str(bag), str(bag)]) == 3

@@ -52,12 +52,12 @@ def everything(run):
 
 
 def flips(content, seed):
-    """Iterate over a file's content with one byte changed, at places over the whole file."""
+    """Iterate over a file's content with one byte changed, at offsets over the whole file."""
     rng = np.random.default_rng(seed)
-    for place in rng.integers(0, len(content), FLIPS).tolist():
+    for offset in rng.integers(0, len(content), FLIPS).tolist():
         changed = bytearray(content)
-        changed[place] ^= int(rng.integers(1, 256))
-        yield place, bytes(changed)
+        changed[offset] ^= int(rng.integers(1, 256))
+        yield offset, bytes(changed)
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'zstd'])
@@ -65,21 +65,21 @@ def test_any_changed_byte_of_an_mcap_file_is_found_on_opening(runs, tmp_path, ki
     run = copy_of(runs[kind], tmp_path / 'run')
     content = file_of(run).read_bytes()
     assert check_mcap(file_of(run))
-    for place, changed in flips(content, 1):
+    for offset, changed in flips(content, 1):
         file_of(run).write_bytes(changed)
         with pytest.raises(BagError, match=r'checksum is wrong|does not begin and end|the footer says|does not end'):
             Run.open(run)
-        assert Recovery(run).finding.faults, place
+        assert Recovery(run).finding.faults, offset
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'zstd'])
 def test_what_is_recovered_of_a_changed_mcap_file_is_right(runs, tmp_path, kind, capsys):
     whole = runs[kind]
-    for place, changed in list(flips(file_of(whole).read_bytes(), 2))[:12]:
+    for offset, changed in list(flips(file_of(whole).read_bytes(), 2))[:12]:
         run = copy_of(whole, tmp_path / 'run')
         file_of(run).write_bytes(changed)
         assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
-        assert re.fullmatch(r'report: .+\n', capsys.readouterr().err), place
+        assert re.fullmatch(r'report: .+\n', capsys.readouterr().err), offset
         if recover([str(run)]) == 0:
             said = read_run_yaml(run)
             assert first_difference(whole, run, said['last_tick']) is None
@@ -95,16 +95,16 @@ def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tm
     run = copy_of(runs['sqlite3'], tmp_path / 'run')
     expected = everything(run)
     found = 0
-    for place, changed in flips(file_of(run).read_bytes(), 3):
+    for offset, changed in flips(file_of(run).read_bytes(), 3):
         file_of(run).write_bytes(changed)
         try:
-            assert everything(run) == expected, place
+            assert everything(run) == expected, offset
         except BagError:
             found += 1
             status = recover([str(run), '--dry-run'])
             text = capsys.readouterr()
             assert status in (0, 1, 3)
-            assert 'is whole' not in text.out, place
+            assert 'is whole' not in text.out, offset
         else:
             assert recover([str(run), '--dry-run']) == 0
             assert 'is whole' in capsys.readouterr().out
@@ -112,7 +112,7 @@ def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tm
 
 
 @pytest.mark.parametrize('topic', ['clock', 'reference', 'head', 'ldv', 'control', 'estimates'])
-def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, capsys, topic):
+def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, capsys, topic):
     run = copy_of(runs['sqlite3'], tmp_path / 'run')
     with contextlib.closing(sqlite3.connect(file_of(run))) as connection:
         where = 'topic_id = (SELECT id FROM topics WHERE name = ?) AND timestamp = 70000000'
@@ -133,7 +133,7 @@ def test_a_changed_value_in_an_sqlite3_file_is_refused_by_all(runs, tmp_path, ca
 @pytest.mark.parametrize('kind', KINDS)
 @pytest.mark.parametrize('claim', [LAST_TICK + 1, LAST_TICK + 1900, LAST_TICK - 1, 0, -1])
 @pytest.mark.parametrize('status', ['finished', 'failed', 'interrupted'])
-def test_a_claim_that_the_bag_does_not_hold_is_refused(runs, tmp_path, kind, claim, status):
+def test_a_claim_that_the_bag_does_not_hold_is_rejected(runs, tmp_path, kind, claim, status):
     run = copy_of(runs[kind], tmp_path / 'run')
     rewrite_run_yaml(run, {**read_run_yaml(run), 'status': status, 'last_tick': claim})
     with pytest.raises(BagError, match=f'says {claim} for the last tick, the bag holds {LAST_TICK}'):

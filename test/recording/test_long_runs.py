@@ -143,7 +143,7 @@ def test_long_runs_are_compared(run, long, tmp_path):
     assert first_difference(run, changed, 4499) is None
 
 
-def test_a_long_run_whose_ticks_are_not_those_of_its_period_is_refused(run, long):
+def test_a_long_run_whose_ticks_are_not_those_of_its_period_is_rejected(run, long):
     said = read_run_yaml(run)
     try:
         rewrite_run_yaml(run, {**said, 'sample_time': 2e-4})

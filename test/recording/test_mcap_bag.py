@@ -249,8 +249,8 @@ def check_records(content: bytes, messages: list[Message]) -> None:
                 data_stream.ReadDataStream(io.BytesIO(content[offset + 9 : offset + 9 + size]))
             )
             assert (content[offset], index.channel_id) == (7, number)
-            for time, place in index.records:
-                opcode, _, channel, sequence, log_time = struct.unpack_from('<BQHIQ', data, place)
+            for time, offset in index.records:
+                opcode, _, channel, sequence, log_time = struct.unpack_from('<BQHIQ', data, offset)
                 assert (opcode, channel, sequence, log_time) == (5, number, 0, time)
                 times.append(time)
         count += len(times)
@@ -279,16 +279,16 @@ def test_cut_off_anywhere(tmp_path, small_chunks, parts, cut):
 
 def message_ends(content: bytes) -> Iterator[int]:
     """Yield where each message of a file ends, by the lengths of its records."""
-    place = 8
-    while content[place] != 0x0F:
-        (size,) = struct.unpack_from('<Q', content, place + 1)
-        if content[place] == 6:
+    offset = 8
+    while content[offset] != 0x0F:
+        (size,) = struct.unpack_from('<Q', content, offset + 1)
+        if content[offset] == 6:
             # The records of a chunk are records too.
-            place += 49
+            offset += 49
             continue
-        place += 9 + size
-        if content[place - 9 - size] == 5:
-            yield place
+        offset += 9 + size
+        if content[offset - 9 - size] == 5:
+            yield offset
 
 
 @PROPERTIES

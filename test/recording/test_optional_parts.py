@@ -93,7 +93,7 @@ def test_a_whole_run_of_any_kind_is_not_touched(runs, tmp_path, kind, capsys):
 
 
 @pytest.mark.parametrize('kind', ['split', 'split zstd', 'zstd'])
-def test_what_run_yaml_says_is_mended_without_touching_a_whole_bag(runs, tmp_path, kind):
+def test_what_run_yaml_says_is_repaired_without_touching_a_whole_bag(runs, tmp_path, kind):
     run = tmp_path / 'run'
     shutil.copytree(runs[kind], run)
     before = files_of(run / 'bag')
@@ -148,7 +148,7 @@ def compressed_by_rosbag2(source, path):
     return path
 
 
-def test_a_bag_that_rosbag2_has_compressed_is_whole_or_refused(runs, tmp_path, capsys):
+def test_a_bag_that_rosbag2_has_compressed_is_whole_or_rejected(runs, tmp_path, capsys):
     run = compressed_by_rosbag2(runs['mcap'], tmp_path / 'run')
     before = files_of(run)
     assert first_difference(runs['mcap'], run) is None
@@ -175,14 +175,14 @@ def test_what_is_left_of_a_compressed_file_is_recovered(runs, tmp_path, compress
     assert first_difference(runs['mcap'], run, last_tick) is None
 
 
-def test_a_file_of_an_unknown_compression_is_refused(runs, tmp_path, capsys):
+def test_a_file_of_an_unknown_compression_is_rejected(runs, tmp_path, capsys):
     run = rewritten(runs['mcap'], tmp_path / 'run', {}, 'LZ4')
     file = run / 'bag' / 'bag.mcap'
     file.write_bytes(file.read_bytes().replace(b'\3\0\0\0lz4', b'\3\0\0\0xyz'))
     before = files_of(run)
     assert recover([str(run)]) == 3
     error = capsys.readouterr().err
-    assert "is compressed by 'xyz', which cannot be mended here" in error
+    assert "is compressed by 'xyz', which cannot be repaired here" in error
     assert len(error.splitlines()) == 1
     assert files_of(run) == before
 

@@ -245,16 +245,16 @@ def foreign_bag(path, storage=StoragePlugin.MCAP, compression=None, namespaces=(
             for topic in LOOP_TOPICS
         }
         for tick in range(50):
-            for place, ((_, topic), connection) in enumerate(connections.items()):
+            for offset, ((_, topic), connection) in enumerate(connections.items()):
                 if (topic.name == 'head' and tick in lost) or (topic.name == 'ldv' and tick < late):
                     continue
                 stamp = Ticks(1e-9).stamp(tick * 100_000 + shift)
-                payload = vector.pack(stamp, tick, float(place), 0.5)
+                payload = vector.pack(stamp, tick, float(offset), 0.5)
                 if topic.name == 'clock':
                     payload = ClockCodec.pack(stamp)
                 elif topic.name == 'estimates':
-                    payload = array.pack([tick * 1e-4, float(place)])
-                writer.write(connection, 1_700_000_000_000_000_000 + tick * 123_457 + place, payload)
+                    payload = array.pack([tick * 1e-4, float(offset)])
+                writer.write(connection, 1_700_000_000_000_000_000 + tick * 123_457 + offset, payload)
     return path
 
 
@@ -290,7 +290,7 @@ def test_of_several_rigs_in_one_bag_one_is_to_be_named(tmp_path):
     assert set(Run.open(path, namespace='/').head[:, 1]) == {8.0}
 
 
-def test_stamps_between_ticks_are_refused(tmp_path):
+def test_stamps_between_ticks_are_rejected(tmp_path):
     path = foreign_bag(tmp_path / 'bag', shift=7)
     with pytest.raises(BagError, match='message 0 is stamped 7 ns, which is no tick of'):
         Run.open(path).head  # noqa: B018

@@ -52,14 +52,14 @@ def contents(folder):
 def test_recovery_into_another_folder_leaves_the_run_as_it_is(tmp_path, compression):
     run = damaged_run(tmp_path / 'run', compression)
     before = contents(run)
-    assert recover([str(run), '--output', str(tmp_path / 'mended')]) == 0
+    assert recover([str(run), '--output', str(tmp_path / 'repaired')]) == 0
     assert contents(run) == before
-    said = read_run_yaml(tmp_path / 'mended')
+    said = read_run_yaml(tmp_path / 'repaired')
     assert said['status'] == 'recovered'
-    mended = Run.open(tmp_path / 'mended')
-    assert mended.position.tolist() == list(range(said['last_tick'] + 1))
-    assert sorted(path.name for path in (tmp_path / 'mended').iterdir()) == ['bag', 'run.yaml']
-    assert recover([str(run), '--output', str(tmp_path / 'mended')]) != 0
+    repaired = Run.open(tmp_path / 'repaired')
+    assert repaired.position.tolist() == list(range(said['last_tick'] + 1))
+    assert sorted(path.name for path in (tmp_path / 'repaired').iterdir()) == ['bag', 'run.yaml']
+    assert recover([str(run), '--output', str(tmp_path / 'repaired')]) != 0
     assert recover([str(run)]) == 0
     assert read_run_yaml(run)['last_tick'] == said['last_tick']
 
@@ -82,8 +82,8 @@ def test_too_little_room_is_reported_with_what_is_needed(tmp_path, capsys):
         assert 'make room, or name a folder on another disk with --output' in error
         assert error.count('\n') == 1
         assert contents(disk / 'run') == before
-        assert recover([str(disk / 'run'), '--output', str(tmp_path / 'mended')]) == 0
-        assert Run.open(tmp_path / 'mended').last_tick > 0
+        assert recover([str(disk / 'run'), '--output', str(tmp_path / 'repaired')]) == 0
+        assert Run.open(tmp_path / 'repaired').last_tick > 0
 
 
 @pytest.mark.parametrize('compression', ['none', 'zstd'])

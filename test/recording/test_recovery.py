@@ -1,4 +1,4 @@
-"""Runs that a crash cut short, mended: nothing complete is lost, nothing original is overwritten."""
+"""Runs that a crash cut short, repaired: nothing complete is lost, nothing original is overwritten."""
 
 import contextlib
 import errno
@@ -60,7 +60,7 @@ def damaged(runs, tmp_path, storage='mcap', status='running'):
     return run, next(path for path in (run / 'bag').iterdir() if path.suffix in ('.mcap', '.db3'))
 
 
-def assert_mended(run, original, last_tick):
+def assert_repaired(run, original, last_tick):
     said = read_run_yaml(run)
     assert (said['status'], said['last_tick']) == ('recovered', last_tick)
     assert f'recovered up to tick {last_tick}' in said['reason']
@@ -78,7 +78,7 @@ def test_a_bag_without_metadata(runs, tmp_path, storage):
     assert not (run / 'damaged').exists()
     assert read_run_yaml(run)['status'] == 'running'
     assert recover([str(run)]) == 0
-    assert_mended(run, runs[storage], LAST_TICK)
+    assert_repaired(run, runs[storage], LAST_TICK)
     assert (run / 'damaged' / 'bag' / file.name).read_bytes() == before
     assert read_run_yaml(run / 'damaged')['status'] == 'running'
     assert recover([str(run)]) == 0
@@ -102,7 +102,7 @@ def test_an_mcap_file_cut_off_anywhere(runs, tmp_path, part):
     assert finding.left < len(TOPICS)
     assert recover([str(run)]) == (0 if finding.last_tick >= 0 else 1)
     if finding.last_tick >= 0:
-        assert_mended(run, runs['mcap'], finding.last_tick)
+        assert_repaired(run, runs['mcap'], finding.last_tick)
     else:
         assert read_run_yaml(run)['status'] == 'failed'
         assert not (run / 'bag').exists()
@@ -114,7 +114,7 @@ def test_where_an_mcap_file_is_cut_off_is_said_in_bytes_of_the_file(runs, tmp_pa
     run, file = damaged(runs, tmp_path)
     content = file.read_bytes()
     # The record of the second chunk begins behind those of the first and of its indexes.
-    chunk = [place for place in range(8, len(content)) if content[place] == 6 and is_chunk(content, place)][1]
+    chunk = [offset for offset in range(8, len(content)) if content[offset] == 6 and is_chunk(content, offset)][1]
     message = next(end for end in message_ends(content) if end > chunk + 1000)
     cut, beginning = {
         'head': (chunk + 20, chunk),
@@ -127,10 +127,10 @@ def test_where_an_mcap_file_is_cut_off_is_said_in_bytes_of_the_file(runs, tmp_pa
     assert fault.endswith(f'that begins at byte {beginning}')
 
 
-def is_chunk(content, place):
-    """Return whether a record at ``place`` says the lengths of a chunk that is not compressed."""
-    size = int.from_bytes(content[place + 1 : place + 9], 'little')
-    records = content[place + 37 : place + 49]
+def is_chunk(content, offset):
+    """Return whether a record at ``offset`` says the lengths of a chunk that is not compressed."""
+    size = int.from_bytes(content[offset + 1 : offset + 9], 'little')
+    records = content[offset + 37 : offset + 49]
     return size > 40 and records == bytes(4) + (size - 40).to_bytes(8, 'little')
 
 
@@ -142,20 +142,20 @@ def test_of_a_bag_that_holds_no_tick_the_original_is_kept(runs, tmp_path, capsys
     assert f'originals kept: {kept / "bag"} and {kept / "run.yaml"}' in capsys.readouterr().out
     assert (kept / 'bag' / file.name).read_bytes() == content
     assert recover([str(run)]) == 1
-    assert 'nothing is left to mend: failed, no tick is left' in capsys.readouterr().out
+    assert 'nothing is left to repair: failed, no tick is left' in capsys.readouterr().out
     assert sorted(path.name for path in run.iterdir()) == ['damaged', 'run.yaml']
 
 
 def message_ends(content, known={}):  # noqa: B006 - computed once
     """Return where each message of the file ends, found by searching for its payload."""
     if not known:
-        place, ends = 0, []
-        while (found := content.find(b'\x00\x01\x00\x00', place)) >= 0:
+        offset, ends = 0, []
+        while (found := content.find(b'\x00\x01\x00\x00', offset)) >= 0:
             length = int.from_bytes(content[found - 30 : found - 22], 'little') - 22
             is_message = found >= 31 and content[found - 31] == 5 and 0 < length < 1000
             if is_message:
                 ends.append(found + length)
-            place = ends[-1] if is_message else found + 1
+            offset = ends[-1] if is_message else found + 1
         known['ends'] = ends
     return known['ends']
 
@@ -172,7 +172,7 @@ def test_a_hole_of_zeros_never_gives_a_wrong_message(runs, tmp_path, part, size)
     finding = Recovery(run).finding
     if finding.last_tick >= 0:
         assert recover([str(run)]) == 0
-        assert_mended(run, runs['mcap'], finding.last_tick)
+        assert_repaired(run, runs['mcap'], finding.last_tick)
 
 
 @settings(DAMAGE, max_examples=6)
@@ -190,7 +190,7 @@ def test_an_sqlite3_file_cut_off_anywhere(runs, tmp_path, part):
     assert recover([str(run)]) == (0 if finding.last_tick >= 0 else 1)
     assert (run / 'damaged' / 'bag' / file.name).read_bytes() == content[:cut]
     if finding.last_tick >= 0:
-        assert_mended(run, runs['sqlite3'], finding.last_tick)
+        assert_repaired(run, runs['sqlite3'], finding.last_tick)
 
 
 def test_an_sqlite3_journal_is_played_back(runs, tmp_path):
@@ -205,7 +205,7 @@ def test_an_sqlite3_journal_is_played_back(runs, tmp_path):
     journal.write_bytes(kept[0])
     file.write_bytes(kept[1])
     assert recover([str(run)]) == 0
-    assert_mended(run, runs['sqlite3'], LAST_TICK)
+    assert_repaired(run, runs['sqlite3'], LAST_TICK)
 
 
 def test_what_run_yaml_says_afterwards(runs, tmp_path):
@@ -213,11 +213,11 @@ def test_what_run_yaml_says_afterwards(runs, tmp_path):
     assert recover([str(run)]) == 0
     said = read_run_yaml(run)
     assert (said['status'], said['last_tick']) == ('interrupted', LAST_TICK)
-    assert 'bag mended' in said['reason']
+    assert 'bag repaired' in said['reason']
     run, _ = damaged(runs, tmp_path)
     (run / 'run.yaml').write_text('')
     assert recover([str(run)]) == 0
-    assert_mended(run, runs['mcap'], LAST_TICK)
+    assert_repaired(run, runs['mcap'], LAST_TICK)
 
 
 def test_a_disturbance_is_found_without_run_yaml(runs, tmp_path):
@@ -235,8 +235,8 @@ def test_a_disturbance_is_found_without_run_yaml(runs, tmp_path):
     (run / 'bag' / 'metadata.yaml').unlink()
     assert recover([str(run)]) == 0
     assert read_run_yaml(run)['last_tick'] == LAST_TICK - 1
-    mended = Run.open(run)
-    assert mended.disturbance.force.tolist() == Run.open(runs['mcap']).head.position[:LAST_TICK].tolist()
+    repaired = Run.open(run)
+    assert repaired.disturbance.force.tolist() == Run.open(runs['mcap']).head.position[:LAST_TICK].tolist()
 
 
 def test_a_whole_run_is_left_alone(runs, tmp_path, capsys):
@@ -268,7 +268,7 @@ def test_processes_that_end_meanwhile_do_no_harm(runs, tmp_path, monkeypatch):
     assert not Recovery(run).finding.faults
 
 
-def test_what_cannot_be_mended(runs, tmp_path, capsys):
+def test_what_cannot_be_repaired(runs, tmp_path, capsys):
     assert recover([str(tmp_path)]) == 3
     assert 'is not a run folder' in capsys.readouterr().err
     run, file = damaged(runs, tmp_path)
@@ -302,7 +302,7 @@ def test_what_run_yaml_says_of_the_end_is_told_as_it_is(runs, tmp_path, capsys, 
     assert recover([str(run)]) == 0
     assert fault in capsys.readouterr().out
     assert read_run_yaml(run)['nodes'] == said['nodes']
-    assert_mended(run, runs['mcap'], LAST_TICK)
+    assert_repaired(run, runs['mcap'], LAST_TICK)
 
 
 @pytest.mark.parametrize('entry', ['versions', 'controller', 'frame_id', 'topics_left_out', 'reason', 'git_revision'])
@@ -316,12 +316,12 @@ def test_a_wrong_entry_of_run_yaml_costs_that_alone(runs, tmp_path, capsys, entr
         assert f'run.yaml does not describe a run: {entry} is [[1], ' in capsys.readouterr().err
     assert recover([str(run)]) == 0
     assert f'recover: run.yaml: {entry} is ' in capsys.readouterr().out
-    mended = read_run_yaml(run)
-    assert (mended['status'], mended['last_tick']) == ('finished', LAST_TICK)
-    assert mended['nodes'] == said['nodes']
+    repaired = read_run_yaml(run)
+    assert (repaired['status'], repaired['last_tick']) == ('finished', LAST_TICK)
+    assert repaired['nodes'] == said['nodes']
 
 
-def test_an_alias_bomb_in_run_yaml_is_refused_before_it_grows(runs, tmp_path, capsys):
+def test_an_alias_bomb_in_run_yaml_is_rejected_before_it_grows(runs, tmp_path, capsys):
     run = tmp_path / 'run'
     shutil.copytree(runs['mcap'], run)
     names = 'abcdefghij'
@@ -334,7 +334,7 @@ def test_an_alias_bomb_in_run_yaml_is_refused_before_it_grows(runs, tmp_path, ca
         assert 'run.yaml cannot be read: line 7: aliases repeat more than' in capsys.readouterr().err
     assert recover([str(run)]) == 0
     assert (run / 'run.yaml').stat().st_size < 2 * len(said)
-    assert_mended(run, runs['mcap'], LAST_TICK)
+    assert_repaired(run, runs['mcap'], LAST_TICK)
 
 
 def changed_database(runs, tmp_path, *statements):
@@ -365,7 +365,7 @@ def test_ticks_before_a_row_that_is_no_message_are_kept(runs, tmp_path, capsys, 
     run = changed_database(runs, tmp_path, f'UPDATE messages SET {change} WHERE {where}')
     assert recover([str(run)]) == 0
     assert 'rows that are no messages: 1, the first is row' in capsys.readouterr().out
-    assert_mended(run, runs['sqlite3'], 999)
+    assert_repaired(run, runs['sqlite3'], 999)
     assert first_difference(run, runs['sqlite3'], last_tick=999) is None
 
 

@@ -92,7 +92,7 @@ def test_two_runs_that_start_at_once_get_a_folder_each(tmp_path, monkeypatch):
         ('when: 2001-13-45', 'cannot be read'),
     ],
 )
-def test_what_does_not_describe_a_run_is_refused(tmp_path, text, why):
+def test_what_does_not_describe_a_run_is_rejected(tmp_path, text, why):
     (tmp_path / 'run.yaml').write_text(text)
     with pytest.raises(DescriptionError, match=why):
         read_run_yaml(tmp_path)

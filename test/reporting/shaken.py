@@ -18,7 +18,7 @@ PID = {'proportional_gain': 0.626, 'integral_gain': 62.0, 'derivative_gain': 1.3
 
 
 class Shaker:
-    """Vibration of 12.5 rad/s^2 from 10 to 500 Hz, and a track centre with runout and white flutter."""
+    """Vibration of 12.5 rad/s^2 from 10 to 500 Hz, and a track center with runout and white flutter."""
 
     topics = (DISTURBANCE,)
 

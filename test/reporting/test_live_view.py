@@ -10,7 +10,7 @@ from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.live_view import BlockSignals, LiveView
 from hdd_servo_ros.reporting.loop_panels import loop_panels
-from hdd_servo_ros.reporting.panel import COLOURS
+from hdd_servo_ros.reporting.panel import COLORS
 
 T = 1e-4
 
@@ -53,8 +53,8 @@ def test_the_error_is_the_column_of_the_blocks():
     late = whole.error[whole.time >= whole.time[-1] - 1.0]
     assert np.abs(error).max() == 1e3 * np.abs(late).max()
     assert list(found['over largest magnitude']) == ['m_hat (largest 1)']
-    colour = found['control [V]']['feedback part'].get_color()
-    assert matplotlib.colors.same_color(colour, COLOURS[3])
+    color = found['control [V]']['feedback part'].get_color()
+    assert matplotlib.colors.same_color(color, COLORS[3])
 
 
 def test_what_is_older_than_the_window_is_dropped():
@@ -88,7 +88,7 @@ def test_the_panels_are_those_of_a_run():
     for left, right in zip(loop_panels(live, follows=True), loop_panels(in_memory, follows=True), strict=True):
         assert (left.title, left.y_label) == (right.title, right.y_label)
         for one, other in zip(left.traces, right.traces, strict=True):
-            assert (one.name, one.colour, one.wide) == (other.name, other.colour, other.wide)
+            assert (one.name, one.color, one.wide) == (other.name, other.color, other.wide)
             np.testing.assert_array_equal(one.y, other.y)
             np.testing.assert_allclose(one.x, other.x, rtol=0.0, atol=1e-12)
 

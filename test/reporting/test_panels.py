@@ -45,7 +45,7 @@ TRACE_CHANGES = {
     'name': changed(trace={'name': 'other'}),
     'x': changed(trace={'x': X + 0.1}),
     'y': changed(trace={'y': SMALL.y + 0.3}),
-    'colour': changed(trace={'colour': '#00ff00'}),
+    'color': changed(trace={'color': '#00ff00'}),
     'wide': changed(trace={'wide': True}),
     'marked': changed(trace={'marked': True}),
     'barred': changed(trace={'barred': True}),
@@ -60,7 +60,7 @@ def drawn(panel, path):
 
 def figure(panel):
     (found,) = _figures([panel], 1e-4)
-    go.Figure(decoded(found))  # refuses a property that plotly does not know
+    go.Figure(decoded(found))  # rejects a property that plotly does not know
     return found
 
 
@@ -115,10 +115,10 @@ def test_the_page_draws_what_each_field_asks_for():
     assert 1.5 < high < 1.6
 
 
-def pixels(colour, path):
-    """Return the columns of a picture in which a colour is."""
+def pixels(color, path):
+    """Return the columns of a picture in which a color is."""
     image = matplotlib.image.imread(path)[:, :, :3]
-    return np.flatnonzero((np.abs(image - np.array(colour)) < 0.02).all(axis=2).any(axis=0))
+    return np.flatnonzero((np.abs(image - np.array(color)) < 0.02).all(axis=2).any(axis=0))
 
 
 def test_shades_are_behind_their_parts_of_the_axis(tmp_path):

@@ -140,7 +140,7 @@ def test_a_report_of_one_run(runs, tmp_path, capsys):
 
     time_figure, *others = figures(page)
     for figure in (time_figure, *others):
-        go.Figure(figure)  # refuses a property that plotly does not know
+        go.Figure(figure)  # rejects a property that plotly does not know
     lines = {line['name']: line for line in whole(time_figure)}
     assert {'reference', 'head', 'total', 'feedback part'} < lines.keys()
     head = lines['head']
@@ -227,7 +227,7 @@ def test_how_a_run_ended_and_what_it_clipped_is_told_everywhere(runs, titles, tm
 
 
 def test_a_run_that_does_not_track_is_marked_and_scales_no_picture(runs, simulated, titles, tmp_path, capsys):
-    """An unstable PID of a hundred micrometres, next to a run that tracks within half a micrometre."""
+    """An unstable PID of a hundred micrometers, next to a run that tracks within half a micrometer."""
     gains = ('-p', 'proportional_gain:=20.0', '-p', 'derivative_gain:=1.0e-3')
     unstable = simulated(tmp_path / 'unstable', '-p', 'duration:=0.2', '-p', 'controller:=pid', *gains)
     assert main([str(runs['nn']), str(unstable), '--output', str(tmp_path / 'out')]) == 0
@@ -375,7 +375,7 @@ def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, argu
 
 
 @pytest.mark.parametrize('after', ['-1', '-5', 'nan', 'inf'])
-def test_a_time_that_is_none_is_refused(runs, tmp_path, capsys, after):
+def test_a_time_that_is_none_is_rejected(runs, tmp_path, capsys, after):
     with pytest.raises(SystemExit) as ended:
         main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
     assert ended.value.code == 2

@@ -251,7 +251,7 @@ def test_several_runs_are_compared_over_the_same_bounds(run, smooth, sine):
     for trace, kind in zip(seeks, (run, smooth), strict=True):
         times = [response.seek_time for response in responses_of(kind, NANOMETRES) if response.has_arrived]
         assert trace.y == pytest.approx(1e3 * np.array(times))
-    assert len({trace.colour for trace in found['access_times'].traces}) == 4
+    assert len({trace.color for trace in found['access_times'].traces}) == 4
     assert 'access_times' not in {panel.name for panel in comparison_panels([sine, sine])}
 
 
@@ -292,26 +292,26 @@ def test_many_lengths_have_a_curve_of_bounds_between_them(simulated, tmp_path, m
 
 
 def test_with_the_servo_sensor_the_head_arrives_on_the_displaced_track(simulated, tmp_path):
-    """Track pitch 254 nm, and runout of tens of nanometres."""
+    """Track pitch 254 nm, and runout of tens of nanometers."""
     files = [part for name in NSS for part in ('--params-file', str(PARAMS / name))]
     seeks = ('waveform:=seek', 'seek.trajectory:=minimum_jerk', 'seek.targets:=[2.0,0.0]', 'seek.dwell_times:=[0.05]')
     given = (part for text in (*seeks, 'controller:=pid', f'duration:={2100 * 9.9206e-5!r}') for part in ('-p', text))
     run = Run.open(simulated(tmp_path / 'run', *files, *given))
     assert run.is_track_following
-    centre = run.disturbance.track_centre
-    assert 1e3 * np.ptp(centre) > 30.0
+    center = run.disturbance.track_center
+    assert 1e3 * np.ptp(center) > 30.0
     rows = [seek.row for seek in seeks_of(run)]
     ends = [*rows, len(run.ticks)][1:]
     # Tolerances of the tenth of a track are left now and then: of a track and a half.
     for response, end in zip(responses_of(run, 0.381), ends, strict=False):
         row = response.seek.row
-        outside = np.abs((run.position - centre)[row:end] - response.seek.target) > 0.381
+        outside = np.abs((run.position - center)[row:end] - response.seek.target) > 0.381
         assert response.seek_time == pytest.approx(run.sample_time * (1 + np.flatnonzero(outside)[-1]))
     panels = {panel.name: panel for panel in panels_over_time(run)}
     along, final = panels['error_fine'].traces
-    assert final.name == 'head - target - track centre'
+    assert final.name == 'head - target - track center'
     seen = view_of_run(run)
     assert seen is not None
-    expected = 1e3 * (run.position - centre - seen.target)
+    expected = 1e3 * (run.position - center - seen.target)
     assert final.y == pytest.approx(np.interp(final.x, run.time, expected))
     assert along.y == pytest.approx(np.interp(along.x, run.time, 1e3 * run.position_error))

@@ -37,7 +37,7 @@ def metrics(run):
 
 
 def test_every_error_is_relative_to_the_track(run):
-    expected = 1e3 * (run.position - run.desired_position - run.disturbance.track_centre)
+    expected = 1e3 * (run.position - run.desired_position - run.disturbance.track_center)
     np.testing.assert_allclose(1e3 * run.position_error, expected, rtol=0.0, atol=1e-9)
     np.testing.assert_array_equal(run.error, run.position - run.desired_position)
     late = expected[run.since(0.5 * run.duration)]
@@ -58,14 +58,14 @@ def test_every_error_is_relative_to_the_track(run):
 
 def test_pictures_name_the_error_that_they_show(run):
     (error,) = (panel for panel in loop_panels(run, follows=True) if panel.name == 'error')
-    assert error.title == 'Track error, x - x_d - track centre'
-    assert error.traces[0].name == 'head - reference - track centre'
+    assert error.title == 'Track error, x - x_d - track center'
+    assert error.traces[0].name == 'head - reference - track center'
     assert np.abs(error.traces[0].y).max() == pytest.approx(1e3 * np.abs(run.track_error).max())
     names = [panel.name for panel in run_panels(run)]
     assert 'track_error' in names
     assert 'error' not in names, 'it would be the same diagram twice'
     (error, *_) = comparison_panels([run, run])
-    assert error.title == 'Track error, x - x_d - track centre'
+    assert error.title == 'Track error, x - x_d - track center'
 
 
 def test_with_the_vibrometer_the_error_stays_that_of_the_reference(tmp_path, simulated, run):
@@ -75,7 +75,7 @@ def test_with_the_vibrometer_the_error_stays_that_of_the_reference(tmp_path, sim
     assert not np.array_equal(ldv.position_error, ldv.track_error)
     assert {'error', 'track_error'} <= {panel.name for panel in run_panels(ldv)}
     (error, *_) = comparison_panels([run, ldv])
-    assert error.title == 'Position error, x - x_d, with the servo sensor less the track centre'
+    assert error.title == 'Position error, x - x_d, with the servo sensor less the track center'
 
 
 def test_shares_are_of_the_pitch_of_the_servo_sensor(run):

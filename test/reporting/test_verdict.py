@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from hdd_servo_ros.graph.catalogue import NODES as NODES_OF_PACKAGE
+from hdd_servo_ros.graph.catalog import NODES as NODES_OF_PACKAGE
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.units import Units

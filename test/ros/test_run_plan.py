@@ -39,12 +39,12 @@ def test_a_node_with_a_plan_says_how_long_the_run_is():
         make_run_plan(TIMER, TimerParameters(duration=0.001), nodes(last_tick_needed=77), ['a'])
 
 
-def test_a_node_that_refuses_the_schedule_ends_the_run_with_its_reason():
+def test_a_node_that_rejects_the_schedule_ends_the_run_with_its_reason():
     with pytest.raises(RunError, match='gain is read-only'):
-        make_run_plan(TIMER, TimerParameters(), nodes(refuses='gain is read-only'), ['a'])
+        make_run_plan(TIMER, TimerParameters(), nodes(rejects='gain is read-only'), ['a'])
 
 
-def test_a_schedule_for_a_node_that_does_not_take_part_is_refused():
+def test_a_schedule_for_a_node_that_does_not_take_part_is_rejected():
     timer = TimerParameters(schedule=('0.005 pid_controller k_p 2.0',))
     with pytest.raises(ParameterError, match='no such node'):
         make_run_plan(TIMER, timer, nodes(), ['a'])

@@ -41,10 +41,10 @@ def test_what_the_user_says_stays(name):
 
 
 @pytest.mark.parametrize('domain', ['-1', '233', '99999', 'abc', '1.0', '٣', '9' * 5000])
-def test_a_domain_that_has_no_ports_is_refused(domain):
-    with pytest.raises(ArgumentError, match='an integer from 0 to 232') as refused:
+def test_a_domain_that_has_no_ports_is_rejected(domain):
+    with pytest.raises(ArgumentError, match='an integer from 0 to 232') as rejected:
         check_domain({'ROS_DOMAIN_ID': domain})
-    assert len(str(refused.value)) < 200
+    assert len(str(rejected.value)) < 200
 
 
 @pytest.mark.parametrize('environment', [{}, {'ROS_DOMAIN_ID': ''}, {'ROS_DOMAIN_ID': '0'}, {'ROS_DOMAIN_ID': '232'}])

@@ -151,7 +151,7 @@ def test_derivatives_agree_with_differences(waveform, sweep, frequency, phase, t
         ('waveform', {'waveform': 'sawtooth'}),
     ],
 )
-def test_what_is_refused(name, parameters):
+def test_what_is_rejected(name, parameters):
     with pytest.raises(ParameterError, match=name):
         ReferenceParameters(**parameters)
 

@@ -210,16 +210,16 @@ def test_update_goes_on_in_time():
         ('seek.count', {'source': 'random', 'count': 0}),
     ],
 )
-def test_what_is_refused(name, values):
-    with pytest.raises(ParameterError) as refused:
+def test_what_is_rejected(name, values):
+    with pytest.raises(ParameterError) as rejected:
         parameters(**values)
-    assert refused.value.name == name
+    assert rejected.value.name == name
 
 
-def test_a_refused_length_names_the_one_that_it_does_not_go_with():
+def test_a_rejected_length_names_the_one_that_it_does_not_go_with():
     for values, allowed in (
-        ({'shortest': 200.0}, 'seek.longest = 100.0 is refused: at least shortest = 200.0 um'),
-        ({'travel': 99.0}, 'seek.travel = 99.0 is refused: at least longest = 100.0 um'),
+        ({'shortest': 200.0}, 'seek.longest = 100.0 is rejected: at least shortest = 200.0 um'),
+        ({'travel': 99.0}, 'seek.travel = 99.0 is rejected: at least longest = 100.0 um'),
     ):
         with pytest.raises(ParameterError, match=allowed):
             parameters(source='random', **values)
@@ -233,11 +233,11 @@ def test_a_refused_length_names_the_one_that_it_does_not_go_with():
         ({'source': 'random', 'dwell_times': [0.001]}, 'the next one starts after 0.001 s'),
     ],
 )
-def test_a_trajectory_longer_than_its_dwell_time_is_refused(values, number):
-    with pytest.raises(ParameterError) as refused:
+def test_a_trajectory_longer_than_its_dwell_time_is_rejected(values, number):
+    with pytest.raises(ParameterError) as rejected:
         parameters(**values)
-    assert refused.value.name == 'seek.dwell_times'
-    assert number in str(refused.value)
+    assert rejected.value.name == 'seek.dwell_times'
+    assert number in str(rejected.value)
 
 
 def test_a_last_seek_that_nothing_follows_may_take_long():

@@ -152,8 +152,8 @@ def test_what_is_missing_or_different_is_found(shaken, tmp_path):
 @pytest.mark.parametrize(
     ('recorded', 'arguments', 'reason'),
     [
-        ('nowhere', (), "recorded_run = 'nowhere' is refused: a recorded run: nowhere is neither"),
-        ('plain', (), "recorded_run = 'plain' is refused: a run that holds one of /disturbance"),
+        ('nowhere', (), "recorded_run = 'nowhere' is rejected: a recorded run: nowhere is neither"),
+        ('plain', (), "recorded_run = 'plain' is rejected: a run that holds one of /disturbance"),
         ('shaken', ('-p', 'duration:=0.04'), 'a run that holds the ticks 0 to 400; that one holds 0 to 300'),
         ('shaken', ('-p', 'deterministic_timer:sample_time:=5.0e-5'), 'that one has 0.0001 s'),
     ],
@@ -183,7 +183,7 @@ def test_of_a_playback_all_ticks_are_there(shaken):
 
 
 @pytest.mark.parametrize('shape', [(9, 3), (10, 1), (10,)])
-def test_rows_of_another_shape_are_refused(shape):
+def test_rows_of_another_shape_are_rejected(shape):
     class Wrong:
         topics: tuple[LoopTopic, ...] = (DISTURBANCE,)
 

@@ -38,12 +38,12 @@ def test_a_controller_from_outside():
     np.testing.assert_array_equal(rows.estimates['t'], np.arange(1500) * T)
 
 
-def test_an_object_with_the_former_arguments_of_step_is_refused_with_what_to_change():
+def test_an_object_with_the_former_arguments_of_step_is_rejected_with_what_to_change():
     class Old(Outside):
         def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):  # type: ignore[override]
             return 0.0, 0.0, 0.0
 
-    with pytest.raises(ParameterError, match=r"'Old' is refused: Old\.step takes one argument now: inputs, with"):
+    with pytest.raises(ParameterError, match=r"'Old' is rejected: Old\.step takes one argument now: inputs, with"):
         Experiment(T, Old())  # type: ignore[arg-type]
 
 

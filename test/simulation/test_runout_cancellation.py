@@ -90,7 +90,7 @@ def test_harmonics_take_off_their_orders_at_any_sample_time():
 
 @pytest.mark.parametrize('method', ['harmonics', 'repetitive'])
 def test_runout_enters_as_a_force_with_the_vibrometer(method):
-    """It does not see the track's centre, but a force that repeats is taken off all the same."""
+    """It does not see the track's center, but a force that repeats is taken off all the same."""
     sectors, sample_time = 84, 99206e-9
     force = np.tile(2e-3 * np.sin(2.0 * np.pi * np.arange(sectors) / sectors + 0.5), 200)
 

@@ -48,13 +48,13 @@ def block_by_block(blocks):
     for k in range(TICKS):
         reference = blocks.reference.step(k)
         head = blocks.plant.output() if k == 0 else blocks.plant.step(k, u, force)
-        force, centre, linear, angular = generator.step(k)
-        pes = blocks.servo.step(k, head[0], centre)
+        force, center, linear, angular = generator.step(k)
+        pes = blocks.servo.step(k, head[0], center)
         _, velocity = blocks.observer.step(pes[1], u)
         control = blocks.dsp.step(*blocks.controller.step(blocks.scales.inputs(k, pes[1], velocity, *reference)))
         u = control[0]
         estimates = (*blocks.controller.estimates, *blocks.observer.estimates)
-        values = (reference, head, pes, control, estimates, (force, centre, 0.0), (*linear, *angular))
+        values = (reference, head, pes, control, estimates, (force, center, 0.0), (*linear, *angular))
         for name, row in zip(TOPICS, values, strict=True):
             rows[name].append(row)
     return {name: np.array(values) for name, values in rows.items()}
@@ -107,12 +107,12 @@ def test_warnings_of_a_servo_run_are_those_of_the_loop_with_the_observer(name):
 
 
 def test_the_signal_analyzer_needs_the_vibrometer():
-    with pytest.raises(ParameterError, match=r"sensor = 'servo' is refused: ldv, which signal_analyzer measures"):
+    with pytest.raises(ParameterError, match=r"sensor = 'servo' is rejected: ldv, which signal_analyzer measures"):
         experiment('signal_analyzer')
 
 
-def test_an_unknown_sensor_is_refused():
-    with pytest.raises(ParameterError, match=r"sensor = 'gps' is refused: one of ldv, servo"):
+def test_an_unknown_sensor_is_rejected():
+    with pytest.raises(ParameterError, match=r"sensor = 'gps' is rejected: one of ldv, servo"):
         Experiment(T, 'pid', sensor='gps')
 
 
@@ -124,7 +124,7 @@ def test_a_section_of_the_sensor_that_does_not_run_changes_nothing():
 
 
 def test_feedforward_knows_its_path_through_the_observer():
-    """The path of the feedforward, learnt by stepping observer and law, is P S of the linear loop."""
+    """The path of the feedforward, learned by stepping observer and law, is P S of the linear loop."""
     law = {'proportional_gain': 0.1, 'integral_gain': 10.0, 'derivative_gain': 1e-4, 'derivative_bandwidth': 0.0}
     feedforward = {'feedforward.method': 'fixed', 'feedforward.path_length': 1024}
     observer = {'observer.bandwidth': 1500.0}
@@ -224,7 +224,7 @@ def test_nrpe_of_the_nss_disturbances(last):
     experiment = Experiment(sample_time, 'pid', sections, sensor='servo')
     assert experiment.warnings() == ()
     rows = experiment.run(0, 120 * sectors)
-    error = (rows.error - rows.disturbance.track_centre)[20 * sectors :].reshape(-1, sectors)
+    error = (rows.error - rows.disturbance.track_center)[20 * sectors :].reshape(-1, sectors)
     repeatable = error.mean(axis=0)
     nrpe = 3e3 * (error - repeatable).std() * np.sqrt(100 / 99)
     assert 0.9 * BOUNDS[last] < nrpe < BARS[last]

@@ -38,8 +38,8 @@ def test_a_run_of_many_years_begins_at_once():
         ('duration:=0.0', 'controller:=signal_analyzer', 'start_frequency:=0.001', 'settle_cycles:=1e6'),
     ],
 )
-def test_a_run_that_no_stamp_can_count_is_refused(overrides):
-    with pytest.raises(ParameterError, match=r'duration = .* is refused: .*at most 2e\+09'):
+def test_a_run_that_no_stamp_can_count_is_rejected(overrides):
+    with pytest.raises(ParameterError, match=r'duration = .* is rejected: .*at most 2e\+09'):
         simulation(*overrides)
 
 

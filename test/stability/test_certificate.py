@@ -276,7 +276,7 @@ def test_the_network_over_a_shaped_reference_sees_the_reference_as_the_law_takes
     np.testing.assert_allclose(output, rows.estimates['network'], rtol=1e-9)
 
 
-OUTPUT = ('no saturation', 'no quantisation of u', 'no computation delay')
+OUTPUT = ('no saturation', 'no quantization of u', 'no computation delay')
 
 
 @pytest.mark.parametrize(
@@ -286,7 +286,7 @@ OUTPUT = ('no saturation', 'no quantisation of u', 'no computation delay')
         # Half a step of 200/2^7.
         (
             {'dsp.dac_bits': 8, 'dsp.dac_range': 200.0},
-            'no quantisation of u',
+            'no quantization of u',
             'dsp.dac_bits 8: u rounded by up to 0.78',
         ),
         ({'dsp.dac_range': 5.0}, 'no saturation', 'dsp.dac_range lets 5 out'),
@@ -356,7 +356,7 @@ def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
     directory = recorded(tmp_path / 'run', *words)
     assert main([str(directory)]) == 0
     printed = ' '.join(capsys.readouterr().out.split())
-    assert 'no quantisation of u NOT kept dsp.dac_bits 16: u rounded by up to' in printed
+    assert 'no quantization of u NOT kept dsp.dac_bits 16: u rounded by up to' in printed
     assert 'no computation delay NOT kept dsp.computation_delay 1: u 0.0001 s late' in printed
     file = directory / 'run.yaml'
     file.write_text(file.read_text().replace('dsp.dac_bits: 16', 'dsp.dac_bits: 15'))
@@ -365,24 +365,24 @@ def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
 
 
 def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
-    def refusal(directory):
+    def rejection(directory):
         assert main([str(directory)]) == 3
         return capsys.readouterr().err
 
-    assert 'no run.yaml' in refusal(tmp_path)
-    assert 'no adaptive_nn_controller took part' in refusal(recorded(tmp_path / 'pid', '-p', 'controller:=pid'))
+    assert 'no run.yaml' in rejection(tmp_path)
+    assert 'no adaptive_nn_controller took part' in rejection(recorded(tmp_path / 'pid', '-p', 'controller:=pid'))
     weak = recorded(tmp_path / 'weak', '-p', 'adaptive_nn_controller:phi.leakage:=0.0')
-    assert 'phi.leakage' in refusal(weak)
+    assert 'phi.leakage' in rejection(weak)
     tampered = recorded(tmp_path / 'tampered')
     file = tampered / 'run.yaml'
     file.write_text(file.read_text().replace('feedback_gain: 10.0', 'feedback_gain: 11.0'))
-    assert 'does not do what was recorded: at tick 0 u is' in refusal(tampered)
+    assert 'does not do what was recorded: at tick 0 u is' in rejection(tampered)
     with pytest.raises(SystemExit, match='2'):
         main([str(weak), '--disturbance', '-3'])
     assert '--disturbance -3 is no bound' in capsys.readouterr().err
 
 
-def test_a_run_whose_parameters_changed_is_refused(tmp_path, capsys, monkeypatch):
+def test_a_run_whose_parameters_changed_is_rejected(tmp_path, capsys, monkeypatch):
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     event = types['rcl_interfaces/msg/ParameterEvent'](

@@ -161,7 +161,7 @@ def test_phi_bounds_it_all_where_the_network_cannot(change):
         ('feedback_gain', 0.0),
     ],
 )
-def test_what_the_theorem_does_not_cover_is_refused(name, value):
+def test_what_the_theorem_does_not_cover_is_rejected(name, value):
     p = from_mapping(AdaptiveNnParameters, {**BARE_LAW, name: value})
     one = np.ones(1)
     with pytest.raises(ParameterError, match=name):

@@ -47,7 +47,7 @@ def test_weights_are_those_of_the_run(recorded):
     np.testing.assert_array_equal(last.compensator_weights, controller.compensator_weights)
 
 
-def test_a_record_that_does_not_fit_is_refused(recorded):
+def test_a_record_that_does_not_fit_is_rejected(recorded):
     rows, _ = recorded
     estimates = rows['estimates'].copy()
     estimates[8500, 4] = np.nextafter(estimates[8500, 4], 1.0)

@@ -200,7 +200,7 @@ def test_steps(runs, height, cases, count):
     assert worst['settling_time'] < SETTLING_LIMITS[height]
     assert worst['steady_error'] < 3e-3
     assert worst['overshoot'] < 0.1 * of_pid['overshoot']
-    # Half a nanometre is what the noise makes of it.
+    # Half a nanometer is what the noise makes of it.
     assert worst['steady_error'] < of_pid['steady_error'] + 5e-4
     assert worst['settling_time'] < of_pid['settling_time'] + 0.5e-4
     for_sines = PID_FOR_SINES_FROM_REST if count == 1 else PID_FOR_SINES_STEPS
@@ -215,9 +215,9 @@ def test_steps(runs, height, cases, count):
 def test_steps_from_rest_whichever_way_and_whenever(runs, height):
     """Both directions, several seeds and times, without bags; the last one at the first tick."""
     nodes = runs.parameters(SHIPPED_FROM_REST[height])
-    for place, start_time in enumerate((1.0, 2.0, 3.3333, 0.05, 0.5, 0.0)):
-        step = {'waveform': 'step', 'amplitude': height * (-1) ** place, 'start_time': start_time}
-        ldv = {**nodes['ldv_sensor'], 'seed': place}
+    for index, start_time in enumerate((1.0, 2.0, 3.3333, 0.05, 0.5, 0.0)):
+        step = {'waveform': 'step', 'amplitude': height * (-1) ** index, 'start_time': start_time}
+        ldv = {**nodes['ldv_sensor'], 'seed': index}
         changed = {**nodes, 'reference_generator': step, 'ldv_sensor': ldv}
         rows = Experiment(1e-4, 'adaptive_nn', changed).run(0, round((start_time + 0.5) / 1e-4))
         found = step_response(rows.time, rows.reference[:, 0], rows.head[:, 0]).worst()
@@ -284,8 +284,8 @@ def test_all_random_drives_stay_bounded(runs):
     drives = range(table_random_drives.DRIVES)
     found = np.concatenate(
         [
-            errors_on_random_drives(runs, [SHIPPED[frequency]], drives[place :: len(FREQUENCIES)])[0]
-            for place, frequency in enumerate(FREQUENCIES)
+            errors_on_random_drives(runs, [SHIPPED[frequency]], drives[index :: len(FREQUENCIES)])[0]
+            for index, frequency in enumerate(FREQUENCIES)
         ]
     )
     assert len(found) == 200
@@ -294,7 +294,7 @@ def test_all_random_drives_stay_bounded(runs):
 
 
 def test_the_errors_on_a_random_drive_are_those_of_a_run_of_its_own(runs):
-    """To the bit; of the law of the thesis and of a PID, each on its own place of the result."""
+    """To the bit; of the law of the thesis and of a PID, each at its own index of the result."""
     cases = (NN[200.0], PID[100.0])
     found = errors_on_random_drives(runs, cases, [5, 3])
     for case, errors in zip(cases, found[:, 1], strict=True):
@@ -319,9 +319,9 @@ def test_a_run_that_diverges_on_a_random_drive_has_no_error(runs, monkeypatch):
     assert np.isnan(diverged).all()
 
 
-def test_random_drives_of_runs_with_other_drives_are_refused(runs, monkeypatch):
+def test_random_drives_of_runs_with_other_drives_are_rejected(runs, monkeypatch):
     cases = (NN[100.0], PID[100.0])
-    other = {case.name: {'vcm_plant': {'gain': float(place)}} for place, case in enumerate(cases)}
+    other = {case.name: {'vcm_plant': {'gain': float(index)}} for index, case in enumerate(cases)}
     monkeypatch.setattr(type(runs), 'parameters', lambda self, case: other[case.name])
     with pytest.raises(ValueError, match=r'pid_100_hz has another drive than nn_100_hz'):
         errors_on_random_drives(runs, cases, range(2))

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.studies.compare import Comparison, Contestant, main
@@ -62,7 +62,7 @@ def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
 
 
 def test_an_overlay_of_one_controller(capsys):
-    """By a path and by the name of a shipped file; labelled with the file's stem, and in its own runs only."""
+    """By a path and by the name of a shipped file; labeled with the file's stem, and in its own runs only."""
     Path('soft.yaml').write_text('/**/pid_controller:\n  ros__parameters:\n    proportional_gain: 0.2\n')
     arguments = ['--controllers', 'pid', 'pid@soft.yaml', 'pid@pid_for_sines.yaml', '--experiments', 'sine_100_hz']
     arguments += ['--without-ros', '--output', 'out', '-p', 'duration:=0.1', '-p', 'pid_controller:control_limit:=5.0']
@@ -192,12 +192,12 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['--controllers', 'no_such'], "controller = 'no_such' is refused: one of adaptive_nn, pid, seek, open_loop"),
+        (['--controllers', 'no_such'], "controller = 'no_such' is rejected: one of adaptive_nn, pid, seek, open_loop"),
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
-        (['-p', 'controller:=pid'], '-p controller is refused: compare sets it for each run; use --controllers'),
-        (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is refused'),
-        (['-p', 'bogus:=1'], 'compare: parameter bogus = 1 is refused: no such parameter'),
+        (['-p', 'controller:=pid'], '-p controller is rejected: compare sets it for each run; use --controllers'),
+        (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is rejected'),
+        (['-p', 'bogus:=1'], 'compare: parameter bogus = 1 is rejected: no such parameter'),
         (['--controllers', 'pid@'], '--controllers pid@: expected the name of a parameter file after the @'),
         (['--controllers', 'pid@no_such.yaml'], "no parameter file 'no_such.yaml' among those of hdd_servo_ros"),
         (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),

@@ -66,7 +66,7 @@ def test_a_trial_with_the_recorded_seeds_is_the_recorded_run(runs):
         np.testing.assert_array_equal(own, error(run)[run.since(TRANSIENT)])
 
 
-def test_a_trial_has_its_seed_everywhere_and_refuses_what_is_no_parameter(runs):
+def test_a_trial_has_its_seed_everywhere_and_rejects_what_is_no_parameter(runs):
     made = trial(runs, BASE['pid'], 17, {'accelerometer:bandwidth': 3000.0}, drive=3)
     assert made.parameters['accelerometer']['bandwidth'] == 3000.0
     seeds = {

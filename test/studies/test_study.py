@@ -130,8 +130,8 @@ def test_the_graph_gives_the_same_bits(tmp_path, monkeypatch, bench):
     """One case through `rig`, which must be what `simulate` wrote, and so is not made again."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
     one = case('a', 'adaptive_nn')
-    for place, without_ros in (('graph', False), ('plain', True)):
-        run_cases([one], tmp_path / place, without_ros=without_ros, defaults=SHORT, say=lambda line: None)
+    for directory, without_ros in (('graph', False), ('plain', True)):
+        run_cases([one], tmp_path / directory, without_ros=without_ros, defaults=SHORT, say=lambda line: None)
     assert compare_bags([str(tmp_path / 'graph' / 'a'), str(tmp_path / 'plain' / 'a')]) == 0
     run_cases([one], tmp_path / 'graph', without_ros=True, defaults=SHORT, say=lambda line: None)
     assert 'rig' not in (tmp_path / 'graph' / 'a' / 'log.txt').read_text()

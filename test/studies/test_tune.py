@@ -238,10 +238,10 @@ def test_same_peak_finds_the_shipped(overlays):
     [
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['--params-file', 'hopeless.yaml'], 'no error_filter_lambda has a gain with Ms <= 2'),
-        (['--sample-time', '-1'], 'sample_time = -1.0 is refused'),
-        (['--same-peak', '--sample-time', '0'], 'sample_time = 0.0 is refused'),
-        (['--overshoot', 'much'], '--overshoot much is refused: expected a number above 0 [%], or none'),
-        (['--overshoot', '-5'], '--overshoot -5 is refused'),
+        (['--sample-time', '-1'], 'sample_time = -1.0 is rejected'),
+        (['--same-peak', '--sample-time', '0'], 'sample_time = 0.0 is rejected'),
+        (['--overshoot', 'much'], '--overshoot much is rejected: expected a number above 0 [%], or none'),
+        (['--overshoot', '-5'], '--overshoot -5 is rejected'),
         (['--seconds', '2'], '--seconds 2 is no more than the 2 s that do not count'),
     ],
 )
@@ -301,7 +301,7 @@ def test_the_table_marks_what_does_not_track(tmp_path, capsys, monkeypatch):
     assert lines[-1].startswith('! does not track, by the criteria of the reports')
 
 
-def test_parameter_files_with_the_servo_sensor_are_refused(capsys):
+def test_parameter_files_with_the_servo_sensor_are_rejected(capsys):
     files = [str(PARAMS / f'{name}.yaml') for name in ('seagate_7200_10', 'nss_100ktpi')]
     assert main(['--params-file', *files]) == 2
-    assert "rig:sensor = 'servo' is refused: ldv" in capsys.readouterr().err
+    assert "rig:sensor = 'servo' is rejected: ldv" in capsys.readouterr().err

@@ -6,7 +6,7 @@ import sys
 import time
 
 from hdd_servo_ros.control.pid import Pid, PidParameters
-from hdd_servo_ros.graph.catalogue import register_controller
+from hdd_servo_ros.graph.catalog import register_controller
 from hdd_servo_ros.nodes.controller_node import ControllerNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import parameter

@@ -139,7 +139,7 @@ def copy(bench, tmp_path):
     (package / 'control' / 'proportional.py').write_text(BLOCK)
     (package / 'nodes' / 'proportional_controller.py').write_text(NODE)
     row_before = "    NodeRow(\n        'signal_analyzer',"
-    edit(package / 'graph' / 'catalogue.py', (row_before, ROW + row_before))
+    edit(package / 'graph' / 'catalog.py', (row_before, ROW + row_before))
     edit(package / 'simulation' / 'closed_loop.py', *BRANCH)
     bench.environment |= {'PYTHONPATH': str(package.parent), 'XDG_CACHE_HOME': str(tmp_path / 'cache')}
     return package.parent
@@ -165,10 +165,10 @@ def test_the_same_bits_in_simulate_in_rig_and_as_a_node_of_its_own(bench, copy):
 
 def test_help_launch_files_and_setup_know_it(bench, copy):
     code = (
-        'import runpy; from hdd_servo_ros.graph import catalogue, parameters_document; '
-        f'assert catalogue.__file__.startswith({str(copy)!r}); '
-        'assert "proportional_controller" in runpy.run_path(catalogue.__file__)["EXECUTABLES"]; '
-        'assert catalogue.CONTROLLERS["proportional"] == "proportional_controller"; '
+        'import runpy; from hdd_servo_ros.graph import catalog, parameters_document; '
+        f'assert catalog.__file__.startswith({str(copy)!r}); '
+        'assert "proportional_controller" in runpy.run_path(catalog.__file__)["EXECUTABLES"]; '
+        'assert catalog.CONTROLLERS["proportional"] == "proportional_controller"; '
         'assert "A proportional controller." in parameters_document.pages()['
         'parameters_document.page_of("proportional_controller")]'
     )

@@ -105,19 +105,21 @@ def test_one_value_on_the_command_line_adds_the_generator(bench):
 
 
 @pytest.mark.parametrize('name', ['simulate', 'rig'])
-def test_what_does_not_go_with_the_sample_time_is_refused(bench, name):
+def test_what_does_not_go_with_the_sample_time_is_rejected(bench, name):
     on = ('-p', 'disturbance_generator:vibration.rotational.enabled:=true')
     high = ('-p', 'disturbance_generator:vibration.rotational.high:=5000.0')
     process = bench.start(name, *DURATION, *on, *high, '-p', 'run_dir:=run')
     assert process.wait() in (1, 2)
-    assert 'vibration.rotational.high = 5000.0 is refused: below half the sampling frequency, 5000 Hz' in process.output
+    assert (
+        'vibration.rotational.high = 5000.0 is rejected: below half the sampling frequency, 5000 Hz' in process.output
+    )
     entry = "schedule:=['0.05 disturbance_generator vibration.rotational.high 6000.0']"
     process = bench.start(name, *DURATION, *on, '-p', entry, '-p', 'run_dir:=other')
     assert process.wait() in (1, 2)
-    assert "schedule = '0.05 disturbance_generator vibration.rotational.high 6000.0' is refused" in process.output
+    assert "schedule = '0.05 disturbance_generator vibration.rotational.high 6000.0' is rejected" in process.output
 
 
-def test_a_live_change_is_refused_or_takes_effect_and_is_replayed(bench, outside):
+def test_a_live_change_is_rejected_or_takes_effect_and_is_replayed(bench, outside):
     from diagnostic_msgs.msg import DiagnosticArray
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
     from rcl_interfaces.srv import SetParameters
@@ -139,9 +141,9 @@ def test_a_live_change_is_refused_or_takes_effect_and_is_replayed(bench, outside
     name = 'disturbance_generator: sources'
     outside.spin_until(lambda: name in statuses and float(statuses[name].values[0].value) > 0.0)
     assert statuses[name].message == 'enabled: vibration.rotational'
-    refused = change('vibration.rotational.high', 6000.0)
-    assert not refused.successful
-    assert 'below half the sampling frequency, 5000 Hz' in refused.reason
+    rejected = change('vibration.rotational.high', 6000.0)
+    assert not rejected.successful
+    assert 'below half the sampling frequency, 5000 Hz' in rejected.reason
     assert change('vibration.rotational.rms', 30.0).successful
     outside.spin_for(1.0)
     process.signal(2)

@@ -1,4 +1,4 @@
-"""Any drive by a parameter file, measured from the bag; bad ones refused."""
+"""Any drive by a parameter file, measured from the bag; bad ones rejected."""
 
 from pathlib import Path
 
@@ -82,10 +82,10 @@ def test_every_friction_model_runs_in_the_loop_by_a_parameter(model):
     ],
 )
 @pytest.mark.parametrize('executable', ['vcm_plant', 'simulate'])
-def test_a_bad_drive_is_refused_at_start(bench, executable, value, named, allowed):
+def test_a_bad_drive_is_rejected_at_start(bench, executable, value, named, allowed):
     process = bench.start(executable, '-p', f'vcm_plant:{value}')
     assert process.wait() == 2
     assert f'{named} = ' in process.output
-    assert 'is refused' in process.output
+    assert 'is rejected' in process.output
     assert allowed in process.output
     assert len(process.output.strip().splitlines()) == 1

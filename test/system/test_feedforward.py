@@ -3,7 +3,7 @@
 import pytest
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -68,7 +68,7 @@ def test_a_controller_from_python_has_the_feedforward_of_the_compiled_loop():
         assert rows[topic].tobytes() == found[topic].tobytes(), topic
 
 
-def test_a_feedforward_without_sensors_is_refused(bench):
+def test_a_feedforward_without_sensors_is_rejected(bench):
     nodes = bench.start_nodes(
         'processes',
         '-p',
@@ -79,13 +79,13 @@ def test_a_feedforward_without_sensors_is_refused(bench):
     )
     codes = {name: process.wait() for name, process in nodes.items()}
     assert codes['pid_controller'] == 1
-    allowed = "feedforward.method = 'fixed' is refused: none, since there is no accelerometer in this run"
+    allowed = "feedforward.method = 'fixed' is rejected: none, since there is no accelerometer in this run"
     assert allowed in nodes['pid_controller'].output
 
 
 @pytest.mark.parametrize('name', ['simulate', 'rig'])
 def test_a_controller_without_an_error_has_no_feedforward(bench, name):
-    refused = bench.start(
+    rejected = bench.start(
         name,
         '-p',
         'controller:=open_loop',
@@ -94,5 +94,5 @@ def test_a_controller_without_an_error_has_no_feedforward(bench, name):
         '-p',
         'duration:=0.1',
     )
-    assert refused.wait() == 2
-    assert "feedforward.method = 'fxlms' is refused: none, since this controller does not follow" in refused.output
+    assert rejected.wait() == 2
+    assert "feedforward.method = 'fxlms' is rejected: none, since this controller does not follow" in rejected.output

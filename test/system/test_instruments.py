@@ -67,7 +67,7 @@ def test_each_node_in_its_own_process_with_every_effect(bench):
     assert difference is None, difference
 
 
-def test_a_resolution_without_a_range_is_refused(bench):
+def test_a_resolution_without_a_range_is_rejected(bench):
     for executable in ('rig', 'simulate', 'pid_controller'):
         process = bench.start(executable, '-p', 'controller:=pid', '-p', 'dsp.dac_bits:=12')
         assert process.wait() == 2

@@ -50,9 +50,9 @@ def test_the_same_bits_everywhere(example):
     left += 9.7e-5 * (5000.0 * signals.ldv[:, 1] - signals.reference[:, 1])
     spring = np.where(signals.time < 0.05, 0.01, 0.02)
     np.testing.assert_allclose(left, spring * signals.reference[:, 0], atol=1e-12)
-    refused = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
-    assert refused.returncode == 3
-    assert 'code of its own; if you trust it, ask again with --trust' in refused.stderr
+    rejected = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
+    assert rejected.returncode == 3
+    assert 'code of its own; if you trust it, ask again with --trust' in rejected.stderr
     replayed = example.python('-m', 'hdd_servo_ros.tools.replay', '--trust', 'rig')
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
@@ -127,7 +127,7 @@ def test_what_cannot_be_found_is_one_line(bench, name):
     assert process.wait() == 2
     here = bench.directory
     reason = f'there is no module no_such_module on sys.path or in {here}'
-    expected = f"{name}: parameter controller = 'no_such_module:MyController' is refused: {reason}\n"
+    expected = f"{name}: parameter controller = 'no_such_module:MyController' is rejected: {reason}\n"
     assert process.output.endswith(expected)
 
 
@@ -141,7 +141,7 @@ def test_the_former_arguments_of_step_are_one_line(bench, name):
     assert process.wait() == 2
     (line,) = [line for line in process.output.splitlines() if 'former:MyController' in line]
     assert line.startswith(
-        f"{name}: parameter controller = 'former:MyController' is refused: MyController.step takes one"
+        f"{name}: parameter controller = 'former:MyController' is rejected: MyController.step takes one"
     )
     assert line.endswith('; see docs/write-your-own-controller.md')
     assert 'Traceback' not in process.output
@@ -158,9 +158,9 @@ def test_help(example):
     usage = example.python('-m', 'hdd_servo_ros.nodes.outside_controller', '--help')
     assert usage.returncode == 0
     assert usage.stdout.startswith('usage: outside_controller MODULE:CLASS')
-    refused = example.python('-m', 'hdd_servo_ros.nodes.outside_controller', 'my_controller:Mine')
-    assert refused.returncode == 2
-    assert 'there is no Mine in my_controller' in refused.stderr
+    rejected = example.python('-m', 'hdd_servo_ros.nodes.outside_controller', 'my_controller:Mine')
+    assert rejected.returncode == 2
+    assert 'there is no Mine in my_controller' in rejected.stderr
 
 
 def test_the_file_needs_no_ros(example):

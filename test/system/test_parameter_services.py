@@ -17,7 +17,7 @@ from rcl_interfaces.srv import (
 from rclpy.serialization import deserialize_message
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.graph.known_parameters import node_declarations
 from hdd_servo_ros.recording.compare_bags import first_difference
 
@@ -91,18 +91,18 @@ def expect_slider(described, declaration, value):
 
 
 def test_numbers_beyond_a_slider_and_integers_for_doubles_are_taken(run):
-    """As a command line takes them; a range that is there for a slider alone refuses nothing."""
+    """As a command line takes them; a range that is there for a slider alone rejects nothing."""
     for value in (1e9, 4):
         kind = ParameterType.PARAMETER_DOUBLE if isinstance(value, float) else ParameterType.PARAMETER_INTEGER
         changes = [parameter('frequency', value, kind)]
         assert run.ask('reference_generator', SetParameters, parameters=changes).results[0].successful
         (got,) = run.ask('reference_generator', GetParameters, names=['frequency']).values
         assert (got.type, got.double_value) == (ParameterType.PARAMETER_DOUBLE, value)
-    (refused,) = run.ask('reference_generator', SetParameters, parameters=[parameter('frequency', -1.0)]).results
-    assert refused.reason == 'parameter frequency = -1.0 is refused: a finite number at least 0 [Hz]'
+    (rejected,) = run.ask('reference_generator', SetParameters, parameters=[parameter('frequency', -1.0)]).results
+    assert rejected.reason == 'parameter frequency = -1.0 is rejected: a finite number at least 0 [Hz]'
 
 
-def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
+def test_every_node_answers_and_what_it_rejects_changes_nothing(bench, run):
     dumped = ('-p', 'use_sim_time:=false', '-p', 'start_type_description_service:=true')  # what a dump holds besides
     simulated = bench.start('simulate', *RUN, *dumped, '-p', 'bag_recorder:run_dir:=simulated')
     for node in NODES:
@@ -120,7 +120,7 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
             assert described[name].additional_constraints == declaration.allowed, name
             expect_slider(described[name], declaration, values[name])
 
-        # What can be changed alone cannot be changed beside something that is refused.
+        # What can be changed alone cannot be changed beside something that is rejected.
         good = next((d for d in declared.values() if not d.read_only and d.element_type is float), None)
         if good is not None and not good.is_sequence:
             changes = [parameter(good.name, values[good.name].double_value / 2), parameter(f'{good.name}_', 1.0)]
@@ -135,22 +135,28 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
         assert all(descriptor.description for descriptor in described.values())
         assert run.ask(node, GetParameters, names=listed).values == list(values.values())
 
-    for refused, reason in {
-        ('reference_generator', 'frequency', -1.0): 'frequency = -1.0 is refused: a finite number at least 0 [Hz]',
+    for rejected, reason in {
+        ('reference_generator', 'frequency', -1.0): 'frequency = -1.0 is rejected: a finite number at least 0 [Hz]',
         ('reference_generator', 'frequency', math.nan): 'a finite number at least 0 [Hz]',
-        ('vcm_plant', 'gain', 0.0): 'gain = 0.0 is refused: a finite number above 0',
+        ('vcm_plant', 'gain', 0.0): 'gain = 0.0 is rejected: a finite number above 0',
         ('deterministic_timer', 'sample_time', 1e-3): 'read-only',
     }.items():
-        node, name, value = refused
+        node, name, value = rejected
         result = run.ask(node, SetParameters, parameters=[parameter(name, value)]).results[0]
-        assert not result.successful, refused
-        assert reason in result.reason, refused
-    # A value of another type is refused in the same words, alone and beside one that could be taken.
+        assert not result.successful, rejected
+        assert reason in result.reason, rejected
+    # A value of another type is rejected in the same words, alone and beside one that could be taken.
     of_other_types: tuple[tuple[str, str, Any, int, str], ...] = (
-        ('reference_generator', 'frequency', [1.0], LISTS[float], 'frequency = [1.0] is refused: a finite number at'),
-        ('reference_generator', 'frequency', 'fast', SCALARS[str], "frequency = 'fast' is refused: a finite number at"),
-        ('vcm_plant', 'substeps', True, SCALARS[bool], 'substeps = True is refused: an integer'),
-        ('vcm_plant', 'substeps', 2.0, SCALARS[float], 'substeps = 2.0 is refused: an integer'),
+        ('reference_generator', 'frequency', [1.0], LISTS[float], 'frequency = [1.0] is rejected: a finite number at'),
+        (
+            'reference_generator',
+            'frequency',
+            'fast',
+            SCALARS[str],
+            "frequency = 'fast' is rejected: a finite number at",
+        ),
+        ('vcm_plant', 'substeps', True, SCALARS[bool], 'substeps = True is rejected: an integer'),
+        ('vcm_plant', 'substeps', 2.0, SCALARS[float], 'substeps = 2.0 is rejected: an integer'),
     )
     for node, name, other, kind, reason in of_other_types:
         changes = [parameter(name, other, kind)]
@@ -162,7 +168,7 @@ def test_every_node_answers_and_what_it_refuses_changes_nothing(bench, run):
     kind = ParameterType.PARAMETER_STRING
     change = parameter('waveform', 'sawtooth', kind)
     result = run.ask('reference_generator', SetParameters, parameters=[change]).results[0]
-    assert "waveform = 'sawtooth' is refused: one of sine" in result.reason
+    assert "waveform = 'sawtooth' is rejected: one of sine" in result.reason
 
     for process in (run, simulated):
         assert process.wait() == 0, process.output
@@ -182,12 +188,12 @@ UNTENABLE = [
 ]
 
 
-def test_a_value_with_which_a_block_cannot_run_is_refused_and_changes_nothing(bench, run):
+def test_a_value_with_which_a_block_cannot_run_is_rejected_and_changes_nothing(bench, run):
     for node, name, value, kind in UNTENABLE:
         result = run.ask(node, SetParameters, parameters=[parameter(name, value, kind)]).results[0]
         assert not result.successful, name
         assert f'parameter {name} = ' in result.reason
-        assert f'is refused: a value with which {node} can run; with this one it cannot: ' in result.reason
+        assert f'is rejected: a value with which {node} can run; with this one it cannot: ' in result.reason
     # A change that can be made is made.
     result = run.ask('reference_generator', SetParameters, parameters=[parameter('frequency', 120.0)]).results[0]
     assert result.successful, result.reason
@@ -220,7 +226,7 @@ def test_the_same_in_a_file_and_in_a_schedule_before_the_run(bench, argument, na
         (line,) = process.output.strip().splitlines()
         assert line.startswith(f'{command}: parameter ')
         assert named in line
-        assert 'is refused' in line
+        assert 'is rejected' in line
         assert not (bench.directory / command).exists()
 
 

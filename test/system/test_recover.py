@@ -16,7 +16,7 @@ def children_of(pid):
             yield int(path.parent.name)
 
 
-def test_a_killed_run_is_mended_and_replayed(bench):
+def test_a_killed_run_is_repaired_and_replayed(bench):
     process = bench.start('rig', '-p', 'duration:=60.0', '-p', 'run_dir:=run')
     file = bench.directory / 'run' / 'bag' / 'bag.mcap'
     deadline = time.monotonic() + 200.0

@@ -21,7 +21,7 @@ MEANT = {
     'order': ['-p', 'seed:=1', '-p', 'ldv_sensor:seed:=2', '-p', 'seed:=3'],
 }
 
-REFUSED = {
+REJECTED = {
     'configuration of logs': (['--log-config-file', '/nonexistent'], '/nonexistent'),
     'quality of service': (
         ['-p', 'qos_overrides./clock.publisher.depth:=5'],
@@ -34,13 +34,13 @@ REFUSED = {
     'namespace with a slash': (['-r', '__ns:=/b1/'], "-r '__ns:=/b1/' is not"),
     'name for all': (['-r', '__node:=x'], 'would both be /x'),
     'two nodes of one name': (['-r', 'ldv_sensor:__node:=vcm_plant'], 'would both be /vcm_plant'),
-    'number with an underscore': (['-p', 'frequency:=1_000.0'], "frequency = '1_000.0' is refused"),
-    'date': (['-p', 'frequency:=2001-99-99'], "frequency = '2001-99-99' is refused"),
-    'binary': (['-p', 'ldv_sensor:seed:=0b_'], "seed = '0b_' is refused"),
+    'number with an underscore': (['-p', 'frequency:=1_000.0'], "frequency = '1_000.0' is rejected"),
+    'date': (['-p', 'frequency:=2001-99-99'], "frequency = '2001-99-99' is rejected"),
+    'binary': (['-p', 'ldv_sensor:seed:=0b_'], "seed = '0b_' is rejected"),
     'digits': (['-p', 'ldv_sensor:seed:=' + '9' * 400], 'seed = '),
     'mixed list': (['-p', 'phase:=[1, 2.0]'], 'write 2.0 for 2'),
     'alias': (['-p', 'phase:=*a'], 'the alias *a'),
-    'a standard parameter of another type': (['-p', 'use_sim_time:=5'], 'use_sim_time = 5 is refused: true or false'),
+    'a standard parameter of another type': (['-p', 'use_sim_time:=5'], 'use_sim_time = 5 is rejected: true or false'),
     'a name before it was changed': (['-r', 'ldv_sensor:__node:=foo', '-p', 'ldv_sensor:seed:=3'], "for '/ldv_sensor'"),
 }
 
@@ -86,17 +86,17 @@ def test_both_take_it_for_the_same(bench, name):
     assert first_difference(rig, simulated) is None
 
 
-@pytest.mark.parametrize('name', REFUSED)
-def test_both_refuse_it_in_the_same_words(bench, name):
-    arguments, words = REFUSED[name]
-    refused(bench, arguments, words)
+@pytest.mark.parametrize('name', REJECTED)
+def test_both_reject_it_in_the_same_words(bench, name):
+    arguments, words = REJECTED[name]
+    rejected(bench, arguments, words)
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_both_refuse_a_file_in_the_same_words(bench, name):
+def test_both_reject_a_file_in_the_same_words(bench, name):
     text, words = FILES[name]
     (bench.directory / 'file.yaml').write_bytes(text if isinstance(text, bytes) else text.encode())
-    refused(bench, ['--params-file', 'file.yaml'], words)
+    rejected(bench, ['--params-file', 'file.yaml'], words)
 
 
 def test_a_section_that_may_have_been_meant_for_a_node(bench):
@@ -112,7 +112,7 @@ def test_a_section_that_may_have_been_meant_for_a_node(bench):
         ]
 
 
-def refused(bench, arguments, words):
+def rejected(bench, arguments, words):
     said = {}
     for program in ('rig', 'simulate'):
         process = bench.start(program, *SHORT, '-p', 'record:=false', *arguments)

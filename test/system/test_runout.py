@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -111,13 +111,13 @@ def test_without_a_method_nothing_changes():
         assert usual[topic].tobytes() == named[topic].tobytes(), topic
 
 
-def test_a_revolution_without_a_whole_number_of_samples_is_refused(bench):
-    allowed = "runout.method = 'repetitive' is refused: harmonics, since repetitive needs a whole number of samples"
+def test_a_revolution_without_a_whole_number_of_samples_is_rejected(bench):
+    allowed = "runout.method = 'repetitive' is rejected: harmonics, since repetitive needs a whole number of samples"
     arguments = (*RUNOUT, '-p', 'sample_time:=1e-4', '-p', 'duration:=0.1', *method('repetitive'))
     arguments = (*arguments, '-p', 'disturbance_generator:runout.repeatable.sequence:=none')
-    refused = bench.start('simulate', *arguments)
-    assert refused.wait() == 2
-    assert allowed in refused.output
+    rejected = bench.start('simulate', *arguments)
+    assert rejected.wait() == 2
+    assert allowed in rejected.output
     nodes = bench.start_nodes('processes', *arguments, nodes=NODES)
     nodes['disturbance_generator'] = bench.start('disturbance_generator', *arguments)
     codes = {node: process.wait() for node, process in nodes.items()}
@@ -128,16 +128,16 @@ def test_a_revolution_without_a_whole_number_of_samples_is_refused(bench):
 @pytest.mark.parametrize('name', ['simulate', 'rig'])
 def test_a_controller_without_an_error_has_no_cancellation(bench, name):
     arguments = ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:runout.method:=harmonics')
-    refused = bench.start(name, *arguments, '-p', 'duration:=0.1')
-    assert refused.wait() == 2
-    assert "runout.method = 'harmonics' is refused: none, since this controller does not follow" in refused.output
+    rejected = bench.start(name, *arguments, '-p', 'duration:=0.1')
+    assert rejected.wait() == 2
+    assert "runout.method = 'harmonics' is rejected: none, since this controller does not follow" in rejected.output
 
 
-def test_a_drive_in_other_units_is_refused(bench):
+def test_a_drive_in_other_units_is_rejected(bench):
     arguments = ('-p', 'vcm_plant:length_unit:=m', '-p', 'pid_controller:runout.method:=harmonics')
-    refused = bench.start('simulate', *arguments, '-p', 'controller:=pid', '-p', 'duration:=0.1')
-    assert refused.wait() == 2
-    assert 'none with a drive in m and V, since its parameters are in um and V' in refused.output
+    rejected = bench.start('simulate', *arguments, '-p', 'controller:=pid', '-p', 'duration:=0.1')
+    assert rejected.wait() == 2
+    assert 'none with a drive in m and V, since its parameters are in um and V' in rejected.output
 
 
 def test_a_warning_at_the_start(bench):

@@ -78,7 +78,7 @@ def test_a_change_at_every_tick(bench):
         ('0.05 nobody gain 1', 'no such node'),
     ],
 )
-def test_a_wrong_entry_is_refused_before_the_run(bench, name, entry, said):
+def test_a_wrong_entry_is_rejected_before_the_run(bench, name, entry, said):
     process = bench.start(name, *DURATION, '-p', f"schedule:=['{entry}']", '-p', 'run_dir:=run')
     assert process.wait() == 2
     (line,) = [line for line in process.output.splitlines() if entry in line]
@@ -155,14 +155,14 @@ def test_what_cannot_be_replayed(bench):
         assert 'Traceback' not in text
 
 
-def test_a_run_whose_description_or_bag_was_tampered_with_is_refused(bench):
+def test_a_run_whose_description_or_bag_was_tampered_with_is_rejected(bench):
     bench.run('simulate', *DURATION, '-p', 'run_dir:=run', '-p', 'plot:=false')
     said = bench.run_yaml('run')
     said['nodes']['/vcm_plant']['parameters']['gain'] = -1.0
     (bench.directory / 'run' / 'run.yaml').write_text(yaml.safe_dump(said))
     code, text = replay(bench, 'run', '--without-ros')
     assert code == 3
-    assert 'gain = -1.0 is refused' in text
+    assert 'gain = -1.0 is rejected' in text
     bag = bench.directory / 'run' / 'bag' / 'bag.mcap'
     bag.write_bytes(bag.read_bytes()[:5000])
     code, text = replay(bench, 'run', '--without-ros')

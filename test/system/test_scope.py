@@ -61,10 +61,10 @@ def test_a_picture_of_a_run_and_the_same_bits(bench, scope):
     watching.send_signal(signal.SIGINT)
     assert watching.wait(200.0) == 0, watching.stdout.read()
     picture = matplotlib.image.imread(bench.directory / 'live.png')
-    # Lines in the colours of the panels, not an empty frame.
-    colours = {tuple(colour) for colour in (picture[::2, ::2, :3].reshape(-1, 3) * 255).astype(int)}
+    # Lines in the colors of the panels, not an empty frame.
+    colors = {tuple(color) for color in (picture[::2, ::2, :3].reshape(-1, 3) * 255).astype(int)}
     assert picture.shape[:2] == (1080, 1200)
-    assert {(31, 119, 180), (255, 127, 14)} <= colours
+    assert {(31, 119, 180), (255, 127, 14)} <= colors
     bench.run('simulate', *duration, '-p', 'run_dir:=simulated', '-p', 'plot:=false')
     assert first_difference(bench.directory / 'run', bench.directory / 'simulated') is None
 
@@ -245,7 +245,7 @@ def test_an_interrupt_before_the_run_has_ended(scope):
         (('--ros-args', '--bogus'), "unknown ROS argument '--bogus'"),
     ],
 )
-def test_wrong_arguments_are_refused_before_the_run(bench, arguments, said):
+def test_wrong_arguments_are_rejected_before_the_run(bench, arguments, said):
     answer = bench.python('-m', 'hdd_servo_ros.tools.scope', *arguments)
     assert answer.returncode == 2
     assert said in answer.stderr

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 from hdd_servo_ros.parameters.files import parse_ros_arguments
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.simulation.run_setup import Simulation
@@ -106,20 +106,20 @@ def test_an_outside_controller_is_wrapped_as_well(bench):
     [
         (
             ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:seek.method:=ptos'),
-            "seek.method = 'ptos' is refused: none, since this controller does not follow the reference",
+            "seek.method = 'ptos' is rejected: none, since this controller does not follow the reference",
         ),
         (
             ('-p', 'seek_controller:seek.model.numerators:=[1.0, 2.0]'),
-            'seek.model.numerators = (1.0, 2.0) is refused: as many numbers as denominators, which has 12',
+            'seek.model.numerators = (1.0, 2.0) is rejected: as many numbers as denominators, which has 12',
         ),
         (
             ('-p', 'vcm_plant:length_unit:=m'),
-            "seek.method = 'final_state' is refused: none with a drive in m and V",
+            "seek.method = 'final_state' is rejected: none with a drive in m and V",
         ),
     ],
 )
-def test_what_does_not_go_together_is_refused_in_one_line(bench, name, arguments, message):
-    refused = bench.start(name, *SEEKING, *arguments)
-    assert refused.wait() != 0
-    assert message in refused.output
-    assert 'Traceback' not in refused.output
+def test_what_does_not_go_together_is_rejected_in_one_line(bench, name, arguments, message):
+    rejected = bench.start(name, *SEEKING, *arguments)
+    assert rejected.wait() != 0
+    assert message in rejected.output
+    assert 'Traceback' not in rejected.output

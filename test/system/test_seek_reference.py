@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdd_servo_ros import Run
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
 from hdd_servo_ros.parameters import from_mapping
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.reporting.close_up import close_up_of
@@ -83,7 +83,7 @@ def test_a_report_of_it(bench, trajectory, repeat):
     assert len(list(run_panels(run))) > 3
 
 
-def test_a_seek_without_time_is_refused_with_its_times(bench):
+def test_a_seek_without_time_is_rejected_with_its_times(bench):
     ended = bench.start('simulate', *PARAMETERS, '-p', 'reference_generator:seek.acceleration:=1e5')
     assert ended.wait() == 2
     assert 'reference_generator:seek.dwell_times' in ended.output

@@ -8,7 +8,7 @@ from hdd_servo_ros.analysis.sensitivity import LoopMargins
 from hdd_servo_ros.control.observer import ObserverParameters
 from hdd_servo_ros.control.pid import PidParameters
 from hdd_servo_ros.drive.plant import PlantParameters
-from hdd_servo_ros.graph.catalogue import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
+from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, POSITION_SENSOR, nodes_of_run
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.reporting.run_sensitivity import run_sensitivity
 
@@ -104,19 +104,19 @@ def test_report_compare_and_checks_of_a_run_without_ldv(bench):
     loop = LoopMargins(PlantParameters(), 1e-4, observer=ObserverParameters())
     wanted = loop.peak_sensitivity(pid_law(PidParameters(proportional_gain=0.1, derivative_gain=1.2e-4)))
     assert found.largest == wanted
-    refused = bench.python('-m', 'hdd_servo_ros.studies.stability_certificate', 'servo')
-    assert refused.returncode == 3
-    assert 'adaptive_nn_controller' in refused.stderr
+    rejected = bench.python('-m', 'hdd_servo_ros.studies.stability_certificate', 'servo')
+    assert rejected.returncode == 3
+    assert 'adaptive_nn_controller' in rejected.stderr
 
 
 @pytest.mark.parametrize('name', ['rig', 'simulate'])
-def test_the_signal_analyzer_is_refused(bench, name):
+def test_the_signal_analyzer_is_rejected(bench, name):
     process = bench.start(name, '-p', 'controller:=signal_analyzer', '-p', 'sensor:=servo')
     assert process.wait() == 2, process.output
-    assert "sensor = 'servo' is refused: ldv, since signal_analyzer measures /ldv" in process.output
+    assert "sensor = 'servo' is rejected: ldv, since signal_analyzer measures /ldv" in process.output
 
 
-def test_a_vibrometer_and_a_servo_sensor_at_once_are_refused(bench):
+def test_a_vibrometer_and_a_servo_sensor_at_once_are_rejected(bench):
     processes = bench.start_nodes('both', *PARAMETERS, nodes=(*nodes(), 'ldv_sensor'))
     codes = [process.wait() for process in processes.values()]
     assert 1 in codes

@@ -152,7 +152,7 @@ def test_bytes_that_are_no_message_end_the_run_with_topic_and_publisher(bench, o
     assert len(Run.open(bench.directory / 'run').time) == content['last_tick'] + 1
 
 
-def test_a_request_with_a_type_that_there_is_not_is_refused(bench, outside, simulated):
+def test_a_request_with_a_type_that_there_is_not_is_rejected(bench, outside, simulated):
     process = bench.start('rig', *DURATION, *RATE, '-p', 'run_dir:=run')
     for kind in (0, 10, 255):
         parameters = [Parameter(name='gain', value=ParameterValue(type=kind))]
@@ -160,7 +160,7 @@ def test_a_request_with_a_type_that_there_is_not_is_refused(bench, outside, simu
             SetParameters, '/vcm_plant/set_parameters', SetParameters.Request(parameters=parameters)
         )
         assert not answer.results[0].successful
-        assert f'parameter gain is refused: type {kind}' in answer.results[0].reason
+        assert f'parameter gain is rejected: type {kind}' in answer.results[0].reason
         request = SetParametersAtomically.Request(parameters=parameters)
         answer, _ = outside.call(SetParametersAtomically, '/vcm_plant/set_parameters_atomically', request)
         assert not answer.result.successful

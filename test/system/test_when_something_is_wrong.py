@@ -132,8 +132,8 @@ def test_two_publishers_from_the_start(bench):
     for process in processes.values():
         assert process.wait() == 0, process.output
     assert {first.wait(), second.wait()} == {0, 1}
-    refused = first if first.wait() else second
-    assert 'run failed: /ldv is published by process' in refused.output or 'run is in progress' in refused.output
+    rejected = first if first.wait() else second
+    assert 'run failed: /ldv is published by process' in rejected.output or 'run is in progress' in rejected.output
 
 
 def test_second_publisher_during_the_run(bench, outside):
@@ -184,7 +184,7 @@ def test_controller_that_never_answers(bench):
 def test_bad_parameter(bench):
     process = bench.start('vcm_plant', '-p', 'substeps:=-1')
     assert process.wait() == 2
-    assert 'substeps = -1 is refused' in process.output
+    assert 'substeps = -1 is rejected' in process.output
 
 
 @pytest.mark.parametrize(

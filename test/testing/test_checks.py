@@ -203,7 +203,7 @@ def test_a_parameter_that_is_another(run):
 
 
 @pytest.mark.parametrize('limit', [np.nan, np.inf, -1.0])
-def test_what_is_no_limit_is_refused(run, limit):
+def test_what_is_no_limit_is_rejected(run, limit):
     for check in (run.check.rms_error, run.check.peak_control, run.check.steady_error):
         with pytest.raises(ValueError, match=r'at_most = .* is no limit: a finite number at least 0 is needed'):
             check(at_most=limit)

@@ -37,7 +37,7 @@ def late_error(run, **changes):
         node: values for node, values in sections.items() if node not in ('deterministic_timer', 'bag_recorder')
     }
     rows = Experiment(T, 'pid', sections).run(0, TICKS + 1)
-    return (rows.position - rows.desired_position - rows.disturbance.track_centre)[TICKS // 2 :]
+    return (rows.position - rows.desired_position - rows.disturbance.track_center)[TICKS // 2 :]
 
 
 def test_contributions_are_differences_of_variances(run):
@@ -98,7 +98,7 @@ def test_the_servo_sensor_and_the_accelerometers_have_noise_too():
     assert 'flutter' in error_sources(nodes, [('disturbance_generator', 'flutter.enabled', True)])
 
 
-def refused(capsys, path, *text):
+def rejected(capsys, path, *text):
     capsys.readouterr()
     assert main([str(path), '--by-source']) == 3
     printed = capsys.readouterr().err
@@ -107,17 +107,17 @@ def refused(capsys, path, *text):
         assert part in printed
 
 
-def test_what_cannot_be_run_again_is_refused_in_a_line(run, tmp_path, capsys, simulated):
+def test_what_cannot_be_run_again_is_rejected_in_a_line(run, tmp_path, capsys, simulated):
     other = tmp_path / 'other'
     shutil.copytree(run.path, other)
     description = yaml.safe_load((other / 'run.yaml').read_text())
     description['nodes']['/disturbance_generator']['parameters']['vibration.rotational.rms'] = 12.6
     (other / 'run.yaml').write_text(yaml.safe_dump(description))
-    refused(capsys, other, 'does not come out as it was recorded', f'replay {other}')
+    rejected(capsys, other, 'does not come out as it was recorded', f'replay {other}')
     (other / 'run.yaml').unlink()
-    refused(capsys, other, 'run.yaml')
+    rejected(capsys, other, 'run.yaml')
     short = ('-p', 'duration:=0.02')
     open_loop = simulated(tmp_path / 'open_loop', *short, '-p', 'controller:=open_loop')
-    refused(capsys, open_loop, 'the head follows no reference')
+    rejected(capsys, open_loop, 'the head follows no reference')
     silent = simulated(tmp_path / 'silent', *short, '-p', 'ldv_sensor:noise:=false')
-    refused(capsys, silent, 'no source of error is on')
+    rejected(capsys, silent, 'no source of error is on')

@@ -1,1 +1,1 @@
-"""Friction of chapter 2: one file a family, each vectorised over velocity and as a compiled step."""
+"""Friction of chapter 2: one file a family, each vectorized over velocity and as a compiled step."""

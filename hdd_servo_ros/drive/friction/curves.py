@@ -105,9 +105,9 @@ def friction_along(
     """
     positions = checked_samples('position', position)
     if not 0.0 < sample_time < math.inf:
-        raise ValueError(f'sample_time = {sample_time!r} is refused: above 0 and finite [s]')
+        raise ValueError(f'sample_time = {sample_time!r} is rejected: above 0 and finite [s]')
     if velocity is None:
-        velocities = _centred_velocity(positions, sample_time)
+        velocities = _centered_velocity(positions, sample_time)
     else:
         velocities = checked_samples('velocity', velocity, positions.size)
     result = np.zeros(positions.size)
@@ -135,7 +135,7 @@ def checked_samples(name: str, values: npt.ArrayLike, size: int | None = None) -
     return array
 
 
-def _centred_velocity(positions: Array, sample_time: float) -> Array:
+def _centered_velocity(positions: Array, sample_time: float) -> Array:
     intervals = np.diff(positions) / sample_time
     if intervals.size < 2:
         return np.full(positions.size, intervals[0] if intervals.size else 0.0)

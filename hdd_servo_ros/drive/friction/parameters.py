@@ -85,7 +85,7 @@ class FrictionParameters(ParameterSet):
     Pivot friction; each model reads the parameters that its equation has.
 
     The default is the LuGre model calibrated to what figs. 2.3 and 5.4 say of the low-frequency responses (the thesis
-    gives no friction parameters in volts and micrometres); see ``docs/drive.md``. The units are the default drive's.
+    gives no friction parameters in volts and micrometers); see ``docs/drive.md``. The units are the default drive's.
 
     Notes
     -----
@@ -99,7 +99,7 @@ class FrictionParameters(ParameterSet):
     >>> FrictionParameters(coulomb_level=0.2, static_level=0.1)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter static_level = 0.1 is refused: at least coulomb_level, which is 0.2 [V]
+    ParameterError: parameter static_level = 0.1 is rejected: at least coulomb_level, which is 0.2 [V]
     """
 
     model: str = parameter('lugre', 'friction model', choices=MODELS)
@@ -132,8 +132,8 @@ class FrictionParameters(ParameterSet):
         0.1, 'depth e of 1/alpha(x, v) = (1 + e sin(2 pi x/p))/alpha(v) (2.24)', minimum=0.0, maximum=0.99
     )
     position_period: float = parameter(10.0, 'period p of alpha(x, v) over position (2.24)', unit='um', above=0.0)
-    node_positions: tuple[float, ...] = parameter((), 'centres mu_1 of the network (2.25)', unit='um')
-    node_velocities: tuple[float, ...] = parameter((), 'centres mu_2 of the network (2.25)', unit='um/s')
+    node_positions: tuple[float, ...] = parameter((), 'centers mu_1 of the network (2.25)', unit='um')
+    node_velocities: tuple[float, ...] = parameter((), 'centers mu_2 of the network (2.25)', unit='um/s')
     node_weights: tuple[float, ...] = parameter((), 'weights W of the network (2.26)', unit='V')
     position_width: float = parameter(5.0, 'width of the nodes over position (2.25)', unit='um', above=0.0)
     velocity_width: float = parameter(2000.0, 'width of the nodes over velocity (2.25)', unit='um/s', above=0.0)

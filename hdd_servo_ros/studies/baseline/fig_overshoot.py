@@ -25,14 +25,14 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw the rms errors over the limits, and those of the adaptive NN controller as lines."""
     figure = new_figure(f'Best PID with Ms ≤ 2 over the limit of its overshoot, sine of {AMPLITUDE:g} µm')
     axes = figure.subplots()
-    places = range(len(BEST_PID_SINES))
-    for colour, frequency in enumerate(LIMIT_FREQUENCIES):
+    indices = range(len(BEST_PID_SINES))
+    for color, frequency in enumerate(LIMIT_FREQUENCIES):
         cases = [by_frequency[frequency] for by_frequency in BEST_PID_SINES.values()]
         errors = [runs.metrics(case, TRANSIENT, NANOMETRES).rms_error for case in cases]
-        axes.semilogy(places, errors, 'o-', color=f'C{colour}', label=f'PID, {frequency:g} Hz')
+        axes.semilogy(indices, errors, 'o-', color=f'C{color}', label=f'PID, {frequency:g} Hz')
         own = runs.metrics(_NN[frequency], TRANSIENT, NANOMETRES).rms_error
-        axes.axhline(own, color=f'C{colour}', linestyle='--', label=f'adaptive NN, {frequency:g} Hz')
-    axes.set_xticks(places, [limit_in_words(limit) for limit in BEST_PID_SINES])
+        axes.axhline(own, color=f'C{color}', linestyle='--', label=f'adaptive NN, {frequency:g} Hz')
+    axes.set_xticks(indices, [limit_in_words(limit) for limit in BEST_PID_SINES])
     axes.set_xlabel('limit of the overshoot of steps')
     axes.set_ylabel('rms error [nm]')
     legend_above(axes)

@@ -16,14 +16,14 @@ CASES = tuple(case for name in _SHOWN for case in OVER_FREQUENCY[name].values())
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw Ms with the estimates at the end as a line, and the largest along each run as a bar above it."""
-    figure = new_figure(f'Peak sensitivity with the learnt estimates frozen, sine of {AMPLITUDE:g} µm', height=5.0)
+    figure = new_figure(f'Peak sensitivity with the learned estimates frozen, sine of {AMPLITUDE:g} µm', height=5.0)
     axes = figure.subplots()
-    for colour, name in enumerate(_SHOWN):
+    for color, name in enumerate(_SHOWN):
         cases = OVER_FREQUENCY[name]
         found = [_sensitivity(runs, case) for case in cases.values()]
-        axes.semilogx(list(cases), [each.at_end for each in found], 'o-', markersize=4, color=f'C{colour}', label=name)
-        axes.vlines(list(cases), [each.at_end for each in found], [each.largest for each in found], color=f'C{colour}')
-    axes.axhline(MAX_ADAPTED_SENSITIVITY, color='black', linestyle=':', label='limit for learnt estimates')
+        axes.semilogx(list(cases), [each.at_end for each in found], 'o-', markersize=4, color=f'C{color}', label=name)
+        axes.vlines(list(cases), [each.at_end for each in found], [each.largest for each in found], color=f'C{color}')
+    axes.axhline(MAX_ADAPTED_SENSITIVITY, color='black', linestyle=':', label='limit for learned estimates')
     axes.set_xlabel('frequency [Hz]')
     axes.set_ylabel('Ms')
     axes.set_ylim(bottom=1.0)

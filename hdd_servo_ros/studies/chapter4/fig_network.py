@@ -15,7 +15,7 @@ _COMPENSATOR = compensator(_LAMBDA, slow=True)
 _BEST = network(_LAMBDA, STRONG, normalized=True)
 _SWEEPS = {
     'phi_hat alone': [phi_instead(_LAMBDA, leakage) for leakage in LEAKAGES],
-    'network, normalised inputs': [network(_LAMBDA, leakage, normalized=True) for leakage in LEAKAGES],
+    'network, normalized inputs': [network(_LAMBDA, leakage, normalized=True) for leakage in LEAKAGES],
 }
 CASES = (_NONE, _COMPENSATOR, *(case for sweep in _SWEEPS.values() for case in sweep))
 
@@ -29,7 +29,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     errors, trade = figure.subplots(2, 1)
     for case, label, color in (
         (_NONE, 'without network', '0.5'),
-        (_BEST, rf'network, normalised inputs, $\sigma_w$ = {STRONG:g}', 'C0'),
+        (_BEST, rf'network, normalized inputs, $\sigma_w$ = {STRONG:g}', 'C0'),
     ):
         run = runs[case]
         late = run.since(LAST_PERIODS)
@@ -39,9 +39,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for (label, sweep), color in zip(_SWEEPS.items(), ('C1', 'C0'), strict=True):
         chatter, rms = _trade(runs, sweep)
         trade.plot(chatter, rms, 'o-', color=color, label=label)
-        place = {'textcoords': 'offset points', 'xytext': (4, 5) if color == 'C1' else (-14, -13)}
+        annotation = {'textcoords': 'offset points', 'xytext': (4, 5) if color == 'C1' else (-14, -13)}
         for x, y, leakage in zip(chatter, rms, LEAKAGES, strict=True):
-            trade.annotate(f'{leakage:g}', (x, y), fontsize=8, color=color, **place)
+            trade.annotate(f'{leakage:g}', (x, y), fontsize=8, color=color, **annotation)
     for case, label, color in ((_NONE, 'without network', '0.5'), (_COMPENSATOR, 'compensator', 'C2')):
         trade.plot(*_trade(runs, [case]), 's', color=color, label=label)
     trade.set_xscale('log')

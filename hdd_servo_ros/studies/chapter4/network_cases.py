@@ -12,7 +12,7 @@ LEAKAGES = (0.1, 0.03, 0.01, 0.003, 0.001)
 STRONG = 0.003
 """The leakage of the table."""
 NORMALIZED = {'network__normalize_inputs': True, 'network__width': (0.5,)}
-"""Gaussians of half the half range on both axes, so that neighbours overlap on both."""
+"""Gaussians of half the half range on both axes, so that neighbors overlap on both."""
 COMPENSATOR = {
     'compensator__enabled': True,
     'compensator__gain': 100.0,
@@ -32,7 +32,7 @@ def _case(name: str, error_filter_lambda: float, **overrides: object) -> Case:
 def network(
     error_filter_lambda: float, leakage: float = STRONG, *, normalized: bool, network_input: str = 'measured'
 ) -> Case:
-    """Return a case with a strong network behind sgn r, on the thesis's lattice or on a normalised one."""
+    """Return a case with a strong network behind sgn r, on the thesis's lattice or on a normalized one."""
     lattice = NORMALIZED if normalized else {}
     name = f'{"normalized" if normalized else "strong"}_{leakage:g}'
     name += '' if network_input == 'measured' else f'_{network_input}'

@@ -22,7 +22,7 @@ ROWS = {
         'sigma_sigma = sigma_m = 0.01 from here on, without network': without(value),
         "... with section 4.4's network": as_printed(value),
         f'... Gamma = {GAIN:g}, sigma_w = {STRONG:g}': network(value, normalized=False),
-        '... and inputs normalised': network(value, normalized=True),
+        '... and inputs normalized': network(value, normalized=True),
         '... and inputs from the reference': network(value, normalized=True, network_input='reference'),
         f'... without network, k_phi = {GAIN:g}, sigma_phi = {STRONG:g}': phi_instead(value),
         "... with section 4.4's network and the compensator": compensator(value, slow=True),

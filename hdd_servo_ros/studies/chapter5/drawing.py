@@ -17,7 +17,7 @@ ESTIMATES = {
     'phi_hat': (r'$\hat\varphi$ [mV]', 1e3, 'C2'),
     'W_norm': (r'$\|\hat W\|$ [mV]', 1e3, 'C3'),
 }
-"""Axis label, factor to its unit, and colour of what figs. 5.11, 5.12, 5.17 and 5.18 show."""
+"""Axis label, factor to its unit, and color of what figs. 5.11, 5.12, 5.17 and 5.18 show."""
 Quantity = Callable[[RecordedRun], NDArray[np.float64]]
 
 
@@ -49,10 +49,10 @@ def draw_start_and_end(
     """
     figure = new_figure(title)
     start_axes, end_axes = figure.subplots(2, 1)
-    for place, (name, case) in enumerate(cases.items()):
+    for index, (name, case) in enumerate(cases.items()):
         run = runs[case]
         values = quantity(run)
-        style = {'color': f'C{place}', 'label': name, 'linewidth': 0.9}
+        style = {'color': f'C{index}', 'label': name, 'linewidth': 0.9}
         early = run.time <= start
         draw(start_axes, run.time[early], values[early], **style)
         late = run.time >= run.time[-1] - end

@@ -17,11 +17,11 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     figure = new_figure('Position error signal: amplitude spectrum, lines of 2 Hz, 2 to 10 s', height=5.5)
     every = figure.subplots(2, 1, sharex=True)
     for axes, frequency in zip(every, FREQUENCIES, strict=True):
-        for place, (name, case) in enumerate(compared(frequency).items()):
+        for index, (name, case) in enumerate(compared(frequency).items()):
             run = runs[case]
             pes = error(run)[run.time >= TRANSIENT]
             lines, amplitudes = amplitude_spectrum(pes, run.sample_time, 2.0)
-            axes.semilogy(lines, amplitudes, color=f'C{place}', linewidth=0.9, label=name)
+            axes.semilogy(lines, amplitudes, color=f'C{index}', linewidth=0.9, label=name)
         axes.set_xlim(0.0, 2000.0)
         axes.set_ylim(1e-3, 2e2)
         axes.set_ylabel(f'{frequency:g} Hz: amplitude [nm]')

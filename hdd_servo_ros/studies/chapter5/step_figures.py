@@ -31,20 +31,20 @@ def draw_response(runs: RecordedRuns, path: Path, number: str, height: float) ->
     """Draw a figure of the step responses, and of what they leave as error."""
     figure = new_figure(f'Fig. {number}: response to a step of {height:g} µm', height=5.5)
     position, error = figure.subplots(2, 1, sharex=True)
-    for place, (name, case) in enumerate(compared(height).items()):
+    for index, (name, case) in enumerate(compared(height).items()):
         run = runs[case]
         milliseconds, shown = edge_window(run.time)
         x_d, x = run.desired_position[shown], run.position[shown]
-        if place == 0:
+        if index == 0:
             draw(position, milliseconds, x_d, color='0.2', linestyle=':', label='reference')
-        draw(position, milliseconds, x, color=f'C{place}', label=name)
-        draw(error, milliseconds, 100.0 * (x - x_d) / height, color=f'C{place}')
+        draw(position, milliseconds, x, color=f'C{index}', label=name)
+        draw(error, milliseconds, 100.0 * (x - x_d) / height, color=f'C{index}')
     error.axhspan(-2.0, 2.0, color='0.85', zorder=0)
     # The PID for sines goes beyond it; the positions show how far.
     error.set_ylim(-20.0, 35.0)
     position.set_ylabel('position [µm]')
     error.set_ylabel('error [% of the step]')
-    error.set_xlabel('time after the edge [ms]; grey: the band of 2 %')
+    error.set_xlabel('time after the edge [ms]; gray: the band of 2 %')
     legend_above(position)
     return save(figure, path)
 
@@ -54,12 +54,12 @@ def draw_control(runs: RecordedRuns, path: Path, number: str, height: float) -> 
     figure = new_figure(f'Fig. {number}: control, step of {height:g} µm', height=5.5)
     whole, close = figure.subplots(2, 1, sharex=True)
     largest = 0.0
-    for place, (name, case) in enumerate(compared(height).items()):
+    for index, (name, case) in enumerate(compared(height).items()):
         run = runs[case]
         milliseconds, shown = edge_window(run.time)
         u = run.command[shown]
         for axes in (whole, close):
-            draw(axes, milliseconds, u, color=f'C{place}', label=name)
+            draw(axes, milliseconds, u, color=f'C{index}', label=name)
         if not name.startswith('PID'):
             largest = max(largest, float(np.abs(u).max()))
     close.set_ylim(-largest, largest)

@@ -1,4 +1,4 @@
-"""Colours, names and quantities that the figures share."""
+"""Colors, names and quantities that the figures share."""
 
 from typing import Any
 

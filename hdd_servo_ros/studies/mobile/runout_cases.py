@@ -39,7 +39,7 @@ def _case(sectors: int, controller: str, method: str, name: str, changes: dict[s
     )
 
 
-CANCELLED = {
+CANCELED = {
     (sectors, controller): _case(sectors, controller, 'repetitive', 'runout')
     for sectors in RATES
     for controller in CONTROLLERS

@@ -91,9 +91,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
 def in_short(warning: str) -> str:
     """Return the part of a warning that states the loop's margin."""
     for phrase in ('is unstable', 'peak sensitivity of '):
-        place = warning.find(phrase)
-        if place >= 0:
-            return warning[place:].split(',')[0]
+        offset = warning.find(phrase)
+        if offset >= 0:
+            return warning[offset:].split(',')[0]
     return warning
 
 

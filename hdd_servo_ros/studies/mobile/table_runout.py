@@ -7,7 +7,7 @@ import numpy as np
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.mobile.cases import CONTROLLERS
 from hdd_servo_ros.studies.mobile.runout_cases import (
-    CANCELLED,
+    CANCELED,
     FIRST,
     NRPE,
     RATES,
@@ -22,7 +22,7 @@ from hdd_servo_ros.studies.output import write_table
 SEEDS = 20
 DELAYED_SEEDS = 5
 """Of the rows with one sample of delay, which are not held to bars."""
-CASES = tuple(CANCELLED.values())
+CASES = tuple(CANCELED.values())
 _NO_SEQUENCE = 'disturbance_generator:runout.repeatable.sequence'
 
 
@@ -30,7 +30,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     """Make the recorded runs again with other seeds and methods, and write one row per kind of run."""
     rows = []
     for delay in (0, 1):
-        for (sectors, controller), case in CANCELLED.items():
+        for (sectors, controller), case in CANCELED.items():
             for method in ('repetitive', 'harmonics'):
                 changes: dict[str, object] = {
                     method_of(controller): method,

@@ -14,7 +14,7 @@ from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.campaign.all_cores import on_all_cores
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.graph.catalogue import SENSORS
+from hdd_servo_ros.graph.catalog import SENSORS
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.chapter5.random_drives import random_drive
@@ -133,5 +133,5 @@ def median_and_tail(values: NDArray[np.float64]) -> str:
 
 
 def count(fulfilled: NDArray[np.bool_]) -> str:
-    """Return how many of the runs fulfil something."""
+    """Return how many of the runs fulfill something."""
     return f'{np.count_nonzero(fulfilled)} of {fulfilled.size}'

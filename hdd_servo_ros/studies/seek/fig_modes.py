@@ -13,7 +13,7 @@ from hdd_servo_ros.studies.seek.cases import BASE, DWELL, TOLERANCE
 
 CASES = (BASE['final_state'],)
 SHADES = {FOLLOW: ('#e3f1e3', 'follow'), SEEK: ('#dde8f7', 'seek'), SETTLE: ('#fdeeca', 'settle')}
-"""Colour and name of each mode."""
+"""Color and name of each mode."""
 _FROM, _TO = -0.3, 2.4
 """What is drawn, from the change of the target on [ms]."""
 
@@ -60,8 +60,8 @@ def shade(axes: Axes, time: NDArray[np.float64], mode: NDArray[np.int_], named: 
     """Shade the background of axes by the mode at each time, and name the modes at their top."""
     starts = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist()]
     for start, end in zip(starts, [*starts[1:], len(time) - 1], strict=True):
-        colour, name = SHADES[int(mode[start])]
-        axes.axvspan(time[start], time[end], color=colour, linewidth=0, zorder=0)
+        color, name = SHADES[int(mode[start])]
+        axes.axvspan(time[start], time[end], color=color, linewidth=0, zorder=0)
         if named:
             middle = 0.5 * (max(time[start], _FROM) + min(time[end], _TO))
             axes.text(middle, 0.97, name, ha='center', va='top', fontsize=10, transform=axes.get_xaxis_transform())

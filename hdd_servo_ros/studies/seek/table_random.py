@@ -66,7 +66,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             )
     title = (
         f'{SEEKS} random seeks of 0.1 to 150 um, uniform in the logarithm, {1e3 * DWELL:g} ms each, by final-state '
-        'control with learning; times into +-100 nm of the track centre until the next seek [ms].'
+        'control with learning; times into +-100 nm of the track center until the next seek [ms].'
     )
     header = (
         'run',

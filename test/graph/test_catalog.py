@@ -1,4 +1,4 @@
-"""The rows of the catalogue: what they name exists, and they can be read where nothing is installed."""
+"""The rows of the catalog: what they name exists, and they can be read where nothing is installed."""
 
 import dataclasses
 import importlib
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hdd_servo_ros.graph import catalogue
-from hdd_servo_ros.graph.catalogue import COMMANDS, CONTROLLERS, EXECUTABLES, NODES, CommandRow, NodeRow, resolve
+from hdd_servo_ros.graph import catalog
+from hdd_servo_ros.graph.catalog import COMMANDS, CONTROLLERS, EXECUTABLES, NODES, CommandRow, NodeRow, resolve
 from hdd_servo_ros.graph.rig_parameters import RigParameters
 from hdd_servo_ros.messages import topics
 from hdd_servo_ros.parameters import ParameterSet
@@ -33,7 +33,7 @@ def test_every_path_of_a_node_leads_somewhere(row):
     if row.node:
         assert issubclass(resolve(row.node), LoopNode)
     else:
-        assert row.role == catalogue.CONTROLLER
+        assert row.role == catalog.CONTROLLER
         assert row.block
 
 
@@ -49,19 +49,19 @@ def test_names():
     rows: tuple[NodeRow | CommandRow, ...] = (*NODES.values(), *COMMANDS.values())
     for row in rows:
         assert row.purpose.endswith('.')
-        assert catalogue.purpose(row.name) == row.purpose
+        assert catalog.purpose(row.name) == row.purpose
         assert dataclasses.is_dataclass(row)
 
 
 def test_every_module_of_a_node_has_its_row():
-    """A module of an executable has a `main`; it is in the catalogue."""
+    """A module of an executable has a `main`; it is in the catalog."""
     stems = {path.stem for path in (ROOT / 'hdd_servo_ros' / 'nodes').glob('*.py')}
     with_main = {
         stem
         for stem in stems
         if re.search(r'^def main\(', (ROOT / 'hdd_servo_ros' / 'nodes' / f'{stem}.py').read_text(), re.MULTILINE)
     }
-    of_rows = {catalogue.executable_module(name) for name in EXECUTABLES}
+    of_rows = {catalog.executable_module(name) for name in EXECUTABLES}
     assert {f'nodes.{stem}' for stem in with_main} == {module for module in of_rows if module.startswith('nodes.')}
 
 
@@ -80,7 +80,7 @@ def test_the_controllers_of_the_rows_are_those_of_the_compiled_loop():
 
 
 def test_nodes_of_a_run():
-    assert catalogue.nodes_of_run({'controller': 'pid_controller'}) == (
+    assert catalog.nodes_of_run({'controller': 'pid_controller'}) == (
         'deterministic_timer',
         'reference_generator',
         'vcm_plant',
@@ -88,7 +88,7 @@ def test_nodes_of_a_run():
         'pid_controller',
         'bag_recorder',
     )
-    assert 'controller' not in catalogue.nodes_of_run({})
+    assert 'controller' not in catalog.nodes_of_run({})
 
 
 @pytest.fixture
@@ -104,21 +104,21 @@ def test_a_custom_controller_gets_a_row(rows):
     class Gains(ParameterSet):
         pass
 
-    catalogue.register_controller('mine', Gains, 'Mine.')
+    catalog.register_controller('mine', Gains, 'Mine.')
     assert rows['mine'].block_parameters is Gains
-    assert catalogue.parameter_sets('mine')[:-1] == catalogue.parameter_sets('pid_controller')[:-1]
-    assert catalogue.nodes_of_run({'controller': 'mine'})[-2:] == ('mine', 'bag_recorder')
-    catalogue.register_controller('mine', Gains, 'Mine again.')
+    assert catalog.parameter_sets('mine')[:-1] == catalog.parameter_sets('pid_controller')[:-1]
+    assert catalog.nodes_of_run({'controller': 'mine'})[-2:] == ('mine', 'bag_recorder')
+    catalog.register_controller('mine', Gains, 'Mine again.')
     for taken in ('vcm_plant', 'rig'):
         with pytest.raises(ValueError, match=f'there is another node {taken}'):
-            catalogue.register_controller(taken, Gains, 'Mine.')
+            catalog.register_controller(taken, Gains, 'Mine.')
 
 
 def test_read_where_nothing_is_installed():
     """As setup.py reads it when pip builds the package in an environment of its own."""
     code = f"""
 import runpy
-rows = runpy.run_path({str(ROOT / 'hdd_servo_ros' / 'graph' / 'catalogue.py')!r})
+rows = runpy.run_path({str(ROOT / 'hdd_servo_ros' / 'graph' / 'catalog.py')!r})
 print(*rows['EXECUTABLES'])
 import sys
 assert not [name for name in sys.modules if name.partition('.')[0] in ('hdd_servo_ros', 'numpy', 'numba', 'rclpy')]

@@ -1,18 +1,18 @@
-"""A loop node whose parameters, inputs and outputs are those of its row in the catalogue."""
+"""A loop node whose parameters, inputs and outputs are those of its row in the catalog."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, attempt_for
 from hdd_servo_ros.graph.block_parameters import block_parameters
-from hdd_servo_ros.graph.catalogue import NODES
+from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.graph.connections import TopicInput, inputs_of, optional_inputs_of, outputs_of
 from hdd_servo_ros.graph.recorded_nodes import recorded_parameters
 from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.loop_node import LoopNode
 
 
-class CatalogueNode(LoopNode):
+class CatalogNode(LoopNode):
     """
     Base of this package's loop nodes.
 

@@ -1,5 +1,5 @@
 """
-The catalogue of this package's executables: one row per node and one per command.
+The catalog of this package's executables: one row per node and one per command.
 
 Help texts, launch files, `rig`, `simulate`, the executables that ``setup.py`` declares and the documents follow from
 these rows. The topics that a node reads and writes follow from its name and role, see
