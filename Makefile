@@ -32,7 +32,7 @@ help:
 	@echo 'make simulate  the same experiment without middleware'
 	@echo 'make figures   the experiments of chapters 4 and 5, of the baseline, of mobile use and of seeks by the graph, figures and tables; ARGS="--without-ros" is faster'
 	@echo 'make test      set up and run all tests; ARGS="-k drive" picks some'
-	@echo 'make lint      ruff, mypy (tests and benchmarks too) and the floors of the package (.importlinter)'
+	@echo 'make lint      ruff, mypy, the layers of the package (.importlinter), spelling and prose'
 	@echo 'make bench     the benchmarks, into docs/performance.md'
 	@echo 'make faults    campaigns of kills, stray messages, odd parameters, damaged files, full disks and a long run, into docs/reliability.md; ARGS="kills --trials 20"'
 	@echo 'make docs      the generated reference pages and the picture of the graph, from the declarations'
@@ -58,8 +58,10 @@ lint: $(VENV)/.develop
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy hdd_servo_ros
-	$(BIN)/mypy --namespace-packages --explicit-package-bases test benchmarks faults
+	$(BIN)/mypy --namespace-packages --explicit-package-bases test benchmarks faults prose
 	$(BIN)/lint-imports
+	$(BIN)/codespell
+	$(BIN)/python -m prose
 
 bench: $(VENV)/.develop
 	$(BIN)/python -m benchmarks $(ARGS)

@@ -67,7 +67,7 @@ setup(
             'flake8>=7.0',
             'pydocstyle>=6.3',
         ],
-        'lint': ['ruff>=0.15', 'mypy>=1.19', 'import-linter>=2.1', 'types-PyYAML', 'types-tqdm'],
+        'lint': ['ruff>=0.15', 'mypy>=1.19', 'import-linter>=2.1', 'codespell>=2.3', 'types-PyYAML', 'types-tqdm'],
         # The pages of `make html`: a theme with dark and light colors, and MathJax without a network.
         'docs': ['sphinx>=7.2', 'myst-parser>=2.0', 'furo>=2023.9.10', 'sphinx-mathjax-offline>=0.0.2'],
         'ws': ['colcon-common-extensions', 'catkin_pkg', 'setuptools<80'],

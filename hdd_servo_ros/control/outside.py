@@ -71,11 +71,13 @@ class OutsideController:
         except ParameterError:
             raise
         except _RAISED as error:
-            raise ParameterError('controller', name, f'its __init__ raised {described(error)}') from error
+            raise ParameterError(
+                'controller', name, f'a class that can be constructed, but it raised {described(error)}'
+            ) from error
         for attribute, wanted in _OPTIONAL_METHODS.items():
             found = getattr(self._block, attribute, None)
             if found is not None and not callable(found):
-                raise ParameterError('controller', name, f'its {attribute} = {found!r} is not {wanted}')
+                raise ParameterError('controller', name, f'a class whose {attribute} is {wanted}, not {found!r}')
         # Attributes of the adapter, not of its class: it is to have these only where the user's class has them.
         if isinstance(self._block, KnowsOutputLimit):
             self.limit_output = self._limit_output
@@ -87,7 +89,9 @@ class OutsideController:
             self.last_tick = self._planned_last_tick()
         names = getattr(self._block, 'estimate_names', ())
         if isinstance(names, str) or not all(isinstance(element, str) for element in names):
-            raise ParameterError('controller', name, f'its estimate_names = {names!r} are no tuple of texts')
+            raise ParameterError(
+                'controller', name, f'a class whose estimate_names are a tuple of strings, not {names!r}'
+            )
         self._first_own = 0 if tuple(names[:1]) == (TIME,) else 1
         self._has_estimates = bool(names)
         self.estimate_names: tuple[str, ...] = (TIME,) * self._first_own + tuple(names)
@@ -125,9 +129,11 @@ class OutsideController:
         try:
             tick = self._block.last_tick
         except _RAISED as error:
-            raise ParameterError('controller', self._name, f'its last_tick raised {described(error)}') from error
+            raise ParameterError(
+                'controller', self._name, f'a class whose last_tick can be read; it raised {described(error)}'
+            ) from error
         if not isinstance(tick, int | np.integer) or isinstance(tick, bool) or tick < 0:
-            reason = f'its last_tick = {tick!r} is not the last tick of a plan, an integer at least 0'
+            reason = f'a class whose last_tick is an integer at least 0, not {tick!r}'
             raise ParameterError('controller', self._name, reason)
         return int(tick)
 

@@ -35,7 +35,7 @@ def _parameters_text(name: str) -> str:
     for declaration in node_declarations(name):
         default = list(declaration.default) if isinstance(declaration.default, tuple) else declaration.default
         lines.append(f'  {declaration.name} (default {default})')
-        lines.append(f'      {declaration.description}; {declaration.allowed}')
+        lines.append(f'      {declaration.description_with_equation}; {declaration.allowed}')
     if name in COMMANDS:
         lines.append(f'and those of the nodes in it, as NODE:PARAMETER (see NODE --help): {", ".join(NODES)}')
     return '\n'.join(lines)

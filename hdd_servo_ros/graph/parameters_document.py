@@ -34,7 +34,7 @@ _SHARED_INTRODUCTION = """\
 
 Written by `make docs` from the declarations in the code. The page of each node names those of these sets that it has.
 """
-_HEADER = '| parameter | default | unit | type and range | meaning |\n|---|---|---|---|---|'
+_HEADER = '| parameter | default | unit | type and range | meaning | thesis eq. |\n|---|---|---|---|---|---|'
 
 
 def page_of(name: str) -> str:
@@ -103,6 +103,7 @@ def _rows(kind: type[Any]) -> Iterator[str]:
             declaration.unit,
             declaration.type_and_range + (', fixed' if declaration.read_only else ''),
             declaration.description,
+            declaration.equation,
         ]
         yield '| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |'
 

@@ -20,7 +20,7 @@ def sample_time_to_nanoseconds(sample_time: float) -> int:
     """
     nanoseconds = round(sample_time * NANOSECONDS)
     if nanoseconds <= 0 or abs(sample_time * NANOSECONDS - nanoseconds) > 1e-3:
-        raise ValueError(f'sample_time = {sample_time!r} s is rejected: a positive whole number of nanoseconds')
+        raise ValueError(f'sample_time: {sample_time!r} s; expected a positive whole number of nanoseconds')
     return nanoseconds
 
 

@@ -100,7 +100,7 @@ class BagRecorder(CatalogNode):
             raise RunError(str(error)) from None
         except OSError as error:
             raise RunError(
-                f'{self.get_name()}: parameter run_dir = {parameters.run_dir!r} is rejected: {error}'
+                f'{self.get_name()}: invalid value for parameter run_dir: {parameters.run_dir!r}; expected {error}'
             ) from None
 
     def try_fire(self) -> bool:

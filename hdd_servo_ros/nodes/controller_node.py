@@ -207,8 +207,8 @@ class ControllerNode(CatalogNode):
     def _feedforward_knowledge(self, parameters: FeedforwardParameters, sample_time: float) -> Any:
         if self._accelerometer is None:
             raise RunError(
-                f'{self.get_name()}: parameter feedforward.method = {parameters.method!r} is rejected: none, since '
-                f'there is no {BASE_SENSOR} in this run'
+                f'{self.get_name()}: invalid value for parameter feedforward.method: {parameters.method!r}; '
+                f'expected none, since there is no {BASE_SENSOR} in this run'
             )
         from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 
@@ -238,8 +238,8 @@ class ControllerNode(CatalogNode):
         for name in ('displacement_scale', 'velocity_scale'):
             if not getattr(own, name):
                 raise RunError(
-                    f'{self.get_name()}: parameter {name} = 0.0 is rejected: above 0, since there is no ldv_sensor in '
-                    'this run to take it from'
+                    f'{self.get_name()}: invalid value for parameter {name}: 0.0; '
+                    'expected above 0, since there is no ldv_sensor in this run to take it from'
                 )
         return SensorScales(own.displacement_scale, own.velocity_scale)
 

@@ -37,7 +37,7 @@ class ParameterError(ValueError):
 
     def __init__(self, name: str, value: object, allowed: str, where: str = '') -> None:
         origin = f'; given in {where}' if where else ''
-        super().__init__(f'parameter {name} = {shown(value)} is rejected: {allowed}{origin}')
+        super().__init__(f'invalid value for parameter {name}: {shown(value)}; expected {allowed}{origin}')
         self.name = name
         self.value = value
         self.allowed = allowed
@@ -79,7 +79,9 @@ class Declaration:
     read_only: bool = False
     """A read-only parameter is fixed once its node has started."""
     element: type = float
-    """What a list holds whose default is empty."""
+    """Type of the elements of a list whose default is empty."""
+    equation: str = ''
+    """Number of the thesis's equation that has the parameter, such as ``'4.16'``; empty for none."""
 
     @property
     def is_sequence(self) -> bool:
@@ -108,6 +110,11 @@ class Declaration:
         kind = {bool: 'bool', int: 'int', float: 'float', str: 'string'}[self.element_type]
         kind = f'list of {kind}' if self.is_sequence else kind
         return ', '.join(part for part in (kind, self._choices, self._bounds) if part)
+
+    @property
+    def description_with_equation(self) -> str:
+        """The description followed by the number of the equation, for help texts."""
+        return f'{self.description} (thesis eq. {self.equation})' if self.equation else self.description
 
     @property
     def _choices(self) -> str:
@@ -167,6 +174,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     read_only: bool = False,
     element: type = float,
+    equation: str = '',
 ) -> Any:
     """
     Declare a field of a parameter dataclass; see :class:`Declaration` for the arguments.
@@ -189,6 +197,8 @@ def parameter(
         Whether the value is fixed once the node has started.
     element
         Type of the elements of a list whose default is empty.
+    equation
+        Number of the thesis's equation that has the parameter, such as ``'4.16'``.
 
     Examples
     --------
@@ -203,9 +213,10 @@ def parameter(
     >>> Spring(stiffness=-1.0)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter stiffness = -1.0 is rejected: a finite number at least 0 [V/um]
+    ParameterError: invalid value for parameter stiffness: -1.0; expected a finite number at least 0 [V/um]
     """
-    declaration = Declaration('', default, description, unit, minimum, maximum, above, choices, read_only, element)
+    bounds = (minimum, maximum, above)
+    declaration = Declaration('', default, description, unit, *bounds, choices, read_only, element, equation)
     return dataclasses.field(default=default, metadata={'declaration': declaration})
 
 
@@ -260,7 +271,7 @@ class ParameterSet:
     >>> Band(highest=5.0)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter highest = 5.0 is rejected: at least lowest, which is 10 Hz
+    ParameterError: invalid value for parameter highest: 5.0; expected at least lowest, which is 10 Hz
     """
 
     def __post_init__(self) -> None:

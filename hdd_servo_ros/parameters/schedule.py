@@ -104,7 +104,7 @@ def _parse(entry: str, sample_time: float, last_tick: int) -> Change:
         raise ParameterError('schedule', entry, FORM)
     tick, rest = divmod(nanoseconds, sample_time_to_nanoseconds(sample_time))
     if rest or not 0 <= tick <= last_tick:
-        allowed = f'its time is to be that of a tick, k x {sample_time!r} s with k from 0 to {last_tick}'
+        allowed = f'a time that falls on a tick, k x {sample_time!r} s with k from 0 to {last_tick}'
         raise ParameterError('schedule', entry, allowed)
     return Change(entry, int(tick), node, name, value, then)
 

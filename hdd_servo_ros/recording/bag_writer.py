@@ -61,7 +61,7 @@ class BagWriter:
         options: BagOptions = BagOptions(),  # noqa: B008 - a frozen value
     ) -> None:
         if storage not in STORAGES:
-            raise ValueError(f'parameter storage = {storage!r} is rejected: one of {", ".join(STORAGES)}')
+            raise ValueError(f'invalid value for parameter storage: {storage!r}; expected one of {", ".join(STORAGES)}')
         if path.exists():
             raise FileExistsError(f'{path} exists already')
         self._bag = _BAGS[storage](path, topics, metadata, options)

@@ -124,7 +124,7 @@ class Discovery:
             own = node.parameters[SampleTimeParameters].sample_time
             if own not in (0.0, sample_time):
                 raise RunError(
-                    f'{node.get_fully_qualified_name()}: parameter sample_time = {own!r} s is rejected: '
+                    f'{node.get_fully_qualified_name()}: invalid value for parameter sample_time: {own!r} s; expected '
                     f'deterministic_timer has {sample_time!r} s'
                 )
 

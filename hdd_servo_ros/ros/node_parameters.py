@@ -47,9 +47,10 @@ _CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the 
 
 def descriptor(declaration: Declaration) -> ParameterDescriptor:
     """Return the descriptor of a declaration, as `ros2 param describe` shows it."""
+    description = declaration.description_with_equation
     message = ParameterDescriptor(
         name=declaration.name,
-        description=f'{declaration.description} [{declaration.unit}]' if declaration.unit else declaration.description,
+        description=f'{description} [{declaration.unit}]' if declaration.unit else description,
         additional_constraints=declaration.allowed,
         read_only=declaration.read_only,
     )

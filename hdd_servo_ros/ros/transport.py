@@ -70,7 +70,7 @@ def check_domain(environment: Mapping[str, str]) -> None:
     """Reject a ROS domain that has no ports: Fast DDS would end the process. Raises ArgumentError."""
     given = environment.get('ROS_DOMAIN_ID')
     if given and not (given.isascii() and given.isdigit() and int(given[:9]) <= _LARGEST_DOMAIN):
-        raise ArgumentError(f'ROS_DOMAIN_ID = {shown(given)} is rejected: an integer from 0 to {_LARGEST_DOMAIN}')
+        raise ArgumentError(f'ROS_DOMAIN_ID: {shown(given)}; expected an integer from 0 to {_LARGEST_DOMAIN}')
 
 
 def use_udp_alone(environment: MutableMapping[str, str]) -> None:

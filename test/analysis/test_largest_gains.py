@@ -93,7 +93,7 @@ def test_a_lambda_that_the_rule_allows_stays():
 
 
 def test_the_error_of_too_large_a_lambda_names_the_largest():
-    with pytest.raises(ParameterError, match=r'error_filter_lambda = 50000.0 is rejected: at most 2070'):
+    with pytest.raises(ParameterError, match=r'error_filter_lambda: 50000.0; expected at most 2070'):
         largest_gain_on_r(LoopMargins(PlantParameters(), T), 50000.0)
 
 

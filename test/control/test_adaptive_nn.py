@@ -436,7 +436,7 @@ def test_what_is_rejected(name, values):
 
 def test_a_rejected_range_names_both_of_its_ends():
     """The one that was changed may be either; found by a service that set the minimum alone."""
-    allowed = 'network.velocity_maximum = 5.0 is rejected: above velocity_minimum = 7'
+    allowed = 'network.velocity_maximum: 5.0; expected above velocity_minimum = 7'
     with pytest.raises(ParameterError, match=allowed.replace('.', r'\.')):
         parameters_of(**{'network.velocity_minimum': 7.0})
 

@@ -256,5 +256,5 @@ def test_an_update_keeps_the_weights():
 
 
 def test_a_path_must_be_a_multiple_of_four_samples():
-    with pytest.raises(ParameterError, match='path_length = 30 is rejected: a multiple of 4'):
+    with pytest.raises(ParameterError, match='path_length: 30; expected a multiple of 4'):
         FeedforwardParameters(path_length=30)

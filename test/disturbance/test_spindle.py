@@ -33,7 +33,7 @@ def test_what_is_not_synchronous_is_rejected_in_one_line(sectors, sample_time):
         spindle.require_synchronous(sample_time, 'runout.repeatable.sequence = random')
     text = str(error.value)
     assert text.startswith(
-        f'parameter spindle.sectors = {sectors} is rejected: runout.repeatable.sequence = random needs'
+        f'invalid value for parameter spindle.sectors: {sectors}; expected runout.repeatable.sequence = random needs'
     )
     assert f'sample_time is {sample_time!r} s' in text
     assert '\n' not in text

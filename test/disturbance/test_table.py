@@ -50,7 +50,9 @@ def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
     with pytest.raises(ParameterError) as error:
         read_recording('vibration.linear.recording', path, 'acceleration [m/s^2]')
     said = str(error.value)
-    assert said.startswith(f'parameter vibration.linear.recording = {shown(path)} is rejected: a CSV file')
+    assert said.startswith(
+        f'invalid value for parameter vibration.linear.recording: {shown(path)}; expected a CSV file'
+    )
     assert reason in said
     assert '\n' not in said
 

@@ -116,16 +116,16 @@ def test_a_recording(recording):
 @pytest.mark.parametrize(
     ('sample_time', 'values', 'reason'),
     [
-        (1e-4, {'high': 5000.0}, r'vibration\.rotational\.high = 5000\.0 is rejected: below half .*, 5000 Hz'),
-        (1e-3, {}, r'vibration\.rotational\.high = 500\.0 is rejected: below half the sampling frequency, 500 Hz'),
-        (1e-4, {'kind': 'sine', 'frequency': 6000.0}, r'frequency = 6000\.0 is rejected: below half'),
-        (1e-4, {'kind': 'swept_sine', 'end_frequency': 6000.0}, r'end_frequency = 6000\.0 is rejected: below half'),
-        (1e-4, {'low': 500.0}, r'low = 500\.0 is rejected: below high = 500\.0 Hz'),
-        (1e-4, {'low': 1e-3}, r'low = 0\.001 is rejected: 0, or at least 0\.1 Hz with sample_time = 0\.0001 s'),
-        (1e-4, {'low': 0.0, 'high': 1e-3}, r'high = 0\.001 is rejected: at least 0\.1 Hz'),
-        (1e-4, {'kind': 'recording'}, r"recording = '' is rejected: the path of a CSV file"),
-        (1e-4, {'recording': 'nowhere.csv'}, r"recording = 'nowhere\.csv' is rejected: .*No such file"),
-        (1e-4, {'high_order': 33}, r'high_order = 33 is rejected: .* at most 32'),
+        (1e-4, {'high': 5000.0}, r'vibration\.rotational\.high: 5000\.0; expected below half .*, 5000 Hz'),
+        (1e-3, {}, r'vibration\.rotational\.high: 500\.0; expected below half the sampling frequency, 500 Hz'),
+        (1e-4, {'kind': 'sine', 'frequency': 6000.0}, r'frequency: 6000\.0; expected below half'),
+        (1e-4, {'kind': 'swept_sine', 'end_frequency': 6000.0}, r'end_frequency: 6000\.0; expected below half'),
+        (1e-4, {'low': 500.0}, r'low: 500\.0; expected below high = 500\.0 Hz'),
+        (1e-4, {'low': 1e-3}, r'low: 0\.001; expected 0, or at least 0\.1 Hz with sample_time = 0\.0001 s'),
+        (1e-4, {'low': 0.0, 'high': 1e-3}, r'high: 0\.001; expected at least 0\.1 Hz'),
+        (1e-4, {'kind': 'recording'}, r"recording: ''; expected the path of a CSV file"),
+        (1e-4, {'recording': 'nowhere.csv'}, r"recording: 'nowhere\.csv'; expected .*No such file"),
+        (1e-4, {'high_order': 33}, r'high_order: 33; expected .* at most 32'),
     ],
 )
 def test_what_is_rejected(sample_time, values, reason):

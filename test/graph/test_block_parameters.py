@@ -25,5 +25,5 @@ def test_its_own_scales_win_and_zero_takes_the_sensors(own, expected):
 
 
 def test_a_bad_scale_is_rejected_by_name():
-    with pytest.raises(ParameterError, match=r'pid_controller\.displacement_scale = -1\.0 is rejected'):
+    with pytest.raises(ParameterError, match=r'pid_controller\.displacement_scale: -1\.0;'):
         input_parameters('pid_controller', {'displacement_scale': -1.0})

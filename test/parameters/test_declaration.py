@@ -130,7 +130,7 @@ def test_a_bad_value_is_rejected_by_name_value_and_what_is_allowed(name, value, 
     with pytest.raises(ParameterError, match=allowed) as rejected:
         from_mapping(Outer, {name: value})
     assert rejected.value.name == name
-    assert f'parameter {name} = {value!r} is rejected' in str(rejected.value)
+    assert f'invalid value for parameter {name}: {value!r};' in str(rejected.value)
     assert str(pickle.loads(pickle.dumps(rejected.value))) == str(rejected.value)
 
 

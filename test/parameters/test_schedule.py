@@ -45,7 +45,7 @@ def test_what_is_no_tick(time):
 
 
 def test_the_timer_rejects_a_wrong_schedule():
-    with pytest.raises(ParameterError, match=r'schedule = .0.5 a.* is rejected'):
+    with pytest.raises(ParameterError, match=r'schedule: .0.5 a.*;'):
         TimerParameters(schedule=('0.5 a',))
     assert TimerParameters(schedule=('0.5 a b 1',)).changes[0].tick == 5000
 

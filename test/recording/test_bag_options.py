@@ -124,18 +124,21 @@ def test_a_crash_of_a_run_of_some_topics(runs, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
-        (('compression:=lz4',), "parameter bag_recorder:compression = 'lz4' is rejected: one of none, zstd"),
+        (
+            ('compression:=lz4',),
+            "invalid value for parameter bag_recorder:compression: 'lz4'; expected one of none, zstd",
+        ),
         (
             ('compression:=zstd', 'storage:=sqlite3'),
-            "bag_recorder:compression = 'zstd' is rejected: 'none' with storage = 'sqlite3'",
+            "bag_recorder:compression: 'zstd'; expected 'none' with storage = 'sqlite3'",
         ),
-        (('max_bag_size:=1', 'storage:=sqlite3'), 'bag_recorder:max_bag_size = 1 is rejected: 0 with storage'),
+        (('max_bag_size:=1', 'storage:=sqlite3'), 'bag_recorder:max_bag_size: 1; expected 0 with storage'),
         (
             ('max_bag_duration:=-1.0',),
-            'bag_recorder:max_bag_duration = -1.0 is rejected: a finite number at least 0 [s]',
+            'bag_recorder:max_bag_duration: -1.0; expected a finite number at least 0 [s]',
         ),
-        (('topics:=[heads]',), "bag_recorder:topics = ('heads',) is rejected: a list, each element one of clock, ref"),
-        (('topics:=[disturbance]',), "bag_recorder:topics = ('disturbance',) is rejected: this run has clock, ref"),
+        (('topics:=[heads]',), "bag_recorder:topics: ('heads',); expected a list, each element one of clock, ref"),
+        (('topics:=[disturbance]',), "bag_recorder:topics: ('disturbance',); expected this run has clock, ref"),
     ],
 )
 def test_what_is_rejected(tmp_path, capsys, arguments, reason):

@@ -109,7 +109,7 @@ def test_nothing_is_overwritten(tmp_path):
 
 @pytest.mark.parametrize('writer_class', WRITERS)
 def test_unknown_storage(tmp_path, writer_class):
-    with pytest.raises((ValueError, RuntimeError), match="storage = 'tape' is rejected: one of mcap, sqlite3"):
+    with pytest.raises((ValueError, RuntimeError), match="storage: 'tape'; expected one of mcap, sqlite3"):
         writer_class(tmp_path / 'bag', 'tape', TOPICS, {})
 
 

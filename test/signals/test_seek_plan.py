@@ -218,8 +218,8 @@ def test_what_is_rejected(name, values):
 
 def test_a_rejected_length_names_the_one_that_it_does_not_go_with():
     for values, allowed in (
-        ({'shortest': 200.0}, 'seek.longest = 100.0 is rejected: at least shortest = 200.0 um'),
-        ({'travel': 99.0}, 'seek.travel = 99.0 is rejected: at least longest = 100.0 um'),
+        ({'shortest': 200.0}, 'seek.longest: 100.0; expected at least shortest = 200.0 um'),
+        ({'travel': 99.0}, 'seek.travel: 99.0; expected at least longest = 100.0 um'),
     ):
         with pytest.raises(ParameterError, match=allowed):
             parameters(source='random', **values)

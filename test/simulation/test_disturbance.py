@@ -152,8 +152,8 @@ def test_what_is_missing_or_different_is_found(shaken, tmp_path):
 @pytest.mark.parametrize(
     ('recorded', 'arguments', 'reason'),
     [
-        ('nowhere', (), "recorded_run = 'nowhere' is rejected: a recorded run: nowhere is neither"),
-        ('plain', (), "recorded_run = 'plain' is rejected: a run that holds one of /disturbance"),
+        ('nowhere', (), "recorded_run: 'nowhere'; expected a recorded run: nowhere is neither"),
+        ('plain', (), "recorded_run: 'plain'; expected a run that holds one of /disturbance"),
         ('shaken', ('-p', 'duration:=0.04'), 'a run that holds the ticks 0 to 400; that one holds 0 to 300'),
         ('shaken', ('-p', 'deterministic_timer:sample_time:=5.0e-5'), 'that one has 0.0001 s'),
     ],

@@ -192,12 +192,12 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['--controllers', 'no_such'], "controller = 'no_such' is rejected: one of adaptive_nn, pid, seek, open_loop"),
+        (['--controllers', 'no_such'], "controller: 'no_such'; expected one of adaptive_nn, pid, seek, open_loop"),
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['-p', 'pid_controller:gian:=1.0'], 'did you mean gain?'),
         (['-p', 'controller:=pid'], '-p controller is rejected: compare sets it for each run; use --controllers'),
         (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is rejected'),
-        (['-p', 'bogus:=1'], 'compare: parameter bogus = 1 is rejected: no such parameter'),
+        (['-p', 'bogus:=1'], 'compare: invalid value for parameter bogus: 1; expected no such parameter'),
         (['--controllers', 'pid@'], '--controllers pid@: expected the name of a parameter file after the @'),
         (['--controllers', 'pid@no_such.yaml'], "no parameter file 'no_such.yaml' among those of hdd_servo_ros"),
         (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),

@@ -238,8 +238,8 @@ def test_same_peak_finds_the_shipped(overlays):
     [
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['--params-file', 'hopeless.yaml'], 'no error_filter_lambda has a gain with Ms <= 2'),
-        (['--sample-time', '-1'], 'sample_time = -1.0 is rejected'),
-        (['--same-peak', '--sample-time', '0'], 'sample_time = 0.0 is rejected'),
+        (['--sample-time', '-1'], 'sample_time: -1.0;'),
+        (['--same-peak', '--sample-time', '0'], 'sample_time: 0.0;'),
         (['--overshoot', 'much'], '--overshoot much is rejected: expected a number above 0 [%], or none'),
         (['--overshoot', '-5'], '--overshoot -5 is rejected'),
         (['--seconds', '2'], '--seconds 2 is no more than the 2 s that do not count'),
@@ -304,4 +304,4 @@ def test_the_table_marks_what_does_not_track(tmp_path, capsys, monkeypatch):
 def test_parameter_files_with_the_servo_sensor_are_rejected(capsys):
     files = [str(PARAMS / f'{name}.yaml') for name in ('seagate_7200_10', 'nss_100ktpi')]
     assert main(['--params-file', *files]) == 2
-    assert "rig:sensor = 'servo' is rejected: ldv" in capsys.readouterr().err
+    assert "rig:sensor: 'servo'; expected ldv" in capsys.readouterr().err

@@ -86,6 +86,6 @@ def test_a_bad_drive_is_rejected_at_start(bench, executable, value, named, allow
     process = bench.start(executable, '-p', f'vcm_plant:{value}')
     assert process.wait() == 2
     assert f'{named} = ' in process.output
-    assert 'is rejected' in process.output
+    assert 'invalid value for parameter' in process.output
     assert allowed in process.output
     assert len(process.output.strip().splitlines()) == 1

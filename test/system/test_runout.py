@@ -112,7 +112,7 @@ def test_without_a_method_nothing_changes():
 
 
 def test_a_revolution_without_a_whole_number_of_samples_is_rejected(bench):
-    allowed = "runout.method = 'repetitive' is rejected: harmonics, since repetitive needs a whole number of samples"
+    allowed = "runout.method: 'repetitive'; expected harmonics, since repetitive needs a whole number of samples"
     arguments = (*RUNOUT, '-p', 'sample_time:=1e-4', '-p', 'duration:=0.1', *method('repetitive'))
     arguments = (*arguments, '-p', 'disturbance_generator:runout.repeatable.sequence:=none')
     rejected = bench.start('simulate', *arguments)
@@ -130,7 +130,7 @@ def test_a_controller_without_an_error_has_no_cancellation(bench, name):
     arguments = ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:runout.method:=harmonics')
     rejected = bench.start(name, *arguments, '-p', 'duration:=0.1')
     assert rejected.wait() == 2
-    assert "runout.method = 'harmonics' is rejected: none, since this controller does not follow" in rejected.output
+    assert "runout.method: 'harmonics'; expected none, since this controller does not follow" in rejected.output
 
 
 def test_a_drive_in_other_units_is_rejected(bench):

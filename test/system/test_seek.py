@@ -106,15 +106,15 @@ def test_an_outside_controller_is_wrapped_as_well(bench):
     [
         (
             ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:seek.method:=ptos'),
-            "seek.method = 'ptos' is rejected: none, since this controller does not follow the reference",
+            "seek.method: 'ptos'; expected none, since this controller does not follow the reference",
         ),
         (
             ('-p', 'seek_controller:seek.model.numerators:=[1.0, 2.0]'),
-            'seek.model.numerators = (1.0, 2.0) is rejected: as many numbers as denominators, which has 12',
+            'seek.model.numerators: (1.0, 2.0); expected as many numbers as denominators, which has 12',
         ),
         (
             ('-p', 'vcm_plant:length_unit:=m'),
-            "seek.method = 'final_state' is rejected: none with a drive in m and V",
+            "seek.method: 'final_state'; expected none with a drive in m and V",
         ),
     ],
 )

@@ -105,7 +105,7 @@ def friction_along(
     """
     positions = checked_samples('position', position)
     if not 0.0 < sample_time < math.inf:
-        raise ValueError(f'sample_time = {sample_time!r} is rejected: above 0 and finite [s]')
+        raise ValueError(f'sample_time: {sample_time!r}; expected above 0 and finite [s]')
     if velocity is None:
         velocities = _centered_velocity(positions, sample_time)
     else:

@@ -99,7 +99,7 @@ class FrictionParameters(ParameterSet):
     >>> FrictionParameters(coulomb_level=0.2, static_level=0.1)
     Traceback (most recent call last):
         ...
-    ParameterError: parameter static_level = 0.1 is rejected: at least coulomb_level, which is 0.2 [V]
+    ParameterError: invalid value for parameter static_level: 0.1; expected at least coulomb_level, which is 0.2 [V]
     """
 
     model: str = parameter('lugre', 'friction model', choices=MODELS)
