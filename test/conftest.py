@@ -49,14 +49,14 @@ class Process:
         try:
             return self.popen.wait(timeout)
         except subprocess.TimeoutExpired:
-            pytest.fail(f'{self.name} did not end within {timeout} s; it said:\n{self.output}')
+            pytest.fail(f'{self.name} did not end within {timeout} s; its output:\n{self.output}')
 
     def wait_for(self, text: str, timeout: float = 250.0) -> None:
         """Wait until it has printed ``text``."""
         deadline = time.monotonic() + timeout
         while text not in self.output:
             if time.monotonic() > deadline or (self.popen.poll() is not None and text not in self.output):
-                pytest.fail(f'{self.name} did not say {text!r}; it said:\n{self.output}')
+                pytest.fail(f'{self.name} did not print {text!r}; its output:\n{self.output}')
             time.sleep(0.02)
 
     def signal(self, number: int) -> None:

@@ -1,4 +1,4 @@
-"""Assertions about recorded runs, and a pytest plugin that makes runs; see ``docs/bag-assertions.md``."""
+"""Assertions about recorded runs, and a pytest plugin that makes runs; see ``docs/howto/test-with-pytest.md``."""
 
 from typing import TYPE_CHECKING
 

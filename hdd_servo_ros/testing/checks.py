@@ -1,4 +1,4 @@
-"""What a test may ask of a run; a failed check tells value, limit and tick, and leaves a picture."""
+"""Assertions about a recorded run; a failed check reports value, limit and tick, and saves a plot."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from hdd_servo_ros.testing.seek_checks import SeekChecks
 from hdd_servo_ros.testing.track_checks import TrackChecks
 
 plot_directory: Path | None = None
-"""Where pictures of failed checks go; None for the run's own folder. The pytest plugin sets it."""
+"""Directory for the plots of failed checks; None for the directory of the run. The pytest plugin sets it."""
 
 _ERRORS = {'error': 'position_error', 'track_error': 'track_error'}
-"""Attributes of a run by the name of the signal."""
+"""Attribute of a run for each error signal."""
 _CLOSE_UP_ROWS = 250
 _BUCKETS = 2000
 
 
 class CheckFailed(AssertionError):
-    """A run is not what a test asks for."""
+    """An assertion about a run does not hold."""
 
 
 class Checks(TrackChecks, SeekChecks):
     """
-    Assertions about one run, reached by ``run.check``; each returns these checks, so that they can be chained.
+    Assertions about one run, available as ``run.check``. Each returns this object, so that checks can be chained.
 
-    Errors are those of the head's true position, in ``run.error_unit``: nm for a drive in um. With the servo sensor
+    Errors are errors of the true head position, in ``run.error_unit``: nm for a drive in um. With the servo sensor
     they are relative to the track center. Times are in s.
 
     Parameters
@@ -48,9 +48,9 @@ class Checks(TrackChecks, SeekChecks):
     Raises
     ------
     CheckFailed
-        By a check that does not hold, with value, limit and tick; a plot of the signal is saved.
+        If a check does not hold; the message has value, limit and tick, and a plot of the signal is saved.
     ValueError
-        If a limit is not a finite number of at least 0, or there is no tick between the times.
+        If a limit is not a finite number at least 0, or the window has no tick.
 
     Examples
     --------
@@ -64,20 +64,20 @@ class Checks(TrackChecks, SeekChecks):
     def __init__(self, run: RecordedRun) -> None:
         self._run = run
 
-    # How the run went.
+    # Completeness.
 
     def finished(self) -> Checks:
-        """Assert that the run came to its planned end, with every sample of every topic, and that all are finite."""
+        """Assert that the run reached its planned end, and that every topic has all its samples, all finite."""
         __tracebackhide__ = True
         run = self._run
         if not run.description:
             raise CheckFailed(
-                'there is no run.yaml, which says how a run has ended: finished() needs the folder of a run, not a bag '
-                f'alone; samples(count) does with that\n{self._where()}'
+                'run.yaml is missing, which records how a run ended: finished() needs the directory of a run, not only '
+                f'a bag; samples(count) accepts a bag\n{self._where()}'
             )
         planned = run.description.get('last_tick_planned')
         if run.status != 'finished':
-            held = f'the bag ends at tick {run.last_tick}' if self._has_ticks() else 'the bag holds no whole tick'
+            held = f'the bag ends at tick {run.last_tick}' if self._has_ticks() else 'the bag holds no complete tick'
             until = '' if planned is None else f', tick {planned} was planned'
             raise CheckFailed(
                 f'run {run.status}{f": {run.reason}" if run.reason else ""}; {held}{until}\n'
@@ -90,33 +90,33 @@ class Checks(TrackChecks, SeekChecks):
         return self
 
     def samples(self, count: int | None = None) -> Checks:
-        """Assert that every topic of the loop holds ``count`` messages, of ticks 0 to count - 1; None: as the last."""
+        """Assert that every loop topic has ``count`` messages, one per tick from 0; None: up to the last tick."""
         __tracebackhide__ = True
         run = self._run
         wanted = run.last_tick + 1 if count is None else count
         for topic, found in run.counts.items():
-            # A bag without a message on a topic need not know of it.
+            # A bag may lack a topic that has no message.
             ticks = run.message_ticks(topic) if found else np.empty(0, dtype=np.int64)
-            # All that lie beyond count as one.
+            # All ticks beyond the last share one bin.
             per_tick = np.bincount(np.minimum(ticks, wanted), minlength=wanted + 1)
             wrong = np.flatnonzero(per_tick != np.append(np.ones(wanted, dtype=np.int64), 0))
             if len(wrong):
                 first = int(wrong[0])
                 beyond = first == wanted
                 tick = int(ticks[ticks >= wanted].min()) if beyond else first
-                held = f'that of tick {tick} is beyond' if beyond else f'tick {tick} has {per_tick[first] or "none"}'
+                held = f'tick {tick} is beyond the last' if beyond else f'tick {tick} has {per_tick[first]}'
                 shown = per_tick[: wanted + beyond].astype(np.float64)
                 rows = np.arange(len(shown))
                 plot = self._plot(f'samples of {topic}', f'messages on {topic}', '', shown, None, first, ticks=rows)
                 raise CheckFailed(
-                    f'{topic} has {found} messages, {wanted} are expected: {held} ({tick * run.sample_time:g} s)\n'
+                    f'{topic} has {found} messages, expected {wanted}: {held} ({tick * run.sample_time:g} s)\n'
                     f'{self._where()}\nplot: {plot}'
                 )
-            run[topic]  # rejects receive times that are not those of the ticks
+            run[topic]  # raises if the receive times are not the times of the ticks
         return self
 
     def parameter(self, node: str, name: str, equals: Any, tick: int | None = None) -> Checks:
-        """Assert that a parameter had a value at a tick, the last one if None; see :meth:`RecordedRun.parameter`."""
+        """Assert the value of a parameter at a tick (None: the last); see :meth:`RecordedRun.parameter`."""
         __tracebackhide__ = True
         value = self._run.parameter(node, name, tick)
         expected = list(equals) if isinstance(equals, tuple) else equals
@@ -137,13 +137,13 @@ class Checks(TrackChecks, SeekChecks):
     # Errors and signals.
 
     def rms_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
-        """Assert the root mean square of the tracking error between two times."""
+        """Assert the rms tracking error between two times."""
         __tracebackhide__ = True
         error, rows = self._error(after, before)
         return self._compare('rms error', rms(error[rows]), at_most, self._run.error_unit, 'error', error, rows)
 
     def max_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
-        """Assert the largest magnitude of the tracking error between two times."""
+        """Assert the peak of the tracking error between two times."""
         __tracebackhide__ = True
         error, rows = self._error(after, before)
         value = float(np.abs(error[rows]).max())
@@ -157,24 +157,24 @@ class Checks(TrackChecks, SeekChecks):
         return self._compare('magnitude of the mean error', value, at_most, self._run.error_unit, 'error', error, rows)
 
     def peak_control(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
-        """Assert the largest magnitude of the command between two times."""
+        """Assert the peak of the command between two times."""
         __tracebackhide__ = True
         return self.bounded('command', at_most, after, before)
 
     def bounded(self, signal: str, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
         """
-        Assert that a signal is finite and its magnitude within a bound between two times.
+        Assert that a signal is finite and that its magnitude does not exceed a bound between two times.
 
         Parameters
         ----------
         signal
             ``error``, ``track_error``, ``position``, ``command``, ``feedback``, the name of an estimate such as
             ``m_hat``, or a topic with a field, such as ``control.before_saturation``, or with a column, such as
-            ``control.y``. The errors count in ``run.error_unit``, all else in the unit that the topic declares.
+            ``control.y``. Errors are in ``run.error_unit``, other signals in the unit that the topic declares.
         at_most
             The bound.
         after, before
-            Between which times [s] it must hold; ``before`` is None for the end of the run.
+            Start and end of the window [s]; ``before`` is None for the end of the run.
 
         Raises
         ------
@@ -188,9 +188,9 @@ class Checks(TrackChecks, SeekChecks):
         return self._compare(f'largest |{signal}|', value, at_most, unit, signal, values, rows)
 
     def unsaturated(self, after: float = 0.0) -> Checks:
-        """Assert that from a time on neither an output of the sensor nor the drive voltage was clipped."""
+        """Assert that no sensor output and no drive voltage is clipped after a time."""
         __tracebackhide__ = True
-        # Late: it brings the instruments' parameters with it.
+        # Imported late, since it imports the parameters of the instruments.
         from hdd_servo_ros.reporting.saturation import saturated_rows
 
         run, first = self._run, self._rows(after, None).start
@@ -210,7 +210,7 @@ class Checks(TrackChecks, SeekChecks):
                 values, unit = self._signal(signals.get(name, 'command'))
                 plot = self._plot(f'{name} clipped', name, unit, values, None, int(late[0]))
                 raise CheckFailed(
-                    f'{name} is clipped at {len(late)} of {len(run.ticks) - first} samples from {after:g} s on, '
+                    f'{name} is clipped at {len(late)} of {len(run.ticks) - first} samples after {after:g} s, '
                     f'first at tick {run.ticks[late[0]]} ({run.time[late[0]]:g} s)\n{self._where()}\nplot: {plot}'
                 )
         return self
@@ -218,21 +218,21 @@ class Checks(TrackChecks, SeekChecks):
     # Steps.
 
     def overshoot(self, at_most: float) -> Checks:
-        """Assert the overshoot of the worst edge of a step or square reference [% of its height]."""
+        """Assert the overshoot of the worst edge of a step or square reference [% of the edge]."""
         __tracebackhide__ = True
         return self._compare_edges('overshoot', at_most, '%', 1.0)
 
     def settling_time(self, at_most: float, band: float = 0.02) -> Checks:
-        """Assert the time [s] after which the worst edge stays within ``band`` times its height."""
+        """Assert the time [s] after which the response to the worst edge stays within ``band`` times the edge."""
         __tracebackhide__ = True
         return self._compare_edges('settling_time', at_most, 's', 1.0, band)
 
     def steady_error(self, at_most: float) -> Checks:
-        """Assert the mean error over the last half of what follows the worst edge."""
+        """Assert the mean error over the second half of the interval after the worst edge."""
         __tracebackhide__ = True
         return self._compare_edges('steady_error', at_most, self._run.error_unit, self._run.error_factor)
 
-    # How it is done.
+    # Implementation.
 
     def _rows(self, after: float, before: float | None) -> slice:
         rows = self._run.since(after)
@@ -261,7 +261,7 @@ class Checks(TrackChecks, SeekChecks):
         if 'estimates' in run and name in run.estimates:
             return run.estimates[name], ''
         known = [*_ERRORS, *units, *(run.estimates if 'estimates' in run else ()), 'head.velocity']
-        raise LookupError(f'{run.path}: no signal {name!r}; there are {", ".join(known)} and so on')
+        raise LookupError(f'{run.path}: unknown signal {name!r}; known signals include {", ".join(known)}')
 
     def _compare(
         self, what: str, value: float, at_most: float, unit: str, signal: str, values: NDArray[np.float64], rows: slice
@@ -269,7 +269,7 @@ class Checks(TrackChecks, SeekChecks):
         __tracebackhide__ = True
         _reject_no_limit(at_most)
         run, part = self._run, values[rows]
-        # A comparison with what is not a number is false, in the check as in what it is made of.
+        # nan fails every check: a comparison with it is false.
         if value <= at_most and not np.isfinite(part).all():
             value = math.nan
         if value <= at_most:
@@ -317,16 +317,16 @@ class Checks(TrackChecks, SeekChecks):
     ) -> Checks:
         __tracebackhide__ = True
         _reject_no_limit(at_most)
-        # What is not a number is not within a limit.
+        # nan exceeds every limit.
         numbers = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=math.inf, posinf=math.inf)
         worst = int(numbers.argmax())
         if numbers[worst] <= at_most:
             return self
         run, response = self._run, responses[worst]
         row = response.seek.row
-        is_lost = not response.has_arrived
-        left = ', and leaves the tolerance again after its arrival' if response.first_arrival < math.inf else ''
-        how = f'; the head does not arrive within {_text(tolerance, run.error_unit)}{left}' if is_lost else ''
+        has_missed = not response.has_arrived
+        left = ', and leaves the tolerance again after it first arrives' if response.first_arrival < math.inf else ''
+        how = f'; the head does not arrive within {_text(tolerance, run.error_unit)}{left}' if has_missed else ''
         plot = self._plot(what, 'head - target', run.error_unit, error, tolerance, row)
         raise CheckFailed(
             f'{what} is {_text(float(numbers[worst]), unit)}, above {_text(at_most, unit)}, for the seek of '
@@ -341,7 +341,7 @@ class Checks(TrackChecks, SeekChecks):
         raise CheckFailed(f'{what} is at tick {run.ticks[row]} ({run.time[row]:g} s)\n{self._where()}\nplot: {plot}')
 
     def _require_finite(self, what: str, name: str, values: NDArray[np.float64], unit: str | None = None) -> None:
-        """Fail if a signal is not finite somewhere: what is not a number would pass comparisons."""
+        """Fail if a signal has a value that is not finite: nan would pass comparisons."""
         __tracebackhide__ = True
         finite = np.isfinite(values)
         if finite.all():
@@ -350,7 +350,7 @@ class Checks(TrackChecks, SeekChecks):
         unit = run.length_unit if unit is None else unit
         plot = self._plot(what, name, unit, values, None, row)
         raise CheckFailed(
-            f'{what} is not known: {name} is {_text(values[row], unit)} at tick {run.ticks[row]} '
+            f'{what} is unknown: {name} is {_text(values[row], unit)} at tick {run.ticks[row]} '
             f'({run.time[row]:g} s), and at {int((~finite).sum())} ticks in all\n{self._where()}\nplot: {plot}'
         )
 
@@ -365,16 +365,16 @@ class Checks(TrackChecks, SeekChecks):
             return False
 
     def _error_at_the_end(self) -> str:
-        """Draw the error about the last tick; return the line that says where, empty if there is nothing to draw."""
+        """Plot the error about the last tick; return the line with the path, empty without an error signal."""
         try:
             error = self._run.error_factor * self._run.position_error
-        except BagError:  # what it is made of is not there, or damaged
+        except BagError:  # one of its topics is missing or damaged
             return ''
         row = len(error) - 1
         return f'\nplot: {self._plot("end of the run", "error", self._run.error_unit, error, None, row)}'
 
     def _parameter_over_time(self, node: str, name: str, equals: Any, tick: int) -> str:
-        """Draw a parameter, if it is a number; return the line that says where."""
+        """Plot a numeric parameter; return the line with the path."""
         run = self._run
         changes = {change.tick for change in run.parameter_changes if 0 < change.tick <= run.last_tick}
         ticks = sorted({0, *changes})
@@ -397,8 +397,8 @@ class Checks(TrackChecks, SeekChecks):
         reference: NDArray[np.float64] | None = None,
         ticks: NDArray[np.int64] | None = None,
     ) -> Path:
-        """Draw the signal, whole and about a row, and return the picture's path; its ticks are the run's if None."""
-        # Late: only a test that fails waits for matplotlib.
+        """Plot the whole signal and a close-up about a row; return the path. ``ticks`` is None for those of the run."""
+        # Imported late: only a failed test waits for matplotlib.
         from hdd_servo_ros.reporting.decimation import rows_to_draw
         from hdd_servo_ros.reporting.panel import COLORS, GRAY, CloseUp, Panel, Trace
         from hdd_servo_ros.reporting.picture import write_picture
@@ -414,11 +414,11 @@ class Checks(TrackChecks, SeekChecks):
         traces.append(Trace(name, time, values[drawn], COLORS[0]))
         close_up = CloseUp(float(times[nearby][0]), float(times[nearby][-1]), f'about tick {ticks[row]}')
         if limit is not None:
-            # One line with a gap: both limits go by one name, and both are in the close-up.
+            # One line with a gap: both limits share a legend entry, and both appear in the close-up.
             x = np.array([time[0], close_up.start, close_up.end, time[-1]])
             y = np.full(len(x), limit)
             x, y = np.concatenate([x, [np.nan], x]), np.concatenate([y, [np.nan], -y])
-            # The gap has a time as well, so that a close-up keeps it.
+            # The gap needs a time too, so that a close-up keeps it.
             x[len(y) // 2] = close_up.end
             traces.append(Trace(f'limit {_text(limit, unit)}', x, y, COLORS[1]))
         traces.append(Trace('this tick', times[[row]], values[[row]], COLORS[3], marked=True))
@@ -431,7 +431,7 @@ class Checks(TrackChecks, SeekChecks):
 
 
 def _vector_fields(name: str) -> dict[str, tuple[int, Field | None]]:
-    """Return the columns of a topic with fixed fields, and what they are declared to be, by component and by field."""
+    """Return the columns of a topic with fixed fields and their declarations, by component and by field name."""
     found: dict[str, tuple[int, Field | None]] = {}
     for topic in ALL_LOOP_TOPICS:
         if topic.name == name and topic.codec.width:
@@ -444,7 +444,7 @@ def _vector_fields(name: str) -> dict[str, tuple[int, Field | None]]:
 
 def _reject_no_limit(at_most: float) -> None:
     if not (math.isfinite(at_most) and at_most >= 0.0):
-        raise ValueError(f'at_most = {at_most!r} is no limit: a finite number at least 0 is needed')
+        raise ValueError(f'invalid limit: at_most = {at_most!r}; expected a finite number at least 0')
 
 
 def _text(value: float, unit: str) -> str:
@@ -452,7 +452,7 @@ def _text(value: float, unit: str) -> str:
 
 
 def _free_path(directory: Path, stem: str) -> Path:
-    """Return a name for a picture that is not taken, in the directory or, if it cannot be written, elsewhere."""
+    """Return an unused path for a plot, in a temporary directory if the given one is not writable."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):

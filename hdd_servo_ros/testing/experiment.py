@@ -1,4 +1,4 @@
-"""Make a run for a test: through the graph by `rig`, or through `simulate`."""
+"""Make a run for a test, with `rig` or with `simulate`."""
 
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -10,12 +10,12 @@ from hdd_servo_ros.testing.domain import take_domain
 from hdd_servo_ros.testing.run import Run
 
 TIMEOUT = 120.0
-"""How long a run may take, if a test does not say [s]."""
+"""Default time limit of a run [s]."""
 _KEPT_LINES = 20
 
 
 class ExperimentFailed(AssertionError):
-    """A run that was to be tested did not come to its end; carries what the executable said."""
+    """A run for a test failed; the message has the last output of the executable."""
 
 
 def make_run(
@@ -29,7 +29,7 @@ def make_run(
     timeout: float = TIMEOUT,
 ) -> Run:
     """
-    Run an experiment in a process of its own, and open what it recorded.
+    Run an experiment in its own process, and open the recorded run.
 
     Parameters
     ----------
@@ -38,16 +38,16 @@ def make_run(
     directory
         Folder of the run; it must not exist.
     controller
-        ``adaptive_nn``, ``pid``, or what else `rig` knows; None for what the files say.
+        ``adaptive_nn``, ``pid`` or another controller of `rig`; None for the one in the parameter files.
     overrides
-        Further parameters: ``{'duration': 2.0}`` for whichever node has it, ``{'pid_controller': {'kp': 0.1}}`` for
+        Further parameters: ``{'duration': 2.0}`` for the node that has it, ``{'pid_controller': {'kp': 0.1}}`` for
         one node.
     without_ros
-        Whether to run `simulate`, which gives the same bits sooner, instead of `rig`.
+        Whether to run `simulate`, which is faster and bit-identical, instead of `rig`.
     may_fail
-        Whether a run that fails is returned like any other; it must have left a bag.
+        Whether a failed run is returned too; it must have left a bag.
     timeout
-        How long it may take [s].
+        Time limit [s].
 
     Raises
     ------
@@ -71,7 +71,7 @@ def make_run(
         else:
             values[name] = value
     arguments = run_arguments(map(Path, parameter_files), values, directory)
-    # A domain of its own, so that tests may run side by side.
+    # Its own domain, so that tests may run at the same time.
     domain, lock = take_domain()
     with (
         lock,
@@ -90,20 +90,21 @@ def make_run(
             output, _ = process.communicate()
             if not isinstance(error, subprocess.TimeoutExpired):
                 raise
-            said = _said(output)
-            raise ExperimentFailed(f'{_called(process)} took more than {timeout:g} s; {said}') from None
+            message = f'{_command_line(process)} took more than {timeout:g} s; {_last_lines(output)}'
+            raise ExperimentFailed(message) from None
     bag = directory / 'bag' / 'metadata.yaml'
     if process.returncode != 0 and not (may_fail and bag.is_file()):
-        raise ExperimentFailed(f'{_called(process)} ended with exit code {process.returncode}; {_said(output)}')
+        message = f'{_command_line(process)} ended with exit code {process.returncode}; {_last_lines(output)}'
+        raise ExperimentFailed(message)
     return Run.open(directory)
 
 
-def _called(process: 'subprocess.Popen[str]') -> str:
+def _command_line(process: 'subprocess.Popen[str]') -> str:
     command = process.args
     assert isinstance(command, list)
     return ' '.join(['python', *map(str, command[1:])])
 
 
-def _said(output: str) -> str:
+def _last_lines(output: str) -> str:
     lines = output.strip().splitlines()[-_KEPT_LINES:]
-    return 'it said:\n' + '\n'.join(lines) if lines else 'it said nothing'
+    return 'its output:\n' + '\n'.join(lines) if lines else 'it printed nothing'

@@ -1,7 +1,7 @@
 """
-The pytest plugin: the fixture ``servo_run``, and where pictures of failed checks go.
+Pytest plugin: the fixture ``servo_run``, and the option for the plots of failed checks.
 
-Loaded by pytest in every session of an environment that has the package: nothing but pytest is imported here.
+Pytest loads it in every session of an environment that has this package, so that it imports only pytest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.getgroup('hdd_servo_ros').addoption(
         '--servo-plots',
         metavar='DIR',
-        help="where pictures of failed checks of runs go (default: each run's own folder)",
+        help='directory for the plots of failed checks of runs (default: the directory of the run)',
     )
 
 
@@ -30,9 +30,9 @@ def servo_run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
     """
     Make runs of the servo bench: ``servo_run('params.yaml', controller='pid', overrides={...}, without_ros=True)``.
 
-    Several parameter files overlay from left to right. Returns the opened :class:`hdd_servo_ros.Run`; the keywords are
-    those of :func:`hdd_servo_ros.testing.experiment.make_run`. Of session scope, so that fixtures of any scope may
-    keep a run for several tests.
+    Parameter files overlay from left to right. It returns the opened :class:`hdd_servo_ros.Run` and takes the keywords
+    of :func:`hdd_servo_ros.testing.experiment.make_run`. Its scope is the session, so that fixtures of any scope can
+    share a run between tests.
     """
     from hdd_servo_ros.testing import checks
     from hdd_servo_ros.testing.experiment import make_run

@@ -1,4 +1,4 @@
-"""A recorded run that can be checked: what tests and scripts open."""
+"""A recorded run with assertions, for tests and scripts."""
 
 import functools
 

@@ -1,4 +1,4 @@
-"""What a test may ask of a run's seeks: when the head arrives, and how."""
+"""Assertions about the seeks of a run: seek time, overshoot and residual vibration."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 class SeekChecks(abc.ABC):
     """
-    The checks of the seeks of a run, part of ``run.check``.
+    Assertions about the seeks of a run, part of ``run.check``.
 
-    A run has seeks with the waveform ``seek``, or with steps and a controller that gives its ``seek_mode``. Each check
-    holds if it holds for every seek whose length is from ``shortest`` to ``longest``, in the drive's unit of length; if
-    there is none, it is a ValueError. A seek that does not arrive is infinitely late.
+    A run has seeks if its reference has the waveform ``seek``, or if it has steps and a controller with the estimate
+    ``seek_mode``. Each check applies to every seek whose length is from ``shortest`` to ``longest``, in the unit of
+    the drive; a run without such a seek raises ValueError. A seek that does not arrive has an infinite seek time.
     """
 
     _run: RecordedRun
@@ -64,27 +64,27 @@ class SeekChecks(abc.ABC):
         measured: bool = False,
     ) -> Checks:
         """
-        Assert the time [s] from the change of the target until the head has arrived, of every seek.
+        Assert the seek time [s] of every seek: from the change of the target until the head has arrived.
 
         Parameters
         ----------
         at_most
             The limit [s].
         tolerance
-            Largest magnitude of the position error on target, in ``run.error_unit``; None for 10 % of the track pitch.
+            Largest position error on target, in ``run.error_unit``; None for 10 % of the track pitch.
         shortest, longest
-            Lengths of the seeks that count.
+            Lengths of the seeks to check.
         samples
-            How many samples in a row within the tolerance make an arrival.
+            Number of consecutive samples within the tolerance that make an arrival.
         stay
-            For how long no sample may leave the tolerance after it [s]; None until the next seek.
+            Time after the arrival in which no sample may leave the tolerance [s]; None until the next seek.
         measured
-            Whether the measured position counts instead of the head's true one.
+            Whether to use the measured position instead of the true one.
 
         Raises
         ------
         ValueError
-            If there is no such seek, or no tolerance is given and the track pitch is not known.
+            If the run has no such seek, or no tolerance is given and the track pitch is unknown.
         """
         __tracebackhide__ = True
 
@@ -97,7 +97,7 @@ class SeekChecks(abc.ABC):
     def seek_overshoot(
         self, at_most: float, tolerance: float | None = None, *, shortest: float = 0.0, longest: float = np.inf
     ) -> Checks:
-        """Assert by how much the head goes beyond the target, until 10 ms after arrival; see :meth:`seek_time`."""
+        """Assert the overshoot beyond the target until 10 ms after the arrival; see :meth:`seek_time`."""
         __tracebackhide__ = True
         run = self._run
 
@@ -111,9 +111,9 @@ class SeekChecks(abc.ABC):
         self, at_most: float, tolerance: float | None = None, *, shortest: float = 0.0, longest: float = np.inf
     ) -> Checks:
         """
-        Assert the rms of the position error about its mean in the 10 ms after arrival; see :meth:`seek_time`.
+        Assert the rms of the position error about its mean in the 10 ms after the arrival; see :meth:`seek_time`.
 
-        That of a seek that does not arrive is infinite.
+        It is infinite for a seek that does not arrive.
         """
         __tracebackhide__ = True
         run = self._run
@@ -127,11 +127,11 @@ class SeekChecks(abc.ABC):
     def seek_time_over_optimal(
         self, at_most: float, tolerance: float | None = None, *, shortest: float = 0.0, longest: float = np.inf
     ) -> Checks:
-        """Assert the seek time over T*, the time-optimal one of the rigid body; see :meth:`seek_time`."""
+        """Assert the ratio of the seek time to T*, the time-optimal seek time of the rigid body."""
         __tracebackhide__ = True
         optimal = time_optimal_times(self._run, list(seeks_of(self._run)))
         if optimal is None:
-            raise ValueError(f'{self._run.path}: no time-optimal time: run.yaml has no parameters of the drive')
+            raise ValueError(f'{self._run.path}: the time-optimal seek time is unknown: run.yaml lacks the drive')
         by_row = {seek.row: time for seek, time in zip(seeks_of(self._run), optimal.tolist(), strict=True)}
 
         def ratio(response: SeekResponse) -> float:
@@ -141,17 +141,17 @@ class SeekChecks(abc.ABC):
 
     def no_return_to_an_earlier_mode(self) -> Checks:
         """
-        Assert that the controller goes from seek to settle to follow within every seek, and never back.
+        Assert that the controller switches from seek to settle to follow in every seek, and never back.
 
         Raises
         ------
         ValueError
-            If the run has no seeks, or its controller gives no ``seek_mode``.
+            If the run has no seeks, or its controller has no estimate ``seek_mode``.
         """
         __tracebackhide__ = True
         run, modes = self._run, modes_of(self._run)
         if modes is None:
-            raise ValueError(f'{run.path}: no modes: the controller has no estimate seek_mode')
+            raise ValueError(f'{run.path}: the controller has no estimate seek_mode')
         self._require_seeks()
         rows = returns_to_earlier_modes(modes, seeks_of(run))
         if not rows:
@@ -161,12 +161,12 @@ class SeekChecks(abc.ABC):
         what = f'the controller returns from {before} to {after}, the first of {len(rows)} returns,'
         return self._fail_at(what, 'seek_mode', modes, rows[0])
 
-    # How it is done.
+    # Implementation.
 
     def _require_seeks(self) -> None:
         if not seeks_of(self._run):
             raise ValueError(
-                f'{self._run.path}: no seeks: neither has the reference the waveform seek, nor are there steps and a '
+                f'{self._run.path}: the run has no seeks: expected a reference with the waveform seek, or steps and a '
                 'controller with the estimate seek_mode'
             )
 
@@ -193,7 +193,7 @@ class SeekChecks(abc.ABC):
             )
         width = of_pitch if tolerance is None else tolerance / run.error_factor
         assert width is not None
-        # A length that is asked for counts, whatever the last bit of the difference of two targets.
+        # The difference of two targets may differ from the requested length in its last bits.
         chosen = [
             response
             for response in responses_of(run, width, stay, samples, measured=measured)

@@ -1,4 +1,4 @@
-"""What a test may ask of a run's track error: how the head stays on a track that is disturbed."""
+"""Assertions about the track error of a run: how well the head follows a disturbed track."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIGNAL = 'track_error'
 
 class TrackChecks(abc.ABC):
     """
-    The checks of the track error, head - reference - track center, in ``run.error_unit``; part of ``run.check``.
+    Assertions about the track error, head - reference - track center, in ``run.error_unit``; part of ``run.check``.
 
     Without a disturbance the track error is the tracking error.
     """
@@ -43,16 +43,16 @@ class TrackChecks(abc.ABC):
 
     @abc.abstractmethod
     def _require_finite(self, what: str, name: str, values: NDArray[np.float64], unit: str | None = None) -> None:
-        """Fail if a signal is not finite somewhere."""
+        """Fail if a signal has a value that is not finite."""
 
     def track_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
-        """Assert 3 sigma of the track error between two times."""
+        """Assert the 3 sigma track error between two times."""
         __tracebackhide__ = True
         error, rows = self._track_error(after, before)
         return self._check('track error, 3 sigma,', misregistration(error[rows]), at_most, error, rows)
 
     def peak_track_error(self, at_most: float, after: float = 0.0, before: float | None = None) -> Checks:
-        """Assert the largest magnitude of the track error between two times."""
+        """Assert the peak of the track error between two times."""
         __tracebackhide__ = True
         error, rows = self._track_error(after, before)
         return self._check('peak track error', float(np.abs(error[rows]).max()), at_most, error, rows)
@@ -60,7 +60,7 @@ class TrackChecks(abc.ABC):
     def rpe(
         self, at_most: float, after: float = 0.0, before: float | None = None, sectors: int | None = None
     ) -> Checks:
-        """Assert the repeatable position error, peak to peak, of whole revolutions; see :meth:`nrpe`."""
+        """Assert the peak-to-peak repeatable position error over complete revolutions; see :meth:`nrpe`."""
         __tracebackhide__ = True
         parts, error, rows = self._runout(after, before, sectors)
         return self._check('RPE, peak to peak,', parts.repeatable_peak_to_peak, at_most, error, rows)
@@ -69,21 +69,21 @@ class TrackChecks(abc.ABC):
         self, at_most: float, after: float = 0.0, before: float | None = None, sectors: int | None = None
     ) -> Checks:
         """
-        Assert 3 sigma of the non-repeatable position error, over the whole revolutions between two times.
+        Assert the 3 sigma non-repeatable position error over the complete revolutions between two times.
 
         Parameters
         ----------
         at_most
             The limit.
         after, before
-            Between which times [s]; ``before`` is None for the end of the run.
+            Start and end of the window [s]; ``before`` is None for the end of the run.
         sectors
-            Samples per revolution; None for those of the run's ``disturbance_generator``.
+            Samples per revolution; None for the value of the run's ``disturbance_generator``.
 
         Raises
         ------
         ValueError
-            If a revolution has no whole number of samples, or there are less than two.
+            If a revolution is not an integer number of samples, or the window has fewer than two revolutions.
         """
         __tracebackhide__ = True
         parts, error, rows = self._runout(after, before, sectors)
@@ -92,17 +92,17 @@ class TrackChecks(abc.ABC):
     def time_off_track(
         self, at_most: float, beyond: float = WRITE_LIMIT, after: float = 0.0, before: float | None = None
     ) -> Checks:
-        """Assert the share of samples, 0 to 1, whose track error exceeds ``beyond``, a fraction of the track pitch."""
+        """Assert the fraction of samples (0 to 1) whose track error exceeds ``beyond`` times the track pitch."""
         __tracebackhide__ = True
         error, rows = self._track_error(after, before)
         found = off_track(error[rows], self._of_pitch(beyond), self._run.sample_time)
-        what = f'share of time more than {100.0 * beyond:g} % of pitch off track'
+        what = f'fraction of time more than {100.0 * beyond:g} % of pitch off track'
         return self._compare(what, found.fraction, at_most, '', _SIGNAL, error, rows)
 
     def longest_off_track(
         self, at_most: float, beyond: float = WRITE_LIMIT, after: float = 0.0, before: float | None = None
     ) -> Checks:
-        """Assert the longest time [s] for which the track error exceeds ``beyond``, a fraction of the track pitch."""
+        """Assert the longest time [s] for which the track error exceeds ``beyond`` times the track pitch."""
         __tracebackhide__ = True
         error, rows = self._track_error(after, before)
         found = off_track(error[rows], self._of_pitch(beyond), self._run.sample_time)
@@ -117,13 +117,13 @@ class TrackChecks(abc.ABC):
         return self._check('peak after a shock', max(response.peak for response in responses), at_most, error, rows)
 
     def shock_outside(self, at_most: float, band: float, shocks: Sequence[float] | None = None) -> Checks:
-        """Assert the time [s] for which the track error exceeds the band after the worst shock."""
+        """Assert the time [s] outside the band after the worst shock; see :meth:`shock_recovery`."""
         __tracebackhide__ = True
-        return self._shock_time('outside', 'time outside of the band after a shock', at_most, band, shocks)
+        return self._shock_time('outside', 'time outside the band after a shock', at_most, band, shocks)
 
     def shock_recovery(self, at_most: float, band: float, shocks: Sequence[float] | None = None) -> Checks:
         """
-        Assert the time [s] from the begin of the worst shock until the track error stays within the band.
+        Assert the time [s] from the start of the worst shock until the track error stays within the band.
 
         Parameters
         ----------
@@ -132,38 +132,46 @@ class TrackChecks(abc.ABC):
         band
             Half width of the band, in ``run.error_unit``.
         shocks
-            When the shocks begin [s]; None for those that `/base_acceleration` shows. Each counts until the next.
+            Start times of the shocks [s]; None to find them on `/base_acceleration`. Each lasts until the next.
 
         Raises
         ------
         ValueError
-            If there is no shock.
+            If the run has no shock.
         """
         __tracebackhide__ = True
         return self._shock_time('recovery', 'time to recover from a shock', at_most, band, shocks)
 
     def error_over_least(self, at_most: float, after: float = 0.0) -> Checks:
         """
-        Assert how many times the least 3 sigma of feedback alone the track error has, repeatable runout left out.
+        Assert the ratio of the 3 sigma track error to its lower bound for feedback alone, without repeatable runout.
 
         Raises
         ------
         ValueError
-            If the least error is not known; the message says why.
+            If the lower bound is unknown; the message has the reason.
         """
         __tracebackhide__ = True
-        # Late: it solves an optimization problem with the linear drive.
+        # Imported late: it solves an optimization problem with the linear drive.
         from hdd_servo_ros.reporting.run_bound import run_bound, why_no_bound
 
         error, rows = self._track_error(after, None)
         bound = run_bound(self._run, rows.start)
         if bound is None:
-            raise ValueError(f'{self._run.path}: no least error: {why_no_bound(self._run, rows.start)}')
+            raise ValueError(
+                f'{self._run.path}: unknown lower bound of the error: {why_no_bound(self._run, rows.start)}'
+            )
         return self._compare(
-            'track error over the least', bound.reached / bound.three_sigma, at_most, '', _SIGNAL, error, rows
+            'track error over its lower bound',
+            bound.reached / bound.three_sigma,
+            at_most,
+            '',
+            _SIGNAL,
+            error,
+            rows,
         )
 
-    # How it is done.
+    # Implementation.
 
     def _check(self, what: str, value: float, at_most: float, error: NDArray[np.float64], rows: slice) -> Checks:
         __tracebackhide__ = True
@@ -186,13 +194,13 @@ class TrackChecks(abc.ABC):
         error, rows = self._track_error(after, before)
         used = sectors_of(self._run) if sectors is None else sectors
         if not used:
-            raise ValueError(f'{self._run.path}: no RPE and NRPE: {why_no_sectors(self._run)}; give sectors=')
+            raise ValueError(f'{self._run.path}: RPE and NRPE are unknown: {why_no_sectors(self._run)}; give sectors=')
         return runout_parts(error[rows], used), error, rows
 
     def _shocks(self, shocks: Sequence[float] | None, band: float) -> tuple[NDArray[np.float64], list[ShockResponse]]:
         run = self._run
         if shocks is None and BASE_ACCELERATION.name in run:
-            # A shock that is not a number would not be found.
+            # A shock of nan would not be found.
             for name, values in zip(BASE_ACCELERATION.field_names, run[BASE_ACCELERATION.name].T, strict=True):
                 self._require_finite('shock response', f'{BASE_ACCELERATION.name}.{name}', values, '')
         times = shocks_of(run).tolist() if shocks is None else list(shocks)

@@ -62,7 +62,7 @@ def test_the_least_error_is_below_that_of_the_run(run):
     ratio = found['error_over_least']
     after = float(run.time[run.since(0.5 * run.duration)][0])
     run.check.error_over_least(at_most=1.001 * ratio, after=after)
-    with pytest.raises(CheckFailed, match='track error over the least is'):
+    with pytest.raises(CheckFailed, match='track error over its lower bound is'):
         run.check.error_over_least(at_most=0.999 * ratio, after=after)
     run.check.nrpe(at_most=found['nrpe'] + 0.01, after=after).rpe(at_most=found['rpe'] + 0.01, after=after)
     assert found['bode_theory'] == pytest.approx(0.0, abs=1e-6)

@@ -81,7 +81,7 @@ class Command:
         try:
             return self._popen.wait(timeout)
         except subprocess.TimeoutExpired:
-            pytest.fail(f'`{self.line}` did not end within {timeout} s; it said:\n{self.output}')
+            pytest.fail(f'`{self.line}` did not end within {timeout} s; its output:\n{self.output}')
 
     def wait_for(self, text):
         """Wait until it has printed ``text``."""
@@ -89,7 +89,7 @@ class Command:
         while text not in self.output:
             ended = self._popen.poll() is not None
             if time.monotonic() > deadline or (ended and text not in self.output):
-                pytest.fail(f'`{self.line}` did not say {text!r}; it said:\n{self.output}')
+                pytest.fail(f'`{self.line}` did not print {text!r}; its output:\n{self.output}')
             time.sleep(0.05)
 
     def interrupt(self):

@@ -161,23 +161,23 @@ def test_a_run_that_did_not_finish(tmp_path):
     assert plot.is_file()
     empty = record(tmp_path / 'empty', [], ended=('failed', 'a peer is gone'))
     text, plot = failure(empty.check.finished)
-    assert 'run failed: a peer is gone; the bag holds no whole tick' in text
+    assert 'run failed: a peer is gone; the bag holds no complete tick' in text
     assert plot is None
     bag = Run.open(run.path / 'bag')
     (run.path / 'run.yaml').unlink()
     text, _ = failure(Run.open(bag.path).check.finished)
     bag.check.samples(11)
-    assert text.startswith('there is no run.yaml, which says how a run has ended: finished() needs the folder of a run')
+    assert text.startswith('run.yaml is missing, which records how a run ended: finished() needs the directory of a run')
 
 
 def test_the_first_tick_whose_samples_are_wrong(tmp_path):
     short = record(tmp_path / 'short', np.zeros(10), planned=10)
     text, plot = failure(short.check.finished)
-    assert 'clock has 10 messages, 11 are expected: tick 10 has none (0.001 s)' in text
+    assert 'clock has 10 messages, expected 11: tick 10 has 0 (0.001 s)' in text
     assert plot.is_file()
     short.check.samples()
     text, plot = failure(short.check.samples, 9)
-    assert 'clock has 10 messages, 9 are expected: that of tick 9 is beyond (0.0009 s)' in text
+    assert 'clock has 10 messages, expected 9: tick 9 is beyond the last (0.0009 s)' in text
     assert plot.is_file()
     said = yaml.safe_load((short.path / 'run.yaml').read_text())
     said['topics']['disturbance'] = '/disturbance'
@@ -186,11 +186,11 @@ def test_the_first_tick_whose_samples_are_wrong(tmp_path):
         Run.open(short.path)
     run = record(tmp_path / 'gap', np.zeros(COUNT), without=('control', 500))
     text, plot = failure(run.check.finished)
-    assert 'control has 1000 messages, 1001 are expected: tick 500 has none (0.05 s)' in text
+    assert 'control has 1000 messages, expected 1001: tick 500 has 0 (0.05 s)' in text
     assert plot.name == 'gap-samples_of_control.png'
     twice = record(tmp_path / 'twice', np.zeros(20), stamped={7: 6})
     text, _ = failure(twice.check.samples, 20)
-    assert 'estimates has 20 messages, 20 are expected: tick 6 has 2 (0.0006 s)' in text
+    assert 'estimates has 20 messages, expected 20: tick 6 has 2 (0.0006 s)' in text
 
 
 def test_a_parameter_that_is_another(run):
@@ -205,7 +205,7 @@ def test_a_parameter_that_is_another(run):
 @pytest.mark.parametrize('limit', [np.nan, np.inf, -1.0])
 def test_what_is_no_limit_is_rejected(run, limit):
     for check in (run.check.rms_error, run.check.peak_control, run.check.steady_error):
-        with pytest.raises(ValueError, match=r'at_most = .* is no limit: a finite number at least 0 is needed'):
+        with pytest.raises(ValueError, match=r'invalid limit: at_most = .*; expected a finite number at least 0'):
             check(at_most=limit)
 
 
