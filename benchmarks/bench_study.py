@@ -29,7 +29,7 @@ def study_cases(count):
 
 def by_study(cases, directory):
     """Return the processor time per run as the study makes them [s]."""
-    return _per_run(cases, directory, lambda: run_cases(cases, directory, without_ros=True, say=lambda line: None))
+    return _per_run(cases, directory, lambda: run_cases(cases, directory, without_ros=True, report=lambda line: None))
 
 
 def by_processes(cases, directory):

@@ -109,7 +109,7 @@ def prepare() -> None:
     from hdd_servo_ros.simulation.experiment import Experiment
 
     modules = [f'hdd_servo_ros.{executable_module(name)}' for name in EXECUTABLES]
-    for module in (*modules, 'hdd_servo_ros.reporting.picture', 'hdd_servo_ros.reporting.page'):
+    for module in (*modules, 'hdd_servo_ros.reporting.plot', 'hdd_servo_ros.reporting.page'):
         importlib.import_module(module)
     for name in Controllers._fields:
         whole = Experiment(1e-4, name)

@@ -24,7 +24,7 @@ UNUSED = (
     'numba.np.arrayobj',
     'numba.cpython.unicode',
     'hdd_servo_ros.reporting.page',
-    'hdd_servo_ros.reporting.picture',
+    'hdd_servo_ros.reporting.plot',
     'hdd_servo_ros.studies',
     'hdd_servo_ros.campaign',
     'hdd_servo_ros.stability.ideal_values',

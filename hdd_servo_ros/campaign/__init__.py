@@ -1,4 +1,4 @@
-"""Many runs from one specification: what to run, who runs it, and what was recorded."""
+"""Campaigns: many runs from one specification, their workers, and the table of results."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
 """
-Work on all cores, in processes that leave signals to their parent; a process that is killed loses no work.
+A pool of worker processes on all cores; the work of a killed process is done again.
 
-The one pool of this package: campaigns, the recorded runs of studies without ROS, and their figures are made by it.
+Campaigns, the recorded runs of studies without ROS, and their figures all use this one pool.
 """
 
 import collections
@@ -20,36 +20,36 @@ Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 _TOGETHER = 2
-"""Attempts of an item among others; after so many killed processes it is tried alone, so that it is known which."""
+"""Attempts of an item next to others; after this many killed processes it runs alone, to find the cause."""
 ATTEMPTS = 4
 """Attempts of an item whose process is killed each time."""
 _AHEAD = 3
-"""Items per worker that are handed over at a time, so that none waits and memory does not grow with their number."""
+"""Items queued per worker: no worker waits, and memory does not grow with the number of items."""
 _PATIENCE = 10.0
-"""How long workers may take to end before they are killed [s]."""
+"""Time that workers have to end before they are killed [s]."""
 _PERIOD = 0.2
-"""How often whoever watches is called [s]."""
+"""Interval between calls of ``watch`` [s]."""
 
 
 class WorkerKilled(RuntimeError):
     """An item whose process was killed each time."""
 
     def __init__(self) -> None:
-        super().__init__(f'its process was killed {ATTEMPTS} times, as it is when memory runs out')
+        super().__init__(f'its process was killed {ATTEMPTS} times, perhaps for lack of memory')
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def processes(workers: int) -> concurrent.futures.Executor:
-    """Return an executor with so many processes, which leave signals to this one."""
+    """Return an executor with a number of processes, which leave signals to this one."""
     return _Processes(workers)
 
 
 class _Processes(concurrent.futures.ProcessPoolExecutor):
-    """Processes forked from this one, so that they have what is imported and compiled here."""
+    """Processes forked from this one, so that they share its imports and compiled kernels."""
 
     def __init__(self, workers: int) -> None:
         context = multiprocessing.get_context('fork')
@@ -60,9 +60,9 @@ class _Processes(concurrent.futures.ProcessPoolExecutor):
         return super().submit(worker.work, fn, *args, **kwargs)
 
     def give_up(self) -> None:
-        """Do no more work, have what is under way interrupted, and wait until the processes have ended."""
+        """Cancel queued work, interrupt running work, and wait until the processes have ended."""
         asked = worker.ask_to_end(self._pids)
-        # Such as a controller from outside whose step never returns.
+        # A custom controller may never return from its step.
         killer = threading.Timer(_PATIENCE, worker.kill, [asked])
         killer.daemon = True
         killer.start()
@@ -87,23 +87,23 @@ def completed(
     watch: Callable[[], None] | None = None,
 ) -> Generator[tuple[int, Item, Result | Exception], None, None]:
     """
-    Yield the index, the item, and what a function returns or raises for it, as they are completed.
+    Yield index, item, and the result or exception of a function for each item, in order of completion.
 
-    When a process is killed, the items that it and the others had are done again by new processes. One whose process
-    is killed :data:`ATTEMPTS` times, the last of them alone, gives a :class:`WorkerKilled`.
+    When a process is killed, new processes repeat its items and those of the other workers. An item whose process is
+    killed :data:`ATTEMPTS` times, the last time alone, gives a :class:`WorkerKilled`.
 
     Parameters
     ----------
     work
         A function of a module, which the processes import by its name.
     items
-        Its arguments; they are taken as they are needed.
+        Its arguments; they are read as needed.
     workers
-        How many work at a time.
+        Number of worker processes.
     make_executor
-        Returns what they are submitted to.
+        Returns the executor for a number of workers.
     watch
-        Called a few times per second meanwhile.
+        Called a few times per second while items run.
     """
     waiting = ((_Attempt(index, item)) for index, item in enumerate(items))
     again: collections.deque[_Attempt[Item]] = collections.deque()
@@ -142,7 +142,7 @@ def completed(
                     yield attempt.index, attempt.item, future.result() if error is None else error
         except concurrent.futures.BrokenExecutor:
             for future, attempt in in_flight.items():
-                # What was done before the process was killed counts.
+                # Results from before the process was killed are valid.
                 if future.done() and not future.cancelled() and future.exception() is None:
                     yield attempt.index, attempt.item, future.result()
                     continue
@@ -153,8 +153,8 @@ def completed(
                     again.append(attempt)
         finally:
             if isinstance(executor, _Processes) and not is_done:
-                # By an error, since nobody wants the results any more, or for a killed process: then the others still
-                # close the bags that are about to be made again.
+                # After an error or an abandoned iteration, or after a killed process: the other workers still close the
+                # bags that are recorded again.
                 executor.give_up()
             executor.shutdown(wait=is_done, cancel_futures=True)
 
@@ -173,7 +173,7 @@ def _first_done(
 
 def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksize: int = 1) -> Iterator[Result]:
     """
-    Yield what a function returns for each item, in their order, with a process per core.
+    Yield the result of a function for each item, in order, with one process per core.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def on_all_cores(work: Callable[[Item], Result], items: Sequence[Item], chunksiz
     items
         Its arguments.
     chunksize
-        Items that are sent to a process at a time.
+        Items sent to a process at a time.
     """
     chunks = [items[first : first + chunksize] for first in range(0, len(items), chunksize)]
     early: dict[int, list[Result]] = {}

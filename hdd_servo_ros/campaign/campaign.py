@@ -42,12 +42,12 @@ from hdd_servo_ros.reporting.verdict import DIVERGED
 
 
 class _UnknownMetric(ArgumentError):
-    """A metric that no run has."""
+    """A metric that is missing in every run."""
 
 
 Item = TypeVar('Item')
 MakeExecutor = Callable[[int], concurrent.futures.Executor]
-"""Returns what runs are submitted to, for a number of workers."""
+"""Returns the executor for a number of workers."""
 
 
 class Campaign:
@@ -57,7 +57,7 @@ class Campaign:
     Parameters
     ----------
     spec
-        Path of a specification, its entries as a mapping (paths are relative to the working directory then), or a
+        Path of a specification, its entries as a mapping (with paths relative to the working directory), or a
         :class:`~hdd_servo_ros.campaign.spec.Spec`.
 
     Raises
@@ -95,7 +95,7 @@ class Campaign:
             own = {metric: own_metric(metric) for metric in spec.metrics if is_own(metric)}
         except (ArgumentError, ParameterError) as error:
             raise error if file is None else ArgumentError(f'specification {file}: {error}') from error
-        # What is imported now is what runs, whatever becomes of the files meanwhile.
+        # The runs use the code that is imported now, even if the files change later.
         self._sources = digests(self.plan.nodes, self.plan.files, own)
 
     def __len__(self) -> int:
@@ -113,36 +113,36 @@ class Campaign:
         progress: bool = False,
     ) -> Table:
         """
-        Make all runs, and return their table, a row per run in the order of the plan.
+        Make all runs, and return their table: one row per run in the order of the plan.
 
-        The table is the same to the bit for any number of workers and any executor.
+        The table is bit-identical for any number of workers and any executor.
 
         Parameters
         ----------
         directory
-            Where the results go; runs that are there already are not made again. None to write nothing.
+            Directory for the results; runs that it already holds are not repeated. None to write nothing.
         workers
-            How many runs at a time; None for one per core.
+            Number of runs at a time; None for one per core.
         executor
             Returns a :class:`concurrent.futures.Executor` for a number of workers; processes of this machine by
             default.
         progress
-            Whether to show a bar with rate and time left.
+            Whether to show a bar with the rate and the remaining time.
 
         Raises
         ------
         ArgumentError
-            If the folder holds another campaign or cannot be made, or a metric is one that no run has.
+            If the directory holds another campaign or cannot be created, or a metric is missing in every run.
         StudyError
-            If another campaign is at work in the folder.
+            If another campaign is running in the directory.
         """
         count = all_cores.cores() if workers is None else workers
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
-            raise ArgumentError(f'workers = {shown(workers)} is not allowed: an integer of at least 1')
+            raise ArgumentError(f'workers = {shown(workers)} is invalid; expected an integer at least 1')
         crew = _Crew(count, executor, progress)
         if directory is None:
             if self.spec.keep != 'none':
-                raise ArgumentError(f'keep: {self.spec.keep} needs a folder for the recorded runs')
+                raise ArgumentError(f'keep: {self.spec.keep} needs a directory for the recorded runs')
             return self._table({result.number: result for result in self._results(range(len(self)), crew)})
         folder = Path(directory)
         make_folder(folder)
@@ -156,7 +156,7 @@ class Campaign:
                         journal.add(result)
                 except _UnknownMetric:
                     if not there:
-                        # Else the folder would reject the campaign with the right name.
+                        # Otherwise the directory would reject the campaign with the corrected name.
                         _forget(folder)
                     raise
                 table = self._table({result.number: result for result in journal})
@@ -168,11 +168,11 @@ class Campaign:
         return table
 
     def _results(self, due: Sequence[int], crew: '_Crew') -> Iterator[Result]:
-        """Make runs and iterate over their results as they are known."""
+        """Make runs and yield their results in order of completion."""
         measure = functools.partial(measure_run, self.spec.metrics, self.spec.after)
         if not due:
             return
-        # Forked processes have what is imported and compiled here.
+        # Forked processes share the imports and compiled kernels of this one.
         for controller in range(min(len(self.spec.controllers), len(self))):
             prepare(self.spec.metrics, self.spec.after, self.plan[controller * len(self.spec.seeds)])
         results = crew.completed(measure, (self.plan[number] for number in due), len(due), 'runs')
@@ -186,7 +186,7 @@ class Campaign:
             yield result
 
     def _check_metrics(self, known: Mapping[str, set[str]], run: CampaignRun) -> None:
-        """Reject a metric that no controller's finished run has, as soon as each controller has one."""
+        """Reject a metric that no finished run has, once each controller has a finished run."""
         if len(known) < len(self.spec.controllers):
             return
         measured = set().union(*known.values())
@@ -195,7 +195,7 @@ class Campaign:
             if metric != ALL and metric not in measured:
                 names = list(measure_run((ALL,), self.spec.after, run).metrics)
                 entry = 'metrics' if metric in self.spec.metrics else 'keep: of'
-                raise _UnknownMetric(f'{entry}: no run has {metric!r}; there are {", ".join(names)}')
+                raise _UnknownMetric(f'{entry}: unknown metric {metric!r}; the runs have {", ".join(names)}')
 
     def _table(self, results: Mapping[int, Result]) -> Table:
         runs = list(self.plan)
@@ -212,9 +212,9 @@ class Campaign:
         units: dict[str, str] = {}
         for result in ordered:
             units |= result.units
-        # In the order in which reports have them, whatever the first run lacks.
+        # In the order of reports, even if the first run lacks some.
         names = _in_order([tuple(result.metrics) for result in ordered])
-        # Where no run has a metric that was asked for, the column says so.
+        # A requested metric that every run lacks has a column of nan.
         asked = (name for name in (*self.spec.metrics, self.spec.worst_of) if name and name != ALL)
         for name in dict.fromkeys([*names, *asked]):
             columns[name] = [float(result.metrics.get(name, math.nan)) for result in ordered]
@@ -228,12 +228,12 @@ class Campaign:
         Parameters
         ----------
         table
-            All runs, or some of them as :meth:`~hdd_servo_ros.campaign.table.Table.where` chooses them.
+            All runs, or a selection by :meth:`~hdd_servo_ros.campaign.table.Table.where`.
         metric
-            By which: runs that did not finish come first, then those without it, then the largest absolute values.
-            Empty for the runs that did not finish, in the order of the plan.
+            Metric to sort by: unfinished runs come first, then runs without the metric, then the largest absolute
+            values. Empty for the unfinished runs only, in the order of the plan.
         count
-            At most how many.
+            Largest number of runs to return.
         """
         failed = table['status'] != FINISHED
         numbers = table['run'].tolist()
@@ -244,7 +244,7 @@ class Campaign:
         return [number for _, _, number in ordered[:count]]
 
     def worst_metric(self, table: Table) -> str:
-        """Return the metric by which runs are the worst: that of ``keep``, else the first of the table's metrics."""
+        """Return the metric that ranks the runs: that of ``keep``, otherwise the first metric of the table."""
         names = table.columns[table.columns.index('last_tick') + 1 : -1]
         return self.spec.worst_of or next(iter(names), '')
 
@@ -257,14 +257,14 @@ class Campaign:
         metric = self.worst_metric(table)
         if self.spec.keep == 'none' or not metric:
             return []
-        # A run that was rejected has no signals to record.
+        # A rejected run has no signals to record.
         has_signals = [number for number, digest in enumerate(table['digest'].tolist()) if digest]
         return self.worst(table.take(has_signals), metric, self.spec.worst)
 
     def _record_kept(self, table: Table, folder: Path, crew: '_Crew') -> None:
-        """Record the runs that are kept; a recording differs in nothing from the run that was measured."""
+        """Record the kept runs; each recording is bit-identical to the run that was measured."""
         status, digests = table['status'], table['digest']
-        # A run without a digest has no signals.
+        # A missing digest means that the run has no signals.
         due = [
             KeptRun(self.plan[number], str(status[number]), str(digests[number]))
             for number in self._kept(table)
@@ -278,7 +278,7 @@ class Campaign:
                 raise StudyError(f'run {kept.run.number} cannot be recorded: {one_line(error)}') from error
 
     def _describe(self, folder: Path, status: str, table: Table | None = None) -> None:
-        """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError if another campaign is there."""
+        """Write ``campaign.yaml`` and the base parameter files; raises ArgumentError for another campaign."""
         path, digest = folder / 'campaign.yaml', self.plan.digest
         if path.exists():
             try:
@@ -290,12 +290,14 @@ class Campaign:
                     found.get('contents') if isinstance(found, dict) else None, self._bases_in(folder), self.plan
                 )
                 raise ArgumentError(
-                    f'{folder} holds another campaign{f": {what}" if what else ""}; remove it, or give another folder '
-                    'by --output'
+                    f'{folder} holds another campaign{f": {what}" if what else ""}; remove it, or choose another '
+                    'directory with --output'
                 )
             _check_sources(folder, found.get('sources') or {}, self._sources)
         elif any(folder.iterdir()):
-            raise ArgumentError(f'{folder} is not empty and holds no campaign; give another folder by --output')
+            raise ArgumentError(
+                f'{folder} is not empty and is not the directory of a campaign; choose another with --output'
+            )
         (folder / 'parameters').mkdir(exist_ok=True)
         for name, text in self.plan.base_files().items():
             base_file(folder, name).write_text(text, 'utf8')
@@ -318,46 +320,46 @@ class Campaign:
         temporary.replace(path)
 
     def _bases_in(self, folder: Path) -> dict[str, str]:
-        """Return the base parameter files of a folder, by the controllers of this campaign that have one there."""
+        """Return the base parameter files in a directory, by controller of this campaign."""
         files = {controller.name: base_file(folder, controller.name) for controller in self.spec.controllers}
         return {name: file.read_text('utf8', 'replace') for name, file in files.items() if file.is_file()}
 
 
 def _check_names(spec: Spec) -> None:
-    """Reject metrics that no run can have."""
+    """Reject metrics that do not exist."""
     for entry, names in (('metrics', spec.metrics), ('keep: of', (spec.worst_of,) if spec.worst_of else ())):
         for name in names:
             if name != ALL and not is_own(name) and name not in METRIC_NAMES:
                 raise ArgumentError(
-                    f'{entry}: no run has {name!r}{did_you_mean(name, METRIC_NAMES)}; names are those in metrics.yaml '
-                    'of a report, and your own as module:function'
+                    f'{entry}: unknown metric {name!r}{did_you_mean(name, METRIC_NAMES)}; expected a name from '
+                    'metrics.yaml of a report, or module:function'
                 )
 
 
 def _check_sources(folder: Path, found: Mapping[str, str], due: Mapping[str, str]) -> None:
-    """Reject to go on with other code or other files than those that the results were made with."""
+    """Reject to resume with code or files that differ from those of the existing results."""
     changed = [name for name in {**found, **due} if found.get(name) != due.get(name)]
     if changed:
         raise ArgumentError(
-            f'{folder} holds results from before a change of {", ".join(changed)}; remove it, or give another folder '
-            'by --output'
+            f'{folder} holds results from before {", ".join(changed)} changed; remove it, or choose another directory '
+            'with --output'
         )
 
 
 def base_file(folder: Path, controller: str) -> Path:
-    """Return the parameter file of what all runs with a controller have in common."""
+    """Return the path of the common parameters of all runs with a controller."""
     return folder / 'parameters' / f'{file_name(controller)}.yaml'
 
 
 def _forget(folder: Path) -> None:
-    """Remove what a campaign writes before its first run."""
+    """Remove the files that a campaign writes before its first run."""
     for file in (folder / 'campaign.yaml', folder / 'results.jsonl', *(folder / 'parameters').glob('*.yaml')):
         file.unlink()
     (folder / 'parameters').rmdir()
 
 
 def _in_order(orders: Sequence[Sequence[str]]) -> list[str]:
-    """Return all names, each before those that come after it in the order in which it is first seen."""
+    """Return all names once, merged so that each order is kept as far as possible."""
     found: list[str] = []
     for order in dict.fromkeys(orders):
         position = 0
@@ -371,7 +373,7 @@ def _in_order(orders: Sequence[Sequence[str]]) -> list[str]:
 
 
 class _Crew:
-    """Who makes the runs: so many at a time by an executor, and whether a bar shows it."""
+    """The workers of a campaign: their number, their executor, and whether a bar shows the progress."""
 
     def __init__(self, workers: int, executor: MakeExecutor, progress: bool) -> None:
         self._workers = workers
@@ -381,7 +383,7 @@ class _Crew:
     def completed(
         self, work: Callable[[Item], Any], runs: Iterable[Item], total: int, what: str
     ) -> Iterator[tuple[Item, Any]]:
-        """Yield each run and what the work returns or raises for it, as they are completed."""
+        """Yield each run with the result or exception of its work, in order of completion."""
         if not total:
             return
         with contextlib.closing(all_cores.completed(work, runs, self._workers, self._executor)) as found:

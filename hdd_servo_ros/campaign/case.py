@@ -1,4 +1,4 @@
-"""A case of a study: one run to make, told by its parameters."""
+"""A case of a study: one run, defined by its parameters."""
 
 import dataclasses
 import math
@@ -16,24 +16,24 @@ _NOT_COMPARED = {
     'deterministic_timer': ('rate', 'progress', 'lookahead', 'start_timeout', 'peer_timeout'),
     'bag_recorder': ('run_dir', 'storage', 'compression', 'max_bag_size', 'max_bag_duration'),
 }
-"""Parameters on which no bit of a run depends."""
+"""Parameters that do not affect the results of a run."""
 
 
 def parameter_file(name: str) -> Path:
     """
-    Return a parameter file of this package, from the checkout or from where the package is installed.
+    Return a parameter file of this package, from the checkout or the installed share directory.
 
     Raises
     ------
     ArgumentError
-        If there is none of that name.
+        If no file has that name.
     """
     package = Path(__file__).resolve().parents[1]
     share = [parent / 'share' / 'hdd_servo_ros' / 'params' for parent in package.parents]
     for directory in (package.parent / 'params', *share):
         if (directory / name).is_file():
             return directory / name
-    raise ArgumentError(f'no parameter file {name!r} among those of hdd_servo_ros')
+    raise ArgumentError(f'unknown parameter file {name!r}: hdd_servo_ros has none of that name')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,13 +44,13 @@ class Case:
     Attributes
     ----------
     name
-        Of the case and of its run's folder.
+        Name of the case and of its run directory.
     controller
-        As the parameter ``controller`` of `rig`.
+        Value of the parameter ``controller`` of `rig`.
     files
-        Parameter files, those of ``params/`` by name, others by path; later ones win.
+        Parameter files, those in ``params/`` by name, others by path; later ones win.
     overrides
-        What differs from the files, under ``'node:parameter'``; a float must be written as one, as ROS insists.
+        Overrides of the files, by ``'node:parameter'``; a float needs a decimal point, as in ROS.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Case:
         Parameters
         ----------
         defaults
-            Overrides that hold for the whole study; those of the case win.
+            Overrides for the whole study; those of the case win.
         run_dir
             Folder of the run.
         """
@@ -75,7 +75,7 @@ class Case:
 
 class PlannedRun:
     """
-    A case with its checked parameters and its place on disk.
+    A case with its checked parameters and its paths on disk.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class PlannedRun:
     defaults
         Overrides of the whole study.
     directory
-        Folder below which the run's folder lies.
+        Parent of the run directory.
 
     Raises
     ------
@@ -102,7 +102,7 @@ class PlannedRun:
 
     @property
     def period(self) -> float:
-        """Period of the reference [s], infinite where it has none or drives nothing."""
+        """Period of the reference [s]; infinite if it is not periodic or unused."""
         nodes = self._simulation.nodes
         named = {name.rsplit('/', 1)[-1]: node['parameters'] for name, node in nodes.items()}
         reference = named['reference_generator']
@@ -111,16 +111,16 @@ class PlannedRun:
 
     @property
     def sample_time(self) -> float:
-        """T [s]."""
+        """Sample time T [s]."""
         return self._simulation.timer.sample_time
 
     def obstacle(self, run: Mapping[str, Any]) -> str:
-        """Return why a recorded run cannot stand for this one, in a few words; empty if it can."""
+        """Return why a recorded run cannot replace this one; empty if it can."""
         if run['status'] != FINISHED:
-            return f'it is {run["status"]}'
+            return f'its status is {run["status"]}'
         version = run['versions']['hdd_servo_ros']
         if version != __version__:
-            return f'it is of version {version}'
+            return f'its version is {version}'
         return next(self._differences(run), '')
 
     def _differences(self, run: Mapping[str, Any]) -> Iterator[str]:
@@ -131,8 +131,8 @@ class PlannedRun:
                 yield f'it has no {node}'
                 continue
             if recorded['offers'] != expected['offers']:
-                # Such as the digest of a controller's file.
-                yield f'{node} was another'
+                # For example the digest of a controller's file.
+                yield f'{node} has changed'
             for name, value in expected['parameters'].items():
                 plain = list(value) if isinstance(value, tuple) else value
                 found = recorded['parameters'].get(name)

@@ -1,4 +1,4 @@
-"""Shows how far the runs of a study are: a bar on a terminal, else a line per run."""
+"""Progress of the runs of a study: a bar on a terminal, otherwise one line per run."""
 
 import re
 import sys
@@ -14,18 +14,18 @@ _PROGRESS = re.compile(r'(\d+\.\d+) of (\d+\.\d+) s')
 
 class CaseProgress:
     """
-    How far the runs are, by ticks.
+    Progress of runs, measured in ticks.
 
     Parameters
     ----------
     due
         All runs.
-    say
-        Gets a line for a person.
+    report
+        Called with each progress line.
     """
 
-    def __init__(self, due: Iterable[PlannedRun], say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, due: Iterable[PlannedRun], report: Callable[[str], None]) -> None:
+        self._report = report
         self._left = list(due)
         self._count = len(self._left)
         self._ticks_due = sum(run.ticks for run in self._left)
@@ -42,7 +42,7 @@ class CaseProgress:
         self._left.remove(run)
         self._ticks_done += run.ticks
         if self._bar.disable:
-            self._say(f'{self._count - len(self._left)} of {self._count} runs: {run.case.name}, {self._time_left()}')
+            self._report(f'{self._count - len(self._left)} of {self._count} runs: {run.case.name}, {self._time_left()}')
 
     def show(self) -> None:
         """Show the bar, if there is a terminal."""
@@ -53,19 +53,19 @@ class CaseProgress:
             self._bar.update(self._ticks() - self._bar.n)
 
     def close(self) -> None:
-        """Leave the bar as it is, and end its line."""
+        """End the line of the bar."""
         self._bar.close()
 
     def _ticks(self) -> float:
-        """Return how many ticks are done, those of the running ones by what their logs say."""
+        """Return the number of completed ticks; those of running runs are read from their logs."""
         total = float(self._ticks_done)
         for run in self._left:
             try:
-                said = _PROGRESS.findall(run.log.read_text(errors='replace'))
+                progress = _PROGRESS.findall(run.log.read_text(errors='replace'))
             except FileNotFoundError:
                 continue
-            if said:
-                total += run.ticks * float(said[-1][0]) / float(said[-1][1])
+            if progress:
+                total += run.ticks * float(progress[-1][0]) / float(progress[-1][1])
         return total
 
     def _time_left(self) -> str:

@@ -1,4 +1,4 @@
-"""What has changed between the campaign that a folder holds and one that is to go on there."""
+"""Differences between the campaign in a directory and a campaign that is to resume there."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -8,21 +8,21 @@ from hdd_servo_ros.campaign.spec import named_values
 from hdd_servo_ros.parameters.ros_yaml import RosYamlError, read_sections
 
 _SHOWN = 3
-"""Changes in a message."""
+"""Largest number of changes in a message."""
 
 
 def changes(found: object, found_bases: Mapping[str, str], plan: Plan) -> str:
     """
-    Return in words what differs, the first few differences; empty if none is known.
+    Return the first few differences as text; empty without a known difference.
 
     Parameters
     ----------
     found
-        Entry ``contents`` of the folder's ``campaign.yaml``.
+        Entry ``contents`` of ``campaign.yaml`` in the directory.
     found_bases
-        The folder's base parameter files by controller.
+        The base parameter files in the directory, by controller.
     plan
-        Of the campaign that is to go on.
+        Plan of the campaign that is to resume.
     """
     if not isinstance(found, Mapping):
         return ''
@@ -49,7 +49,7 @@ def _of_contents(found: Mapping[str, Any], due: Mapping[str, Any]) -> Iterator[s
 
 
 def _of_bases(found: Mapping[str, str], due: Mapping[str, str]) -> Iterator[str]:
-    """Compare base parameters of controllers that are in both; those of all are named once."""
+    """Compare the base parameters of the common controllers; a difference of all controllers is listed once."""
     listed: dict[str, list[str]] = {}
     for name in due:
         if name not in found:

@@ -1,4 +1,4 @@
-"""What the commands that make many runs have in common: how they end."""
+"""Exit codes and interruption of the commands that make many runs."""
 
 import signal
 import sys
@@ -9,30 +9,30 @@ from typing import NoReturn
 
 from hdd_servo_ros.messages.exit_codes import guard
 
-KEPT = 'finished runs are kept, and the next call goes on from there'
+KEPT = 'finished runs are kept, and the next call resumes there'
 
 
 def exit_code(name: str, work: Callable[[], int], *, kept: str = KEPT) -> int:
     """
-    Do a command's work, and return its exit code.
+    Run a command, and return its exit code.
 
     Parameters
     ----------
     name
-        What the command is called, for messages.
+        Name of the command, for messages.
     work
-        Returns 0 for done, 1 for done in part.
+        Returns 0 if complete, 1 if partial.
     kept
-        What an interrupted user is told of the work so far.
+        Message about the completed work after an interruption.
 
     Returns
     -------
     int
-        As ``work`` says; 1 if a run failed, 2 for wrong arguments or parameters, 128 + n if ended by signal n.
+        Result of ``work``; 1 if a run failed, 2 for invalid arguments or parameters, 128 + n after signal n.
     """
     if threading.current_thread() is threading.main_thread():  # Python allows no handlers elsewhere.
         for number in (signal.SIGTERM, signal.SIGHUP):
-            # As `nohup` has it, which asks for the work to go on.
+            # `nohup` ignores SIGHUP, so that the work continues.
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, _end)
     return guard(name, lambda: _done(name, work, kept))
@@ -50,7 +50,7 @@ def _done(name: str, work: Callable[[], int], kept: str) -> int:
 
 
 class _Ended(SystemExit):
-    """A signal asks for the end."""
+    """A signal requests the end."""
 
     def __init__(self, number: int) -> None:
         super().__init__(128 + number)

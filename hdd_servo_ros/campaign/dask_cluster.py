@@ -1,4 +1,4 @@
-"""Makes the runs of a campaign on a Dask cluster, an existing one or one of this machine's processes."""
+"""Campaign runs on a Dask cluster, an existing one or a local one."""
 
 import concurrent.futures
 import contextlib
@@ -10,14 +10,14 @@ from hdd_servo_ros.messages.errors import MissingExtra
 from hdd_servo_ros.parameters.files import ArgumentError
 
 _PATIENCE = 10.0
-"""How long to look for a scheduler [s]."""
+"""Time limit of the connection to a scheduler [s]."""
 
 
 class _DaskExecutor(concurrent.futures.Executor):
-    """Dask's own executor, with the arguments of ``shutdown`` that those of Python have."""
+    """Dask's executor with the arguments of ``shutdown`` that Python's executors have."""
 
     def __init__(self, client: Any) -> None:
-        # Each run is made: two with the same parameters are two rows.
+        # Not pure: two runs with the same parameters are two rows.
         self._executor = client.get_executor(pure=False)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> 'concurrent.futures.Future[Any]':
@@ -35,27 +35,26 @@ def dask_executor(
     """
     Connect to a Dask cluster.
 
-    Dask makes the runs of a worker that is killed again, by another one.
+    Dask repeats the runs of a killed worker on another one.
 
     Parameters
     ----------
     address
-        Of its scheduler, such as ``tcp://host:8786``; None for a cluster of this machine's processes, which ends with
-        the block.
+        Address of its scheduler, such as ``tcp://host:8786``; None for a local cluster that ends with the block.
     workers
-        Processes of the latter; None for one per core.
+        Processes of a local cluster; None for one per core.
 
     Yields
     ------
     executor, workers
-        What :meth:`~hdd_servo_ros.campaign.campaign.Campaign.run` takes.
+        Arguments of :meth:`~hdd_servo_ros.campaign.campaign.Campaign.run`.
 
     Raises
     ------
     MissingExtra
         If Dask is not installed.
     ArgumentError
-        If no scheduler answers there, or it has no worker.
+        If no scheduler responds at the address, or it has no worker.
     """
     try:
         import dask
@@ -76,7 +75,7 @@ def dask_executor(
             try:
                 client = stack.enter_context(make_client(address, timeout=_PATIENCE))
             except (OSError, ValueError) as error:
-                raise ArgumentError(f'--scheduler {address}: no Dask scheduler answers there: {error}') from None
+                raise ArgumentError(f'--scheduler {address}: no Dask scheduler responds there: {error}') from None
         threads = sum(client.nthreads().values())
         if not threads:
             raise ArgumentError(f'--scheduler {address}: the scheduler has no worker')

@@ -1,4 +1,4 @@
-"""The folder that many runs are made in: one study or campaign at a time."""
+"""The directory of a study or campaign, which only one process may use at a time."""
 
 import contextlib
 import fcntl
@@ -11,31 +11,33 @@ from hdd_servo_ros.parameters.files import ArgumentError
 
 
 class StudyError(RuntimeError):
-    """A study or a campaign that cannot go on; says which case and why."""
+    """A study or a campaign that cannot continue; the message has the case and the reason."""
 
     exit_code = exit_codes.FAILED
 
 
 def make_folder(directory: Path) -> None:
-    """Make a folder, if it is not there; raises :class:`ArgumentError` if it cannot be made."""
+    """Create a directory if it is missing; raises :class:`ArgumentError` if that fails."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        raise ArgumentError(f'{directory} cannot be a folder: a file stands there; --output says another') from None
+        raise ArgumentError(f'{directory} is a file, not a directory; choose another with --output') from None
     except OSError as error:
-        raise ArgumentError(f'{directory} cannot be made: {error.strerror}; --output says another folder') from None
+        raise ArgumentError(
+            f'cannot create directory {directory}: {error.strerror}; choose another with --output'
+        ) from None
 
 
 @contextlib.contextmanager
 def alone_in(directory: Path) -> Iterator[None]:
-    """Keep a second study out of the folder, for it would take the runs that are being made for broken ones."""
+    """Lock the directory: a second study would take unfinished runs for broken ones."""
     descriptor = os.open(directory, os.O_RDONLY)
-    # A worker that is forked meanwhile would hold the lock for as long as it lives, whatever became of this process.
+    # A forked worker closes its copy: otherwise it would hold the lock even after this process has ended.
     _locks.add(descriptor)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise StudyError(f'another study is at work in {directory}') from None
+        raise StudyError(f'another study is running in {directory}') from None
     else:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""The results of a campaign on disk, a line per run in the order in which they were made: where it goes on from."""
+"""The results of a campaign on disk, one line per run in order of completion, from which it resumes."""
 
 import dataclasses
 import json
@@ -11,27 +11,27 @@ from hdd_servo_ros.campaign.measuring import Result
 
 class Journal:
     """
-    A file of results, one JSON object per line, written as each is known.
+    A file of results, one JSON object per line, written as each run completes.
 
-    A campaign may be killed at any byte: what is behind the last whole line does not count, and is cut off when the
-    file is opened again.
+    A campaign may be killed at any byte: an incomplete last line is ignored, and is removed when the file is opened
+    again.
 
     Parameters
     ----------
     path
-        The file; made if it is not there.
+        The file; created if it is missing.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         path.touch()
         with path.open('rb+') as file:
-            whole = 0
+            complete = 0
             for line in file:
                 if not line.endswith(b'\n'):
                     break
-                whole += len(line)
-            file.truncate(whole)
+                complete += len(line)
+            file.truncate(complete)
         self._file = path.open('ab')
 
     def __enter__(self) -> 'Journal':
@@ -43,12 +43,12 @@ class Journal:
         self._file.close()
 
     def add(self, result: Result) -> None:
-        """Write a result; it is in the file when this returns."""
+        """Write a result to the file."""
         self._file.write(json.dumps(dataclasses.asdict(result)).encode() + b'\n')
         self._file.flush()
 
     def __iter__(self) -> Iterator[Result]:
-        """Iterate over the results that are in the file."""
+        """Iterate over the results in the file."""
         with self._path.open('rb') as file:
             for line in file:
                 yield Result(**json.loads(line))

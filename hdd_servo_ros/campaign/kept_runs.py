@@ -1,4 +1,4 @@
-"""The recorded runs of a campaign: made where they are not there, whole and those of the table, already."""
+"""The recorded runs of a campaign: made unless an intact recording with the same signals exists."""
 
 import dataclasses
 import shutil
@@ -14,14 +14,14 @@ from hdd_servo_ros.recording.signals_digest import signals_digest
 @dataclasses.dataclass(frozen=True)
 class KeptRun:
     """
-    A run that is kept.
+    A run to keep.
 
     Attributes
     ----------
     run
-        What runs.
+        The run.
     status, digest
-        As the table has them.
+        Values in the table.
     """
 
     run: CampaignRun
@@ -30,42 +30,42 @@ class KeptRun:
 
 
 def run_name(run: CampaignRun) -> str:
-    """Return the name of the folder of a recorded run."""
+    """Return the directory name of a recorded run."""
     return f'{run.number:06d}'
 
 
 def keep_run(directory: Path, kept: KeptRun) -> None:
     """
-    Record a run, unless it is there.
+    Record a run, unless an intact recording exists.
 
     Parameters
     ----------
     directory
-        Folder of all recorded runs.
+        Parent directory of the recorded runs.
     kept
         The run.
 
     Raises
     ------
     StudyError
-        If the recording has other signals than the run that was measured.
+        If the recording is not bit-identical to the run that was measured.
     """
     folder = directory / run_name(kept.run)
     if _is_there(folder, kept):
         return
-    # Left by a process that was killed, or damaged since.
+    # The process that recorded it was killed, or the files were damaged later.
     if folder.exists():
         shutil.rmtree(folder)
     directory.mkdir(exist_ok=True)
     if record_run(folder, kept.run) != kept.digest:
-        raise StudyError(f'run {kept.run.number}: its recording has other signals than the run that was measured')
+        raise StudyError(f'run {kept.run.number}: its recording is not bit-identical to the run that was measured')
 
 
 def _is_there(folder: Path, kept: KeptRun) -> bool:
-    """Return whether a folder holds the whole recording of a run: its status, and every bit of its signals."""
+    """Return whether a directory holds the complete recording of a run, with its status and bit-identical signals."""
     try:
         recorded = RecordedRun.open(folder)
         return recorded.status == kept.status and signals_digest(recorded) == kept.digest
     except Exception:
-        # Whatever is wrong with it, the run can be made again.
+        # Whatever the damage, the run can be recorded again.
         return False

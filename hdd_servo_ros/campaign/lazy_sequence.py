@@ -1,4 +1,4 @@
-"""Sequences whose items are made when they are asked for."""
+"""Sequences whose items are computed on access."""
 
 import abc
 from collections.abc import Sequence
@@ -8,10 +8,10 @@ Item = TypeVar('Item', covariant=True)
 
 
 class LazySequence(Sequence[Item]):
-    """A sequence that makes an item, or a list of those of a slice, when it is asked for them."""
+    """A sequence that computes an item, or the list of a slice, on access."""
 
     called = 'item'
-    """What an item is called in an error."""
+    """Name of an item in error messages."""
 
     @overload
     def __getitem__(self, index: int) -> Item: ...
@@ -20,13 +20,13 @@ class LazySequence(Sequence[Item]):
     def __getitem__(self, index: slice) -> list[Item]: ...
 
     def __getitem__(self, index: int | slice) -> Item | list[Item]:
-        """Return an item, from the end if the index is negative; raises IndexError if there is none."""
+        """Return an item, counted from the end for a negative index; raises IndexError beyond the ends."""
         if isinstance(index, slice):
             return [self._item(one) for one in range(len(self))[index]]
         if not -len(self) <= index < len(self):
-            raise IndexError(f'there is no {self.called} {index}, only 0 to {len(self) - 1}')
+            raise IndexError(f'{self.called} {index} does not exist; expected 0 to {len(self) - 1}')
         return self._item(index % len(self))
 
     @abc.abstractmethod
     def _item(self, index: int) -> Item:
-        """Return the item of an index from 0 on, which is there."""
+        """Return the item at a valid index of at least 0."""

@@ -18,10 +18,10 @@ from hdd_servo_ros.numerics.kernel_folder import first_compilation
 
 
 def _workers(text: str) -> int:
-    """Return a count of workers; argparse tells what is none."""
+    """Parse a positive number of workers; raise ArgumentTypeError otherwise."""
     number = int(text)
     if number < 1:
-        raise argparse.ArgumentTypeError(f'{text} is no number of workers: it must be at least 1')
+        raise argparse.ArgumentTypeError(f'{text} is not a valid number of workers; expected an integer at least 1')
     return number
 
 
@@ -29,30 +29,39 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='campaign',
-        description='Makes all runs of a specification, without middleware and without bags, and writes their table.',
-        epilog=f'A run that fails is a row of the table with its reason. {EPILOG}',
+        description='Make all runs of a specification, without middleware and without bags, and write their table.',
+        epilog=f'A failed run is a row of the table with its reason. {EPILOG}',
     )
-    parser.add_argument('spec', type=Path, nargs='?', metavar='SPEC.yaml', help='what runs, see docs/campaigns.md')
     parser.add_argument(
-        '--output', type=Path, metavar='DIR', help='where the results go (default: runs/ and the name of the campaign)'
+        'spec',
+        type=Path,
+        nargs='?',
+        metavar='SPEC.yaml',
+        help='specification of the runs, see docs/howto/run-campaigns.md',
+    )
+    parser.add_argument(
+        '--output',
+        type=Path,
+        metavar='DIR',
+        help='directory for the results (default: runs/NAME)',
     )
     parser.add_argument('--workers', type=_workers, metavar='N', help='runs at a time (default: one per core)')
     cluster = parser.add_mutually_exclusive_group()
-    cluster.add_argument('--dask', action='store_true', help='by a Dask cluster of N processes of this machine')
-    cluster.add_argument('--scheduler', metavar='ADDRESS', help='by an existing Dask cluster, such as tcp://host:8786')
+    cluster.add_argument('--dask', action='store_true', help='use a local Dask cluster of N processes')
+    cluster.add_argument('--scheduler', metavar='ADDRESS', help='use an existing Dask cluster, such as tcp://host:8786')
     parser.add_argument(
         '--check',
         type=Path,
         nargs=2,
         metavar=('DIR', 'RUN_DIR'),
-        help='make no run: tell which run of the campaign in DIR has the signals of a recorded run, to the bit; '
-        'exit code 1 if none has',
+        help='make no run: print which runs of the campaign in DIR are bit-identical to a recorded run; '
+        'exit code 1 without a match',
     )
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a campaign; exit code 0 when its table is written, whatever became of its runs."""
+    """Run a campaign; exit code 0 when its table is written, even if runs failed."""
     parser = command_line()
     options = parser.parse_args(arguments)
     if (options.spec is None) == (options.check is None):
@@ -64,10 +73,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _check(folder: Path, run_dir: Path) -> int:
     numbers = same_runs(folder, run_dir)
     if not numbers:
-        print(f'{run_dir} has the signals of no run of {folder}')
+        print(f'{run_dir} matches no run of {folder}')
         return 1
     named = f'run{"s" if len(numbers) > 1 else ""} {", ".join(map(str, numbers))}'
-    print(f'{run_dir} has the signals of {named} of {folder}, to the bit')
+    print(f'{run_dir} is bit-identical to {named} of {folder}')
     return 0
 
 
@@ -86,15 +95,15 @@ def _work(options: argparse.Namespace) -> int:
     print(table)
     failed = sum(status != FINISHED for status in table['status'])
     if failed:
-        print(f'{failed} of {len(table)} runs did not finish; the column reason says why')
-    # Late: they need plotly and matplotlib.
+        print(f'{failed} of {len(table)} runs did not finish; see the column reason')
+    # Imported late: they need plotly and matplotlib.
     from hdd_servo_ros.campaign.page import write_page
-    from hdd_servo_ros.campaign.picture import write_picture
+    from hdd_servo_ros.campaign.plot import write_plot
 
     print(f'table: {directory / "table.csv"}')
-    picture = write_picture(campaign, table, directory)
-    if picture is not None:
-        print(f'picture: {picture}')
+    plot = write_plot(campaign, table, directory)
+    if plot is not None:
+        print(f'plot: {plot}')
     print(f'page: {write_page(campaign, table, directory)}')
     return 0
 

@@ -1,4 +1,4 @@
-"""Makes one run of a campaign in this process, and returns its row of the table."""
+"""One run of a campaign in this process, and its row of the table."""
 
 import contextlib
 import dataclasses
@@ -25,33 +25,33 @@ from hdd_servo_ros.simulation.in_memory import run_in_memory
 from hdd_servo_ros.simulation.run_setup import Simulation
 
 _RAISED = (Exception, SystemExit, KeyboardInterrupt)
-"""What code of a user may raise in a run; a signal to the process is not looked at here."""
+"""Exceptions that user code may raise in a run; signals to the process are handled elsewhere."""
 _PREPARING_TICKS = 1000
 REJECTED = 'rejected'
-"""Status of a run whose parameters are not allowed: it has no tick."""
+"""Status of a run with invalid parameters, which has no ticks."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
     """
-    What came out of a run.
+    Result of a run.
 
     Attributes
     ----------
     number
-        Of the run.
+        Number of the run.
     status
-        ``finished`` or ``failed``, or ``rejected`` if its parameters are not allowed.
+        ``finished``, ``failed``, or ``rejected`` if its parameters are invalid.
     reason
-        Why, if it is not ``finished``; which metric could not be computed.
+        Reason if it is not ``finished``, and the metrics that could not be computed.
     verdict
-        As a report has it; empty where there is none.
+        Verdict, as in a report; may be empty.
     last_tick
-        The last tick; -1 if there is none.
+        The last tick; -1 without a tick.
     digest
-        Of all signals, by :func:`~hdd_servo_ros.recording.signals_digest.signals_digest`; empty if there are none.
+        Digest of all signals by :func:`~hdd_servo_ros.recording.signals_digest.signals_digest`, or empty.
     metrics
-        Values by name; those that the run does not have are missing.
+        Values by name, without those that the run lacks.
     units
         Units of the metrics.
     """
@@ -67,7 +67,7 @@ class Result:
 
 
 def failed_result(run: CampaignRun, reason: str) -> Result:
-    """Return the row of a run that left nothing but the reason."""
+    """Return the row of a run without results."""
     return Result(run.number, FAILED, reason)
 
 
@@ -79,7 +79,7 @@ def own_metric(path: str) -> Callable[[RecordedRun], float]:
     Raises
     ------
     ArgumentError
-        If there is none.
+        If it cannot be imported.
     """
     module, _, name = path.partition(':')
     try:
@@ -93,22 +93,22 @@ def own_metric(path: str) -> Callable[[RecordedRun], float]:
 
 
 def is_own(metric: str) -> bool:
-    """Return whether the name of a metric is the import path of an own one."""
+    """Return whether a metric is user-defined, given by its import path."""
     return ':' in metric
 
 
 def measure_run(metrics: Sequence[str], after: float | None, run: CampaignRun) -> Result:
     """
-    Make a run in this process and measure it; whatever goes wrong is a row with its reason.
+    Make a run in this process and measure it; a failure gives a row with its reason.
 
     Parameters
     ----------
     metrics
-        Names, with ``all`` among them for all that a report has, and import paths of own ones.
+        Names, ``all`` for all metrics of a report, and import paths of user-defined metrics.
     after
-        Time before which errors do not count [s]; None for that of a report.
+        Start of the window of the metrics [s]; None for that of a report.
     run
-        What to run.
+        The run.
     """
     try:
         simulation = Simulation(run.arguments())
@@ -134,7 +134,7 @@ def _measured(made: RunInMemory, number: int, metrics: Sequence[str], after: flo
         for metric in run_metrics(made, after, only) if len(made.ticks) else ():
             values[metric.name], units[metric.name] = float(metric.value), metric.unit
     except ValueError as error:
-        # Such as that nothing is after the transient.
+        # For example if the run ends within the transient.
         reasons.append(f'metrics: {one_line(error)}')
     except Exception as error:
         reasons.append(f'metrics: {described(error)}')
@@ -150,25 +150,25 @@ def _measured(made: RunInMemory, number: int, metrics: Sequence[str], after: flo
 
 def record_run(directory: Path, run: CampaignRun) -> str:
     """
-    Make a run once more and record it.
+    Repeat a run and record it.
 
     Parameters
     ----------
     directory
-        Folder of the recorded run; it must not exist.
+        Directory of the recorded run; it must not exist.
     run
-        What to run.
+        The run.
 
     Returns
     -------
     str
         The digest of the recorded signals.
     """
-    # Late: most campaigns record nothing.
+    # Imported late: most campaigns record nothing.
     from hdd_servo_ros.simulation.simulate import simulate
 
     further = {'bag_recorder:run_dir': str(directory), 'deterministic_timer:record': True}
-    # What it warns of is in the table, or the same for many runs.
+    # Its warnings are in the table, or the same for many runs.
     exit_code, _ = simulate(Simulation(run.arguments(further)), progress=False, log=lambda line: None)
     end_if_signaled(exit_code)
     return signals_digest(RecordedRun.open(directory))
@@ -176,17 +176,17 @@ def record_run(directory: Path, run: CampaignRun) -> str:
 
 def prepare(metrics: Sequence[str], after: float | None, run: CampaignRun) -> None:
     """
-    Import and compile what a run needs, by its first ticks, so that processes forked afterward have it.
+    Run the first ticks, so that forked processes share the imports and compiled kernels of a run.
 
     Parameters
     ----------
     metrics, after, run
-        As of :func:`measure_run`.
+        See :func:`measure_run`.
     """
     with contextlib.suppress(Exception):
         simulation = Simulation(run.arguments())
         if simulation.rig.controller not in CONTROLLERS:
-            # It is not compiled, and what it does is to be a row of the table.
+            # A custom controller is not compiled, and its errors belong in the table.
             return
         simulation.last_tick = min(simulation.last_tick, _PREPARING_TICKS)
         _measured(run_in_memory(simulation), run.number, [name for name in metrics if not is_own(name)], after)

@@ -1,7 +1,7 @@
 """
-The page of a campaign: distributions, scatter and parallel coordinates, and how to make the worst runs again.
+The HTML page of a campaign: distributions, scatter plots, parallel coordinates, and commands for the worst runs.
 
-One HTML file that needs nothing else; plotly.js is in it.
+It is one self-contained HTML file that includes plotly.js.
 """
 
 import html
@@ -22,7 +22,7 @@ from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.messages.outcome import FINISHED
 
 WORST = 10
-"""Runs in the table of the worst, of those that finished and of those that did not."""
+"""Largest number of finished runs, and of unfinished runs, in the table of the worst runs."""
 _COLUMNS = 3
 _ROW_HEIGHT = 260
 _COLORS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#e377c2', '#7f7f7f')
@@ -30,16 +30,16 @@ _COLORS = ('#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#e
 
 def write_page(campaign: Campaign, table: Table, folder: Path) -> Path:
     """
-    Write ``campaign.html`` into the folder of a campaign, and return its path.
+    Write ``campaign.html`` into the directory of a campaign, and return its path.
 
     Parameters
     ----------
     campaign, table
-        The campaign and what it has found.
+        The campaign and its table.
     folder
-        Its folder.
+        Its directory.
     """
-    # Late: plotly is needed for the page only.
+    # Imported late: only the page needs plotly.
     from plotly.offline import get_plotlyjs
 
     from hdd_servo_ros.reporting.page import in_script
@@ -78,7 +78,7 @@ def write_page(campaign: Campaign, table: Table, folder: Path) -> Path:
 
 
 def metrics_of(table: Table) -> list[str]:
-    """Return the metrics of a table that at least one run has."""
+    """Return the metrics that at least one run has."""
     names = table.columns[table.columns.index('last_tick') + 1 : -1]
     return [name for name in names if np.isfinite(table[name]).any()]
 
@@ -93,7 +93,7 @@ def _label(table: Table, name: str) -> str:
 
 
 def _finite(values: NDArray[np.float64]) -> list[float | None]:
-    """Return numbers as JSON has them."""
+    """Return numbers for JSON, with null for those that are not finite."""
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
@@ -109,7 +109,7 @@ def _html_table(head: Sequence[str], lines: Sequence[Sequence[str]], text: Seque
 
 
 def _summary(table: Table, metrics: Sequence[str]) -> str:
-    """Return median, 95 % quantile and largest of each metric, by controller."""
+    """Return median, 95 % quantile and maximum of each metric, by controller."""
     lines = []
     for name in metrics:
         for controller in _controllers(table):
@@ -121,7 +121,7 @@ def _summary(table: Table, metrics: Sequence[str]) -> str:
 
 
 def _grid(titles: Sequence[str]) -> tuple[list[tuple[str, str]], dict[str, Any]]:
-    """Return the axes of small diagrams in rows, and their layout."""
+    """Return the axes and the layout of a grid of small plots."""
     rows = max(1, -(-len(titles) // _COLUMNS))
     layout: dict[str, Any] = {
         'grid': {'rows': rows, 'columns': _COLUMNS, 'pattern': 'independent'},
@@ -203,14 +203,14 @@ def _parallel(table: Table, parameters: Sequence[str], metrics: Sequence[str], m
     if metric:
         title = {'text': html.escape(_label(table, metric))}
         line = {'color': _finite(table[metric]), 'showscale': True, 'colorbar': {'title': title}}
-    # Names of metrics are longer than the axes are apart.
+    # Slanted: names of metrics are longer than the distance of the axes.
     trace = {'type': 'parcoords', 'dimensions': dimensions, 'line': line, 'labelangle': -25}
     return {'data': [trace], 'layout': {'height': 480, 'margin': {'t': 140}}}
 
 
 def _worst(campaign: Campaign, table: Table, metric: str, folder: Path) -> str:
     lines = []
-    # Files that parameters name may be relative to where the campaign was started.
+    # File names in parameters may be relative to the working directory of the campaign.
     start = f'cd {shlex.quote(str(Path.cwd()))} && '
     numbers = campaign.worst(table, '', WORST)
     if metric:

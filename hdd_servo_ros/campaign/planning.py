@@ -1,4 +1,4 @@
-"""The runs of a campaign, each with the parameters that it sets, checked before the first one runs."""
+"""The runs of a campaign with their parameters, checked before the first run starts."""
 
 import dataclasses
 import hashlib
@@ -27,21 +27,21 @@ from hdd_servo_ros.version import __version__
 @dataclasses.dataclass(frozen=True)
 class CampaignRun:
     """
-    One run of a campaign, all that a worker needs to make it.
+    One run of a campaign, with everything that a worker needs.
 
     Attributes
     ----------
     number
-        Its row in the table, from 0.
+        Row of the table, from 0.
     controller
-        Name of the controller, as the table has it.
+        Name of the controller in the table.
     seed
-        Of sensors and disturbances; None for those of the files.
+        Seed of sensors and disturbances; None for the seeds of the files.
     varied
-        The parameters that vary and their values in this run, under ``'node:parameter'``, elements of lists under
-        ``'node:parameter[index]'``; of a whole list that is scaled, the factor.
+        The varied parameters and their values in this run, by ``'node:parameter'`` or, for elements of lists, by
+        ``'node:parameter[index]'``; the factor for a scaled list.
     lists
-        The lists that are scaled or of which elements vary, as this run has them, under ``'node:parameter'``.
+        The resulting lists with scaled or varied elements, by ``'node:parameter'``.
     seeds
         The parameters that the seed sets.
     base
@@ -58,32 +58,32 @@ class CampaignRun:
 
     @property
     def settings(self) -> dict[str, object]:
-        """All that this run sets beyond its base, under ``'node:parameter'``."""
+        """The parameters that this run sets in addition to its base, by ``'node:parameter'``."""
         seed = {} if self.seed is None else dict.fromkeys(self.seeds, self.seed)
-        whole = {key: value for key, value in self.varied.items() if list_and_index(key)[1] is None}
-        # Over a whole list's factor, too.
-        return {**whole, **self.lists, **seed}
+        scalars = {key: value for key, value in self.varied.items() if list_and_index(key)[1] is None}
+        # Lists come last, so that they replace their factors.
+        return {**scalars, **self.lists, **seed}
 
     def arguments(self, further: Mapping[str, object] | None = None) -> RosArguments:
-        """Return the run's parameters as `simulate` takes them, with ``further`` ones over them."""
+        """Return the arguments of `simulate` for this run, with ``further`` overrides."""
         overrides = {node: dict(values) for node, values in self.base.overrides.items()}
         for key, value in {**self.settings, **(further or {})}.items():
             node, _, name = key.partition(':')
-            # Behind all others, which it overrides; a wildcard in a file may match the node as well.
+            # Moved to the end, to override all others; a wildcard in a file may also match the node.
             section = overrides.pop(node, {})
             overrides[node] = {**section, name: value}
         return RosArguments(overrides, list(self.base.named), self.base.remaps)
 
     def command(self, base_file: Path, run_dir: str) -> str:
         """
-        Return a command that makes this run again and records it.
+        Return a command that repeats and records this run.
 
         Parameters
         ----------
         base_file
-            Parameter file of the base, by :meth:`Plan.base_files`.
+            Parameter file of the base, see :meth:`Plan.base_files`.
         run_dir
-            Folder of the recorded run.
+            Directory of the recorded run.
         """
         arguments = ['--params-file', str(base_file)]
         for key, value in {**self.settings, 'bag_recorder:run_dir': run_dir}.items():
@@ -95,7 +95,7 @@ class Plan(LazySequence[CampaignRun]):
     """
     All runs of a campaign.
 
-    For each point its controllers, for each of these its seeds: runs 0 to ``len(plan) - 1``.
+    The seeds vary fastest, then the controllers, then the points: runs 0 to ``len(plan) - 1``.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ class Plan(LazySequence[CampaignRun]):
     Raises
     ------
     ArgumentError, ParameterError
-        If a file, a parameter or a controller of the specification is not allowed. Values that vary are not checked: a
-        run that they reject is a row with that reason.
+        If a file, a parameter or a controller of the specification is invalid. Varied values are not checked here: a
+        run with an invalid value is a row with the status ``rejected``.
     """
 
     called = 'run'
@@ -127,7 +127,7 @@ class Plan(LazySequence[CampaignRun]):
 
     @property
     def extent(self) -> str:
-        """How many runs, and of what they are the product."""
+        """The number of runs and its factors, as text."""
         return f'{len(self)} runs, {self.spec.extent}'
 
     def __repr__(self) -> str:
@@ -148,7 +148,7 @@ class Plan(LazySequence[CampaignRun]):
             if varied.times_base:
                 value = scaled(base.value(key), float(str(varied.value)), key)
                 if isinstance(value, tuple):
-                    # The table has the factor, a number to sort and to draw by.
+                    # The table has the factor, which can be sorted and plotted.
                     lists[key] = value
                 else:
                     values[key] = value
@@ -157,12 +157,12 @@ class Plan(LazySequence[CampaignRun]):
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """The parameters that vary, under ``'node:parameter'``."""
+        """The varied parameters, as ``'node:parameter'``."""
         return tuple(self.spec.points[0])
 
     @property
     def contents(self) -> dict[str, Any]:
-        """What the table depends on beside the base parameters, as ``campaign.yaml`` has it."""
+        """Entry ``contents`` of ``campaign.yaml``: the inputs of the table, apart from the base parameters."""
         spec = self.spec
         return {
             'version': __version__,
@@ -182,31 +182,31 @@ class Plan(LazySequence[CampaignRun]):
         """
         Digest of :attr:`contents` and of the base parameters.
 
-        What the runs read beside them has :attr:`files`.
+        The files that the runs read are listed by :attr:`files`.
         """
         texts = [self.contents, self.base_files()]
         return hashlib.blake2b(json.dumps(texts).encode(), digest_size=16).hexdigest()
 
     @property
     def files(self) -> Iterator[object]:
-        """The values of parameters, beside those of the nodes, that may name files which the runs read."""
+        """Further parameter values that may name files which the runs read."""
         for base in self._bases.values():
             yield from base.arguments.parameters_of(PLAYBACK).values()
-        texts = {key for point in self.spec.points[:1] for key, varied in point.items() if type(varied.value) is str}
-        if texts:
-            yield from dict.fromkeys(point[key].value for point in self.spec.points for key in texts)
+        strings = {key for point in self.spec.points[:1] for key, varied in point.items() if type(varied.value) is str}
+        if strings:
+            yield from dict.fromkeys(point[key].value for point in self.spec.points for key in strings)
 
     @property
     def nodes(self) -> list[dict[str, dict[str, Any]]]:
-        """Of each controller the nodes of its runs, with the parameters of the base."""
+        """The nodes of the runs of each controller, with their base parameters."""
         return [base.nodes for base in self._bases.values()]
 
     def base_files(self) -> dict[str, str]:
-        """Return for each controller, by its name, a parameter file of what all its runs have in common."""
+        """Return the text of the base parameter file of each controller, by name."""
         return {name: written_file(base.arguments.overrides) for name, base in self._bases.items()}
 
     def _check_varied(self) -> None:
-        """Reject parameters that no controller's run has."""
+        """Reject parameters that do not exist in any run."""
         known = sorted({key for base in self._bases.values() for key in base.values})
         for key in self.varied:
             name, index = list_and_index(key)
@@ -214,13 +214,11 @@ class Plan(LazySequence[CampaignRun]):
                 node = name.partition(':')[0]
                 if node == 'rig':
                     other = '; list them under `controllers`' if name == 'rig:controller' else ''
-                    raise ArgumentError(
-                        f'vary: {key} does not vary, but can be in `set` of an entry of `controllers`{other}'
-                    )
+                    raise ArgumentError(f'vary: {key} cannot vary; put it in `set` of an entry of `controllers`{other}')
                 if node not in names_with_parameters():
                     hint = did_you_mean(node, names_with_parameters())
-                    raise ArgumentError(f'vary: {key}: no such node{hint}')
-                raise ArgumentError(f'vary: {key}: no run has such a parameter{did_you_mean(name, known)}')
+                    raise ArgumentError(f'vary: {key}: unknown node{hint}')
+                raise ArgumentError(f'vary: {key}: unknown parameter{did_you_mean(name, known)}')
             if index is not None:
                 for base in self._bases.values():
                     if name in base.values:
@@ -231,17 +229,17 @@ class Plan(LazySequence[CampaignRun]):
                     scaled(base.value(key), 1.0, f'vary: {key}')
 
     def _check_after(self) -> None:
-        """Reject a time before which errors do not count that is behind the end of all runs with a controller."""
+        """Reject a window of metrics that starts after the end of all runs with a controller."""
         after = self.spec.after
         if after is None or any(key.startswith('deterministic_timer:') for key in self.varied):
             return
         for name, base in self._bases.items():
             if base.end is not None and after > base.end:
-                raise ArgumentError(f'after: {after:g} s is not allowed: the runs of {name} end at {base.end:g} s')
+                raise ArgumentError(f'after: {after:g} s is invalid: the runs of {name} end at {base.end:g} s')
 
 
 class _Base:
-    """What all runs with a controller have in common."""
+    """The common parameters of all runs with a controller."""
 
     def __init__(self, spec: Spec, controller: CampaignController) -> None:
         command = ['--ros-args']
@@ -257,7 +255,7 @@ class _Base:
             raise ArgumentError(f'{_entry(error, spec, controller)}: {error}') from error
         timer = simulation.timer
         self.end = simulation.last_tick * timer.sample_time if timer.duration > 0.0 else None
-        """When its runs end [s], None if that depends on a plan."""
+        """End time of its runs [s]; None if it depends on a plan."""
         self.nodes = nodes = simulation.nodes
         self.values: dict[str, Any] = {
             f'{name.rsplit("/", 1)[-1]}:{parameter}': value
@@ -267,7 +265,7 @@ class _Base:
         self.seeds = tuple(
             key
             for key in self.values
-            # The seeds of a reference say what is to be done, not by what chance it is disturbed.
+            # The seed of a reference defines the task, not a disturbance.
             if key.rpartition(':')[2].rpartition('.')[2] == 'seed' and not key.startswith(f'{REFERENCE_GENERATOR}:')
         )
 
@@ -276,13 +274,13 @@ class _Base:
         name, index = list_and_index(key)
         if name not in self.values:
             raise ArgumentError(
-                f'vary: {key}: times_base is not allowed: a controller of the campaign has no such value'
+                f'vary: {key}: times_base is invalid: a controller of the campaign lacks this parameter'
             )
         return self.values[name] if index is None else element(self.values[name], key, 'vary')
 
 
 def _entry(error: ParameterError | ArgumentError, spec: Spec, controller: CampaignController) -> str:
-    """Return the entry of the specification that an error of the parameters with a controller is about."""
+    """Return the entry of the specification that caused a parameter error."""
     own = f'controllers: {controller.name}'
     for values, entry in ((controller.values, f'{own}: set'), (spec.values, 'set')):
         for key in values:

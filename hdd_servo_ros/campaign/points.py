@@ -1,4 +1,4 @@
-"""The points of a campaign, each what one run sets: made when they are asked for, so that many take no memory."""
+"""The points of a campaign, computed on access, so that many points take no memory."""
 
 import dataclasses
 import itertools
@@ -8,20 +8,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from hdd_servo_ros.campaign.lazy_sequence import LazySequence
 
 MOST = 1_000_000
-"""Most runs of a campaign: a day of two cores with short runs, and a table that fits in memory."""
+"""Largest number of runs: a day of short runs on two cores, and a table that fits in memory."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Varied:
     """
-    What a parameter takes in one run.
+    The value of a varied parameter in one run.
 
     Attributes
     ----------
     value
-        The value, or the factor of the base value.
+        The value, or a factor of the base value.
     times_base
-        Whether the value is a factor of the base value, of each element where that is a list.
+        Whether the value is a factor of the base value (of each element of a list).
     """
 
     value: object
@@ -29,7 +29,7 @@ class Varied:
 
 
 Point = dict[str, Varied]
-"""What one run sets, under ``'node:parameter'``, elements of lists under ``'node:parameter[index]'``."""
+"""Values by ``'node:parameter'``, or by ``'node:parameter[index]'`` for elements of lists."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Block(LazySequence[Point]):
     Parameters
     ----------
     columns
-        By parameter; all have the same length, and there is at least one.
+        At least one column, by parameter; all have the same length.
     """
 
     def __init__(self, columns: Mapping[str, Column]) -> None:
@@ -71,12 +71,12 @@ class Block(LazySequence[Point]):
 
 class Points(LazySequence[Point]):
     """
-    Blocks that are crossed: each point of one with each of the others, the last one fastest.
+    The product of blocks: each point of one with each of the others; the last block varies fastest.
 
     Parameters
     ----------
     blocks
-        The blocks, which have no parameter in common; without any there is one empty point.
+        The blocks, without common parameters; no blocks give one empty point.
     """
 
     def __init__(self, blocks: Sequence[Sequence[Point]]) -> None:

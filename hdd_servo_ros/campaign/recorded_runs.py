@@ -1,4 +1,4 @@
-"""The recorded runs of a study, as its figures and tables see them."""
+"""The recorded runs of a study, for its figures and tables."""
 
 import functools
 from pathlib import Path
@@ -11,17 +11,17 @@ from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 _KEPT = 8
-"""Runs that stay in memory; 200001 ticks of the adaptive NN controller are 40 MB."""
+"""Number of runs in memory; 200001 ticks of the adaptive NN controller take 40 MB."""
 
 
 class RecordedRuns:
     """
-    The runs of a study's cases, from their bags alone: ``runs[case]`` is the case's :class:`RecordedRun`.
+    The recorded runs of a study: ``runs[case]`` is the :class:`RecordedRun` of a case.
 
     Parameters
     ----------
     directory
-        Where the runs' folders lie.
+        Parent of the run directories.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -30,26 +30,26 @@ class RecordedRuns:
         self._metrics: dict[tuple[str, float, float], TrackingMetrics] = {}
 
     def __getitem__(self, case: Case) -> RecordedRun:
-        """Return a case's run; errors as of :meth:`RecordedRun.open`."""
+        """Return the run of a case; raises the errors of :meth:`RecordedRun.open`."""
         return self._open(self._directory / case.name)
 
     def parameters(self, case: Case) -> dict[str, dict[str, Any]]:
-        """Return the parameters of a case's nodes under their own names, as its ``run.yaml`` has them."""
+        """Return the parameters of each node of a case by node name, from ``run.yaml``."""
         nodes = self[case].description['nodes']
         return {name.rsplit('/', 1)[-1]: node['parameters'] for name, node in nodes.items()}
 
     def metrics(self, case: Case, transient: float, unit: float = 1.0) -> TrackingMetrics:
         """
-        Return how well a case tracked.
+        Return the tracking metrics of a case.
 
         Parameters
         ----------
         case
-            Which run.
+            The case.
         transient
-            Time before which errors do not count [s].
+            Start of the window [s].
         unit
-            Factor from the run's unit of length to that of the errors.
+            Factor from the unit of length of the run to that of the errors.
         """
         key = (case.name, transient, unit)
         if key not in self._metrics:
@@ -60,6 +60,6 @@ class RecordedRuns:
         return self._metrics[key]
 
     def chatter(self, case: Case, transient: float) -> float:
-        """Return the rms change of the control from one tick to the next, after the transient [s]."""
+        """Return the rms change of the command per tick after the transient [s]."""
         run = self[case]
         return float(np.sqrt(np.mean(np.diff(run.command[run.since(transient)]) ** 2)))

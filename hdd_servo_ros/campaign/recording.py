@@ -1,4 +1,4 @@
-"""Makes runs that are recorded in this process, by `simulate`, with what it prints in a file."""
+"""Recorded runs by `simulate` in this process, with its output in a log file."""
 
 import contextlib
 import dataclasses
@@ -11,16 +11,16 @@ from hdd_servo_ros.campaign.worker import end_if_signaled
 @dataclasses.dataclass(frozen=True)
 class Recording:
     """
-    A run to record, all that a worker needs to make it.
+    A run to record, with everything that a worker needs.
 
     Attributes
     ----------
     arguments
-        Of `simulate`.
+        Arguments of `simulate`.
     directory
-        Folder of the run, as the arguments have it. What is there is left from a worker that was killed: it goes.
+        Directory of the run, as in the arguments. An existing one is the remains of a killed worker and is removed.
     log
-        Where the output goes.
+        File for the output.
     """
 
     arguments: tuple[str, ...]
@@ -29,8 +29,8 @@ class Recording:
 
 
 def record(due: Recording) -> int:
-    """Make a run and record it, and return the exit code of `simulate`; its output is in the log line by line."""
-    # Late: most campaigns record nothing.
+    """Record a run, and return the exit code of `simulate`; its output goes to the log line by line."""
+    # Imported late: most campaigns record nothing.
     from hdd_servo_ros.simulation import simulate
 
     if due.directory.exists():
@@ -46,7 +46,7 @@ def record(due: Recording) -> int:
 
 
 def prepare() -> None:
-    """Import what a run and its summary need, and load the compiled loop, so that forked workers have it."""
+    """Import the modules of a run and its summary, and load the compiled loop, for the forked workers."""
     import hdd_servo_ros.reporting.show
     import hdd_servo_ros.simulation.simulate  # noqa: F401
     from hdd_servo_ros.simulation.closed_loop import Controllers

@@ -1,4 +1,4 @@
-"""Runs the cases of a study, through the graph or without middleware, and keeps what is there already."""
+"""Runs the cases of a study, with `rig` or with `simulate`; existing runs are kept."""
 
 import contextlib
 import shutil
@@ -23,7 +23,7 @@ from hdd_servo_ros.recording.run_folder import read_run_yaml
 _POLL = 0.02
 _LAST_LINES = 6
 _PATIENCE = 10.0
-"""How long a run may take to end once it is asked to [s]."""
+"""Time that a run has to end after SIGTERM [s]."""
 
 
 def run_cases(
@@ -33,36 +33,35 @@ def run_cases(
     without_ros: bool = False,
     defaults: Mapping[str, object] | None = None,
     keep_failed: bool = False,
-    say: Callable[[str], None] = print,
+    report: Callable[[str], None] = print,
 ) -> None:
     """
-    Run all cases that are not on disk already.
+    Run all cases that are not on disk yet.
 
-    Through the graph one case runs at a time, for it uses two cores, as a process of `rig`. Without ROS as many run as
-    there are cores, in the worker processes that make the runs of campaigns
-    (:mod:`~hdd_servo_ros.campaign.all_cores`).
+    With ROS one case runs at a time, in a process of `rig`, which uses two cores. Without ROS one case per core runs
+    in the worker processes of campaigns (:mod:`~hdd_servo_ros.campaign.all_cores`).
 
     Parameters
     ----------
     cases
-        What to run; a case that comes twice runs once.
+        The cases; a repeated case runs once.
     directory
-        Where each case has its run's folder, by its name.
+        Parent of the run directories, which have the names of the cases.
     without_ros
-        Whether by `simulate` instead of `rig`.
+        Whether to use `simulate` instead of `rig`.
     defaults
-        Overrides that hold for all cases, under ``'node:parameter'``; those of a case win.
+        Overrides for all cases, by ``'node:parameter'``; those of a case win.
     keep_failed
-        Whether to go on after a run that has failed in the loop, such as one that diverged: its ``run.yaml`` says so.
-    say
-        Gets a line for a person.
+        Whether to continue after a run that failed in the loop, for example by diverging; ``run.yaml`` records it.
+    report
+        Called with each progress line.
 
     Raises
     ------
     ParameterError, ArgumentError
-        If a case's parameters are not allowed, or the folder cannot be made; nothing has run then.
+        If the parameters of a case are invalid, or the directory cannot be created; no case has run then.
     StudyError
-        If a run fails, something that is no run stands in its place, or another study is at work in the folder.
+        If a run fails, a file or directory that is not a run has its name, or another study uses the directory.
     """
     by_name: dict[str, Case] = {}
     for case in cases:
@@ -71,33 +70,33 @@ def run_cases(
     planned = [PlannedRun(case, defaults or {}, directory) for case in by_name.values()]
     make_folder(directory)
     with alone_in(directory):
-        due = [run for run in planned if not _is_there(run, say)]
+        due = [run for run in planned if not _is_there(run, report)]
         if len(due) < len(planned):
-            say(f'{len(planned) - len(due)} of {len(planned)} runs are in {directory} already, with these parameters')
+            report(f'{len(planned) - len(due)} of {len(planned)} runs with these parameters are in {directory} already')
         if due:
-            runner = _Runner(due, keep_failed, say)
+            runner = _Runner(due, keep_failed, report)
             if without_ros:
                 runner.in_workers()
             else:
                 runner.through_the_graph()
 
 
-def _is_there(run: PlannedRun, say: Callable[[str], None]) -> bool:
-    """Say whether a run's folder holds this very run; one that does not is removed."""
+def _is_there(run: PlannedRun, report: Callable[[str], None]) -> bool:
+    """Return whether the run directory holds this run; a different run is removed."""
     if not run.directory.exists():
         return False
     try:
         obstacle = run.obstacle(read_run_yaml(run.directory))
     except OSError as error:
-        raise StudyError(f'{error}: move it out of the way') from None
+        raise StudyError(f'{error}: move or remove it') from None
     if obstacle:
-        say(f'{run.case.name} runs again: {obstacle}')
+        report(f'{run.case.name} runs again: {obstacle}')
         shutil.rmtree(run.directory)
     return not obstacle
 
 
 def _failure(run: PlannedRun) -> str:
-    """Return why a recorded run has failed; empty if it has not, or there is none."""
+    """Return why a recorded run has failed; empty if it has not failed or does not exist."""
     try:
         content = read_run_yaml(run.directory)
     except FileNotFoundError:
@@ -106,17 +105,17 @@ def _failure(run: PlannedRun) -> str:
 
 
 class _Runner:
-    """Makes all runs, and shows how far they are; at the first that fails it ends those under way."""
+    """Makes all runs and shows the progress; the first failure ends the others."""
 
-    def __init__(self, due: list[PlannedRun], keep_failed: bool, say: Callable[[str], None]) -> None:
+    def __init__(self, due: list[PlannedRun], keep_failed: bool, report: Callable[[str], None]) -> None:
         self._due = due
         self._keep_failed = keep_failed
-        self._say = say
-        self._progress = CaseProgress(due, say)
+        self._report = report
+        self._progress = CaseProgress(due, report)
 
     def through_the_graph(self) -> None:
-        """Make them by `rig`, one at a time; raises :class:`StudyError` at the first that fails."""
-        self._say(f'{len(self._due)} runs to make, 1 at a time')
+        """Make the runs with `rig`, one at a time; raises :class:`StudyError` at the first failure."""
+        self._report(f'{len(self._due)} runs to make, 1 at a time')
         process: subprocess.Popen[bytes] | None = None
         try:
             for run in self._due:
@@ -132,11 +131,11 @@ class _Runner:
                 _end(process)
 
     def in_workers(self) -> None:
-        """Make them in the worker processes of campaigns; raises :class:`StudyError` at the first that fails."""
+        """Make the runs with `simulate` in workers; raises :class:`StudyError` at the first failure."""
         jobs = min(len(self._due), cores())
-        self._say(f'{len(self._due)} runs to make, {jobs} at a time')
+        self._report(f'{len(self._due)} runs to make, {jobs} at a time')
         if first_compilation():
-            self._say(COMPILING)
+            self._report(COMPILING)
         prepare()
         recordings = [Recording(tuple(run.arguments), run.directory, run.log) for run in self._due]
         try:
@@ -152,7 +151,7 @@ class _Runner:
     def _finish(self, run: PlannedRun, exit_code: int) -> None:
         kept = self._keep_failed and exit_code and _failure(run)
         if kept:
-            self._say(f'{run.case.name} failed: {kept}')
+            self._report(f'{run.case.name} failed: {kept}')
         elif exit_code:
             last = '\n'.join(run.log.read_text(errors='replace').splitlines()[-_LAST_LINES:])
             raise StudyError(f'the run {run.case.name} failed with exit code {exit_code} ({run.log}):\n{last}')
@@ -161,7 +160,7 @@ class _Runner:
 
 
 def _end(process: 'subprocess.Popen[bytes]') -> None:
-    """End a process that may have ended already."""
+    """End a process, if it still runs."""
     process.terminate()
     try:
         process.wait(_PATIENCE)

@@ -1,4 +1,4 @@
-"""Digests of the code and the files that the runs of a campaign read beside their parameters."""
+"""Digests of the code and files that the runs of a campaign read in addition to their parameters."""
 
 import hashlib
 import importlib
@@ -16,28 +16,28 @@ def digests(
     metrics: Mapping[str, Callable[..., float]],
 ) -> dict[str, str]:
     """
-    Return digests of what a campaign reads, each under what a message calls it.
+    Return the digests of the inputs of a campaign, by the name used in messages.
 
-    Of a metric and of a custom controller it is that of the file which defines it; modules that it imports are not
-    followed.
+    For a metric or a custom controller the digest is that of the file that defines it, without the modules that it
+    imports.
 
     Parameters
     ----------
     nodes
-        Of each controller the nodes of its runs by full name, as :attr:`Simulation.nodes` has them.
+        For each controller the nodes of its runs by full name, as in :attr:`Simulation.nodes`.
     further
-        Further values of parameters.
+        Further parameter values.
     metrics
-        Own metrics by import path.
+        User-defined metrics by import path.
     """
     found: dict[str, str] = {}
-    texts = [value for value in further if isinstance(value, str)]
+    strings = [value for value in further if isinstance(value, str)]
     for node in (node for of_controller in nodes for node in of_controller.values()):
         offers = node['offers']
         if 'controller_sha256' in offers:
             found[f'controller {offers["controller_class"]}'] = offers['controller_sha256']
-        texts += [value for value in node['parameters'].values() if isinstance(value, str)]
-    for text in dict.fromkeys(texts):
+        strings += [value for value in node['parameters'].values() if isinstance(value, str)]
+    for text in dict.fromkeys(strings):
         for file in _files(text):
             found[f'file {file}'] = _digest(file)
     for path, metric in metrics.items():
@@ -47,7 +47,7 @@ def digests(
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Iterate over the files that the value of a parameter names: itself, or those of a recorded run."""
+    """Yield the files that a parameter value names: the file itself, or the files of a recorded run."""
     path = Path(text)
     try:
         if text and path.is_file():
@@ -55,17 +55,17 @@ def _files(text: str) -> Iterator[Path]:
         elif text and (path / 'run.yaml').is_file():
             yield from sorted(file for file in path.rglob('*') if file.is_file())
     except (OSError, ValueError):
-        # No name of a file at all.
+        # Not a valid file name.
         return
 
 
 def _sources(path: str, metric: Callable[..., float]) -> list[Path]:
-    """Return the files that define a metric: that of its module, and that of its function if it is another."""
+    """Return the files that define a metric: that of its module and, if different, that of its function."""
     found = [getattr(importlib.import_module(path.partition(':')[0]), '__file__', None)]
     try:
         found.append(inspect.getsourcefile(inspect.unwrap(metric)))
     except TypeError:
-        # Built in, or an instance.
+        # A built-in function, or an instance.
         found.append(None)
     return [file for file in map(Path, dict.fromkeys(filter(None, found))) if file.is_file()]
 

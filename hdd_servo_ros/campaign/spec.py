@@ -1,4 +1,4 @@
-"""The specification of a campaign: what runs, what varies, what is measured, and which runs are recorded."""
+"""The specification of a campaign: its runs, varied parameters, metrics and recordings."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ _WORST_KEYS = ('worst', 'of')
 _KINDS: tuple[tuple[type | tuple[type, ...], str], ...] = (
     (bool, 'true or false'),
     ((int, float), 'a number'),
-    (str, 'a text'),
+    (str, 'a string'),
     (tuple, 'a list'),
 )
 
@@ -45,13 +45,13 @@ class CampaignController:
     Attributes
     ----------
     name
-        As the table names it.
+        Name in the table.
     controller
-        As the parameter ``controller`` of `rig`.
+        Value of the parameter ``controller`` of `rig`.
     files
-        Parameter files beside those of the campaign; they win.
+        Parameter files in addition to those of the campaign, which they override.
     values
-        Parameters under ``'node:parameter'``; they win over the campaign's.
+        Parameters by ``'node:parameter'``; they override those of the campaign.
     """
 
     name: str
@@ -61,7 +61,7 @@ class CampaignController:
 
     @property
     def file_name(self) -> str:
-        """The name in that of a file: other characters than letters, digits and ``-_.`` are replaced."""
+        """The name for use in a file name: characters other than letters, digits and ``-_.`` are replaced."""
         return file_name(self.name)
 
 
@@ -73,25 +73,25 @@ class Spec:
     Attributes
     ----------
     name
-        Of the campaign and of its folder.
+        Name of the campaign and of its directory.
     files
         Base parameter files; later ones win.
     values
-        Base parameters under ``'node:parameter'``; they win over the files.
+        Base parameters by ``'node:parameter'``; they override the files.
     controllers
-        Each runs every point.
+        Controllers; each runs every point.
     points
-        What each run sets; one empty point if nothing varies.
+        Varied values of each run; one empty point if nothing varies.
     seeds
-        Seeds of sensors and disturbances; each repeats every run. None leaves the seeds of the files.
+        Seeds of sensors and disturbances; every run is made with each seed. None keeps the seeds of the files.
     metrics
-        Names of metrics, and ``module:function`` of own ones; ``all`` among them for all that a report has.
+        Names of metrics, ``module:function`` for user-defined ones, or ``all`` for all metrics of a report.
     after
-        Time before which errors do not count [s]; None for that of a report.
+        Start of the window of the metrics [s]; None for that of a report.
     keep
-        Which runs are recorded: ``none``, ``failed``, ``worst`` or ``all``.
+        Runs to record: ``none``, ``failed``, ``worst`` or ``all``.
     worst, worst_of
-        For ``worst``: how many, and by which metric: those that failed, then the largest absolute values.
+        For ``worst``: their number and the metric that ranks them (failed runs, then the largest absolute values).
     """
 
     name: str
@@ -108,7 +108,7 @@ class Spec:
 
     @property
     def extent(self) -> str:
-        """Of what the number of runs is the product."""
+        """The factors of the number of runs, as text."""
         return f'{len(self.points)} points x {len(self.controllers)} controllers x {len(self.seeds)} seeds'
 
     @property
@@ -118,25 +118,25 @@ class Spec:
 
 
 def file_name(controller: str) -> str:
-    """Return the name of a controller as part of the name of a file."""
+    """Return the name of a controller for use in a file name."""
     return ''.join(c if c.isalnum() or c in '-_.' else '_' for c in controller)
 
 
 def read_spec(path: Path) -> Spec:
     """
-    Read a specification; files that it names are of ``params/``, or relative to its own folder.
+    Read a specification; the files that it names are in ``params/``, or relative to its directory.
 
     Raises
     ------
     ArgumentError
-        If it cannot be read, or an entry is not allowed; names the file and the entry.
+        If it cannot be read, or an entry is invalid; the message has the file and the entry.
     """
     try:
         content = read_entries(path.read_bytes())
     except OSError as error:
         raise ArgumentError(f'specification {path}: {error.strerror or error}') from None
     except RosYamlError as error:
-        raise ArgumentError(f'specification {path} is not allowed: {error}') from None
+        raise ArgumentError(f'specification {path} is invalid: {error}') from None
     try:
         return spec_of(content, path.resolve().parent, path.stem)
     except ArgumentError as error:
@@ -150,16 +150,16 @@ def spec_of(content: Mapping[str, Any], directory: Path, name: str = 'campaign')
     Parameters
     ----------
     content
-        The entries, see ``docs/campaigns.md``.
+        The entries, see ``docs/howto/run-campaigns.md``.
     directory
-        What the paths of files are relative to.
+        Base of relative paths.
     name
-        Of the campaign, if they do not say it.
+        Default name of the campaign.
 
     Raises
     ------
     ArgumentError
-        If an entry is not allowed.
+        If an entry is invalid.
     """
     only_keys(content, _KEYS, 'top level')
     keep, worst, worst_of = _keep(content.get('keep', 'none'))
@@ -186,13 +186,13 @@ def spec_of(content: Mapping[str, Any], directory: Path, name: str = 'campaign')
 
 
 def named_values(sections: Mapping[str, Mapping[str, object]]) -> dict[str, object]:
-    """Return the parameters of nodes under ``'node:parameter'``."""
+    """Return the parameters of nodes by ``'node:parameter'``."""
     return {f'{node}:{name}': value for node, parameters in sections.items() for name, value in parameters.items()}
 
 
 def _file_name(name: object) -> str:
     if not isinstance(name, str) or not name or name.startswith('.') or '/' in name or '\0' in name:
-        raise ArgumentError(f'name: {name!r} is not the name of a folder')
+        raise ArgumentError(f'name: {name!r} is not a valid directory name')
     return name
 
 
@@ -219,11 +219,11 @@ def _number(value: object, where: str, least: float | None = None) -> float:
     return float(plain)
 
 
-def _whole(value: object, where: str, least: int, most: int = LARGEST_INTEGER) -> int:
+def _integer(value: object, where: str, least: int, most: int = LARGEST_INTEGER) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ArgumentError(f'{where}: {shown(value)} is not an integer of at least {least}')
+        raise ArgumentError(f'{where}: {shown(value)} is not an integer at least {least}')
     if value > most:
-        raise ArgumentError(f'{where}: {shown(value)} is not an integer of at most {most}')
+        raise ArgumentError(f'{where}: {shown(value)} is not an integer at most {most}')
     return value
 
 
@@ -246,11 +246,11 @@ def _key(key: str, where: str) -> str:
 
 
 def _value(value: object, where: str) -> object:
-    """Return a value as a run takes it."""
+    """Return a value as a run uses it."""
     if isinstance(value, list):
         return tuple(_value(element, where) for element in value)
     if isinstance(value, int) and not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
-        raise ArgumentError(f'{where}: {shown(value)} is not allowed: an integer has 64 bits')
+        raise ArgumentError(f'{where}: {shown(value)} is invalid; expected an integer of 64 bits')
     if isinstance(value, bool | int | float | str):
         return value
     raise ArgumentError(f'{where}: {value!r} is not the value of a parameter')
@@ -270,17 +270,17 @@ def _controllers(value: object, directory: Path) -> tuple[CampaignController, ..
         only_keys(fields, _CONTROLLER_KEYS, 'controllers')
         controller = fields.get('controller')
         if not isinstance(controller, str):
-            raise ArgumentError(f'controllers: {dict(fields)!r} has no controller')
+            raise ArgumentError(f'controllers: {dict(fields)!r} lacks the entry controller')
         name = fields.get('name', controller)
         if not isinstance(name, str) or not name:
-            raise ArgumentError(f'controllers: name: {name!r} is not a text')
+            raise ArgumentError(f'controllers: name: {name!r} is not a string')
         files = _files(fields.get('files', []), directory, f'controllers: {name}: files')
         values = _values(fields.get('set', {}), f'controllers: {name}: set')
         found.append(CampaignController(name, controller, files, values))
     names = [controller.file_name for controller in found]
     for name in names:
         if names.count(name) > 1:
-            raise ArgumentError(f'controllers: two have the name {name!r}; give each a name of its own')
+            raise ArgumentError(f'controllers: duplicate name {name!r}; give each controller its own name')
     return tuple(found)
 
 
@@ -288,11 +288,11 @@ def _seeds(value: object) -> tuple[int | None, ...]:
     if value is None:
         return (None,)
     if isinstance(value, list):
-        found = [_whole(seed, 'seeds', 0) for seed in _list(value, 'seeds')]
+        found = [_integer(seed, 'seeds', 0) for seed in _list(value, 'seeds')]
         if len(set(found)) < len(found):
-            raise ArgumentError(f'seeds: {value!r} has a seed twice')
+            raise ArgumentError(f'seeds: {value!r} has a duplicate seed')
         return tuple(found)
-    return tuple(range(1, _whole(value, 'seeds', 1, MOST) + 1))
+    return tuple(range(1, _integer(value, 'seeds', 1, MOST) + 1))
 
 
 def _metrics(value: object) -> tuple[str, ...]:
@@ -311,35 +311,35 @@ def _keep(value: object) -> tuple[str, int, str]:
         of = value.get('of', '')
         if not isinstance(of, str):
             raise ArgumentError(f'keep: of: {of!r} is not the name of a metric')
-        return 'worst', _whole(value['worst'], 'keep: worst', 1), of
-    raise ArgumentError(f'keep: {value!r} is not none, failed, all or {{worst: COUNT, of: METRIC}}')
+        return 'worst', _integer(value['worst'], 'keep: worst', 1), of
+    raise ArgumentError(f'keep: {value!r} is invalid; expected none, failed, all or {{worst: COUNT, of: METRIC}}')
 
 
 def _points(value: object) -> Points:
-    """Return what each run sets: the blocks of ``vary`` are crossed, the parameters of a block are zipped."""
+    """Return the points: the product of the blocks of ``vary``, with the parameters of each block zipped."""
     if isinstance(value, Mapping):
         value = [value]
     if not isinstance(value, list):
         raise ArgumentError(f'vary: {value!r} is not a list of blocks')
     blocks = [_block(_mapping(block, 'vary')) for block in value]
     keys = [key for block in blocks for key in block.columns]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
-    if twice is not None:
-        raise ArgumentError(f'vary: {twice} is in two blocks')
+    duplicate = next((key for key in keys if keys.count(key) > 1), None)
+    if duplicate is not None:
+        raise ArgumentError(f'vary: {duplicate} is in two blocks')
     check_once(keys, 'vary')
     return Points(blocks)
 
 
 def _block(block: Mapping[str, Any]) -> Block:
     if not block:
-        raise ArgumentError('vary: a block has no parameter; without `vary` each controller runs once')
+        raise ArgumentError('vary: empty block; to run each controller once, omit `vary`')
     if 'draw' in block:
         return _drawn(block)
     columns = {_key(key, 'vary'): _column(found, f'vary: {key}') for key, found in block.items()}
     lengths = {key: len(column.values) for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
         listed = ', '.join(f'{key} has {length}' for key, length in lengths.items())
-        raise ArgumentError(f'vary: the parameters of a block have equally many values, but {listed}')
+        raise ArgumentError(f'vary: the parameters of a block need the same number of values, but {listed}')
     return Block(columns)
 
 
@@ -352,7 +352,7 @@ def _column(value: object, where: str) -> Column:
     times_base = _flag(fields, where)
     kinds = [kind for kind in (*RANGES, 'values') if kind in fields]
     if len(kinds) != 1:
-        raise ArgumentError(f'{where}: {dict(fields)!r} has not one of {", ".join((*RANGES, "values"))}')
+        raise ArgumentError(f'{where}: {dict(fields)!r} is invalid; expected one of {", ".join((*RANGES, "values"))}')
     numbers = _list(fields[kinds[0]], where)
     if kinds == ['values']:
         found = [_number(value, where) if times_base else _value(value, where) for value in numbers]
@@ -361,17 +361,15 @@ def _column(value: object, where: str) -> Column:
     for number in plain:
         _number(number, where)
     if len(plain) == 3 and plain[2] > MOST:
-        raise ArgumentError(
-            f'{where}: {kinds[0]}: {plain[2]} values are not allowed: a campaign has at most {MOST} runs'
-        )
+        raise ArgumentError(f'{where}: {kinds[0]}: {plain[2]} values are too many: a campaign has at most {MOST} runs')
     return Column(values_of_range(kinds[0], plain, where), times_base)
 
 
 def _of_one_kind(values: list[object], where: str) -> list[object]:
-    """Reject values of different types: a parameter has one type, and so has a column of the table."""
+    """Reject values of different types: a parameter and a column of the table have one type."""
     kinds = list(dict.fromkeys(next(name for types, name in _KINDS if isinstance(value, types)) for value in values))
     if len(kinds) > 1:
-        raise ArgumentError(f'{where}: {shown(values)} holds {kinds[0]} and {kinds[1]}: all are to be of one type')
+        raise ArgumentError(f'{where}: {shown(values)} has {kinds[0]} and {kinds[1]}; expected values of one type')
     return values
 
 
@@ -384,14 +382,14 @@ def _flag(fields: Mapping[str, Any], where: str) -> bool:
 
 def _drawn(block: Mapping[str, Any]) -> Block:
     only_keys(block, _PLAN_KEYS, 'vary')
-    runs = _whole(block.get('runs'), 'vary: runs', 1, MOST)
+    runs = _integer(block.get('runs'), 'vary: runs', 1, MOST)
     plan = block.get('plan', 'random')
     if plan not in PLANS:
-        raise ArgumentError(f'vary: plan: {plan!r} is none of {", ".join(PLANS)}')
+        raise ArgumentError(f'vary: unknown plan {plan!r}; expected one of {", ".join(PLANS)}')
     drawn = _mapping(block['draw'], 'vary: draw')
     if not drawn:
-        raise ArgumentError('vary: draw: no parameter is drawn')
-    points = shares(plan, _whole(block.get('seed', 1), 'vary: seed', 0), runs, len(drawn))
+        raise ArgumentError('vary: draw: empty; expected a parameter with a distribution')
+    points = shares(plan, _integer(block.get('seed', 1), 'vary: seed', 0), runs, len(drawn))
     columns: dict[str, Column] = {}
     for (key, entry), column in zip(drawn.items(), points.T, strict=True):
         where = f'vary: draw: {key}'
@@ -400,7 +398,9 @@ def _drawn(block: Mapping[str, Any]) -> Block:
         kinds = [kind for kind in DISTRIBUTIONS if kind in fields]
         numbers = fields[kinds[0]] if len(kinds) == 1 else None
         if not isinstance(numbers, list) or len(numbers) != 2:
-            raise ArgumentError(f'{where}: {dict(fields)!r} is not one of {", ".join(DISTRIBUTIONS)}: [NUMBER, NUMBER]')
+            raise ArgumentError(
+                f'{where}: {dict(fields)!r} is invalid; expected {", ".join(DISTRIBUTIONS)}: [NUMBER, NUMBER]'
+            )
         first, second = (_number(number, where) for number in numbers)
         try:
             distribution = Distribution(kinds[0], first, second)

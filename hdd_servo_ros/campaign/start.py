@@ -1,4 +1,4 @@
-"""Starts a run in a process of its own: through the graph by `rig`, or without middleware by `simulate`."""
+"""Start of a run in its own process, with `rig` or with `simulate`."""
 
 import json
 import os
@@ -11,24 +11,24 @@ from typing import Any
 
 def run_arguments(files: Iterable[Path], values: Mapping[str, Any], run_dir: Path) -> list[str]:
     """
-    Return the arguments that `rig` and `simulate` take for a run.
+    Return the arguments of `rig` and `simulate` for a run.
 
     Parameters
     ----------
     files
-        ROS 2 parameter files, later ones win.
+        ROS 2 parameter files; later ones win.
     values
-        Overrides of the files, under ``'node:parameter'``, or ``'parameter'`` for whichever node has it; a float must
-        be written as one, as ROS insists. No picture is drawn unless they say so.
+        Overrides of the files, by ``'node:parameter'``, or by ``'parameter'`` for the node that has it; a float needs a
+        decimal point, as in ROS. A plot is drawn only if ``plot`` is set.
     run_dir
-        Folder of the run.
+        Directory of the run.
     """
     arguments = ['--ros-args']
     for file in files:
         arguments += ['--params-file', str(file)]
-    # Ours come last: rclpy lets the node or wildcard that is named first give way to those named after it.
+    # These come last: in rclpy, later nodes and wildcards override earlier ones.
     for name, value in {**values, 'plot': values.get('plot', False), 'run_dir': str(run_dir)}.items():
-        # JSON is YAML, and keeps texts, numbers and lists apart.
+        # JSON is YAML, and distinguishes strings, numbers and lists.
         arguments += ['-p', f'{name}:={json.dumps(value)}']
     return arguments
 
@@ -37,16 +37,16 @@ def start_run(
     arguments: Sequence[str], *, without_ros: bool, environment: Mapping[str, str] | None = None, **options: Any
 ) -> 'subprocess.Popen[Any]':
     """
-    Start a run, and return its process; its standard error goes where its standard output goes.
+    Start a run, and return its process; its standard error is redirected to its standard output.
 
     Parameters
     ----------
     arguments
-        As :func:`run_arguments` makes them.
+        Result of :func:`run_arguments`.
     without_ros
-        Whether `simulate` makes the run instead of `rig`.
+        Whether to use `simulate` instead of `rig`.
     environment
-        Variables to set besides those of this process.
+        Additional environment variables.
     **options
         Further arguments of :class:`subprocess.Popen`.
     """
@@ -60,7 +60,7 @@ def start_run(
 
 
 def run_environment(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment of a run: that of this process, what a sourced ROS would have set, and ``variables``."""
-    # The runs are this machine's own affair unless the user says otherwise.
+    """Return the environment of a run: that of this process, the variables of a sourced ROS, and ``variables``."""
+    # Runs are not visible on the network unless the user sets the discovery range.
     defaults = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'AMENT_PREFIX_PATH': sys.prefix}
     return {**defaults, **os.environ, **variables}

@@ -1,4 +1,4 @@
-"""The table of a campaign: a row per run, a column per parameter and metric."""
+"""The table of a campaign: one row per run, one column per parameter and metric."""
 
 import collections
 import csv
@@ -25,14 +25,14 @@ class Table:
     """
     Columns of equal length by name.
 
-    Numbers are int or float, nan where a run does not have them; others are texts, lists as JSON.
+    Numbers are int or float, and nan where a run lacks a value; other values are strings, lists as JSON.
 
     Parameters
     ----------
     columns
         The columns.
     units
-        Units of those that have one.
+        Units of the columns that have one.
 
     Raises
     ------
@@ -86,15 +86,15 @@ class Table:
         Raises
         ------
         KeyError
-            If there is no such column; lists those that there are.
+            If the column does not exist; the message lists the columns.
         IndexError
-            If there is no such row.
+            If the row does not exist.
         """
         if isinstance(name, slice):
             return Table({key: column[name] for key, column in self._columns.items()}, self.units)
         if isinstance(name, int):
             if not -len(self) <= name < len(self):
-                raise IndexError(f'there is no row {name}, only 0 to {len(self) - 1}')
+                raise IndexError(f'row {name} does not exist; expected 0 to {len(self) - 1}')
             return {key: column[name] for key, column in self._columns.items()}
         self._check(name)
         return np.array(self._columns[name])
@@ -103,28 +103,28 @@ class Table:
         return self.rows()
 
     def _check(self, name: str) -> None:
-        """Raise KeyError if there is no such column."""
+        """Raise KeyError if a column does not exist."""
         if name not in self._columns:
             hint = did_you_mean(name, self._columns)
-            raise KeyError(f'no column {name!r}{hint}; there are {", ".join(self._columns)}')
+            raise KeyError(f'unknown column {name!r}{hint}; the columns are {", ".join(self._columns)}')
 
     def is_number(self, name: str) -> bool:
-        """Return whether a column holds numbers only."""
+        """Return whether a column has only numbers."""
         return all(isinstance(value, int | float) for value in self._columns[name])
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Iterate over the runs, each as a mapping."""
+        """Yield the rows as mappings."""
         for values in zip(*self._columns.values(), strict=True):
             yield dict(zip(self._columns, values, strict=True))
 
     def where(self, **values: Any) -> 'Table':
         """
-        Return the runs whose columns have these values, such as ``controller='pid'``.
+        Return the rows with given values, such as ``controller='pid'``.
 
         Raises
         ------
         KeyError
-            If there is no such column; lists those that there are.
+            If a column does not exist; the message lists the columns.
         """
         for name in values:
             self._check(name)
@@ -133,11 +133,11 @@ class Table:
         )
 
     def take(self, indices: Sequence[int]) -> 'Table':
-        """Return some of the rows, by their indices."""
+        """Return the rows with given indices."""
         return Table({name: [column[i] for i in indices] for name, column in self._columns.items()}, self.units)
 
     def csv(self) -> str:
-        """Return the table as comma-separated values; floats have all their digits."""
+        """Return the table as comma-separated values, with all digits of floats."""
         file = io.StringIO()
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(self._columns)
@@ -145,7 +145,7 @@ class Table:
         return file.getvalue()
 
     def digest(self) -> str:
-        """Return a digest of every bit of the table."""
+        """Return a digest of the complete table."""
         return hashlib.blake2b(self.csv().encode(), digest_size=16).hexdigest()
 
     def to_dataframe(self) -> Any:
@@ -157,11 +157,11 @@ class Table:
         return pd.DataFrame(self._columns)
 
     def write_csv(self, path: Path) -> None:
-        """Write a CSV file; it lands by rename."""
-        _land(path, self.csv().encode())
+        """Write a CSV file atomically."""
+        _write_atomically(path, self.csv().encode())
 
     def write_parquet(self, path: Path) -> None:
-        """Write a Parquet file, with the units as metadata of its columns; raises :class:`MissingExtra`."""
+        """Write a Parquet file atomically, with units as column metadata; raises :class:`MissingExtra`."""
         try:
             import pyarrow as pa
             from pyarrow import parquet
@@ -174,14 +174,14 @@ class Table:
         ]
         buffer = io.BytesIO()
         parquet.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), buffer)
-        _land(path, buffer.getvalue())
+        _write_atomically(path, buffer.getvalue())
 
     def __repr__(self) -> str:
         lines = [f'{len(self)} runs, {len(self._columns)} columns: {", ".join(self._columns)}']
         if 'verdict' in self:
             counted = collections.Counter(text or 'no verdict' for text in self._columns['verdict'])
             lines.append(', '.join(f'{text}: {count}' for text, count in counted.most_common()))
-        # The digests tell nobody anything, and reasons are long.
+        # Digests are not informative, and reasons are long.
         names = [name for name in self._columns if name not in ('digest', 'reason')][:_SHOWN_COLUMNS]
         cells = [[_shown(self._columns[name][row]) for name in names] for row in range(min(len(self), _SHOWN_ROWS))]
         widths = [max(map(len, column)) for column in zip(names, *cells, strict=True)]
@@ -203,7 +203,7 @@ def _plain(value: Any) -> int | float | str:
 
 
 def _of_one_type(column: list[Any]) -> list[Any]:
-    """Return a column as Parquet has it: doubles where integers are mixed with them, texts where any is a text."""
+    """Return a column of one Parquet type: strings if it has a string, otherwise doubles if it has a float."""
     if any(isinstance(value, str) for value in column):
         return list(map(str, column))
     if any(isinstance(value, float) or abs(value) > LARGEST_INTEGER for value in column):
@@ -215,7 +215,7 @@ def _shown(value: object) -> str:
     return f'{value:.5g}' if isinstance(value, float) else str(value)
 
 
-def _land(path: Path, content: bytes) -> None:
+def _write_atomically(path: Path, content: bytes) -> None:
     temporary = path.with_name(f'{path.name}.tmp')
     temporary.write_bytes(content)
     temporary.replace(path)

@@ -1,8 +1,8 @@
 """
-What a worker process does with signals: it leaves them to its parent, and ends when this one asks for it or has ended.
+Signals in a worker process: it leaves them to its parent, and ends with it or on request.
 
-Ctrl-C in a terminal, and its end, reach every process of a command; only the parent may decide what becomes of the
-work. It asks a worker to end by :data:`ASKED_TO_END`: what is under way is interrupted, and nothing more is begun.
+Ctrl-C in a terminal, and closing the terminal, signal every process of a command, but only the parent decides how to
+end. It sends :data:`END_REQUEST` to a worker, which interrupts its work and starts nothing more.
 """
 
 import contextlib
@@ -13,35 +13,35 @@ from collections.abc import Callable, Iterable
 from types import FrameType
 from typing import Any
 
-ASKED_TO_END = signal.SIGUSR1
-"""SIGTERM ends a worker at once: the executor sends it when another worker was killed, and may have left a lock."""
+END_REQUEST = signal.SIGUSR1
+"""SIGTERM ends a worker at once: the executor sends it when another worker was killed, perhaps holding a lock."""
 _PR_SET_PDEATHSIG = 1
 
 
 class _State:
-    """Of the worker that this process is: whether it works, and whether it is to begin no more."""
+    """State of this worker process: whether it is working, and whether its end was requested."""
 
     is_working = False
-    is_asked = False
+    is_end_requested = False
 
 
 def start(parent: int, pids: Any) -> None:
     """
-    Become a worker; the first thing that the process does.
+    Become a worker; called first in the process.
 
     Parameters
     ----------
     parent
         Process id of the parent.
     pids
-        Queue that gets this process's own.
+        Queue for the process ids of the workers.
     """
-    # Blocked and not ignored: a run that handles signals, as `simulate` does, must not receive it either.
+    # Blocked, not ignored: a run that installs signal handlers, such as `simulate`, must not receive them either.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.signal(ASKED_TO_END, _end)
-    _State.is_working = _State.is_asked = False
-    # Whoever kills the parent leaves no worker behind that waits for ever.
+    signal.signal(END_REQUEST, _end)
+    _State.is_working = _State.is_end_requested = False
+    # If the parent is killed, its workers end instead of waiting forever.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGTERM)
@@ -49,10 +49,10 @@ def start(parent: int, pids: Any) -> None:
 
 
 def work(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """Do a piece of work in a worker; raises KeyboardInterrupt if it was asked to end."""
+    """Call a function in a worker; raises KeyboardInterrupt if the end was requested."""
     _State.is_working = True
     try:
-        if _State.is_asked:
+        if _State.is_end_requested:
             raise KeyboardInterrupt
         return function(*arguments, **options)
     finally:
@@ -60,11 +60,11 @@ def work(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
 
 
 def ask_to_end(pids: Any) -> list[int]:
-    """Ask the workers whose process ids are in a queue to end; return their ids."""
+    """Request the end of the workers whose process ids are in a queue; return the ids."""
     asked = []
     while not pids.empty():
         asked.append(pids.get())
-    _send(asked, ASKED_TO_END)
+    _send(asked, END_REQUEST)
     return asked
 
 
@@ -80,18 +80,18 @@ def _send(pids: Iterable[int], number: int) -> None:
 
 
 def end_if_signaled(exit_code: int) -> None:
-    """End the worker if a run that it has made was ended by a signal, by its exit code: it was meant for the worker."""
-    if _State.is_asked:
+    """End the worker if the exit code shows that a signal ended its run: the signal was meant for the worker."""
+    if _State.is_end_requested:
         raise KeyboardInterrupt
     if exit_code > 128:
         signal.raise_signal(exit_code - 128)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    _State.is_asked = True
+    _State.is_end_requested = True
     if not _State.is_working:
         return
-    # A run that is under way closes its bag.
+    # The current run closes its bag.
     of_the_run = signal.getsignal(signal.SIGTERM)
     if callable(of_the_run):
         of_the_run(signal.SIGTERM, frame)

@@ -117,7 +117,7 @@ class DeterministicTimer(CatalogNode):
         self._started, self._hold_at = True, math.inf
         self._pace_from_here()
         if self._progress is not None:
-            self._progress.go_on(self.tick)
+            self._progress.resume(self.tick)
 
     @property
     def _held(self) -> bool:

@@ -1,1 +1,1 @@
-"""What a run shows a person: a summary in words, and pictures."""
+"""Reports of runs: summaries, verdicts, metrics, plots and HTML pages."""

@@ -9,15 +9,14 @@ from hdd_servo_ros.messages.units import shown
 
 def bode(responses: dict[str, FrequencyResponse], title: str = '') -> Figure:
     """
-    Draw gain and phase, and the coherence if one was measured.
+    Plot gain and phase, and the coherence if it was measured.
 
     Parameters
     ----------
     responses
-        By their labels, at least one, all in the same unit; the later ones are drawn as lines over the points of the
-        first.
+        At least one response by label, all in the same unit; the first is drawn as points, the others as lines.
     title
-        Of the figure.
+        Title of the figure.
     """
     measured = [response for response in responses.values() if response.averages.min() > 1]
     figure = Figure(figsize=(8.5, 7.5), layout='constrained')

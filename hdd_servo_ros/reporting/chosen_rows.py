@@ -1,4 +1,4 @@
-"""The rows of a long run that its diagrams over time need: the same lines are drawn from them as from all rows."""
+"""Decimated rows of a long run, from which its time plots look the same as from all rows."""
 
 import functools
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 class ChosenRows(SignalRows):
     """
-    Chosen ticks of a run with all their signals.
+    Selected ticks of a run with all their signals.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class ChosenRows(SignalRows):
     rows
         The signals at these ticks.
     row_count
-        Ticks of the whole run, from tick 0 on.
+        Number of ticks of the whole run.
     """
 
     def __init__(self, ticks: NDArray[np.int64], rows: SignalRows, row_count: int) -> None:
@@ -46,7 +46,7 @@ class ChosenRows(SignalRows):
         return np.asarray(self.ticks * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS)
 
     def with_stretches(self, *others: SignalRows) -> 'ChosenRows':
-        """Return these rows with those of further stretches of consecutive ticks."""
+        """Return these rows together with further stretches of consecutive ticks."""
         every = np.concatenate([self.ticks, *(other.ticks for other in others)])
         ticks, first = np.unique(every, return_index=True)
         rows = joined([self, *others])
@@ -57,22 +57,22 @@ class ChosenRows(SignalRows):
 
 class RowChooser:
     """
-    Chooses the rows of a run that comes in blocks: of each bucket of ticks the extremes of everything that is drawn.
+    Selects rows of a run block by block: the extremes of all plotted signals in each bucket of ticks.
 
     Parameters
     ----------
     row_count
-        Ticks of the whole run.
+        Number of ticks of the whole run.
     buckets
-        Into how many pieces of equal length the run is cut.
+        Number of buckets of equal length.
     in_full
-        Stretches of ticks of which every row is taken.
+        Stretches of ticks in which every row is kept.
     """
 
     def __init__(self, row_count: int, buckets: int, in_full: Sequence[slice]) -> None:
         self._row_count = row_count
         self.size = -(-row_count // buckets)
-        """Ticks of a bucket; a block is a whole number of them, but for the last one."""
+        """Ticks per bucket; each block except the last has an integer number of buckets."""
         self._in_full = in_full
         self._buckets = buckets
         self._ticks: NDArray[np.int64] = np.empty(0, dtype=np.int64)
@@ -80,7 +80,7 @@ class RowChooser:
         self._used = 0
 
     def add(self, block: SignalRows) -> None:
-        """Take what is needed of the next block."""
+        """Select rows of the next block."""
         count, first = len(block), block.first_tick
         whole = count - count % self.size
         found = [np.arange(whole, count)]
@@ -95,9 +95,9 @@ class RowChooser:
 
     def _make_room(self, block: SignalRows, drawn: int) -> None:
         """
-        Make arrays for as many rows as there can be.
+        Allocate arrays for the largest possible number of rows.
 
-        Arrays of a block each would lie between those of other blocks, which are dropped, and keep their memory.
+        Small arrays per block would fragment the memory between the blocks, which are freed.
         """
         most = 2 * drawn * self._buckets + self.size + sum(part.stop - part.start for part in self._in_full)
         most = min(most, self._row_count)
@@ -114,20 +114,20 @@ class RowChooser:
         self._used = into.stop
 
     def chosen(self) -> ChosenRows:
-        """Return what was chosen."""
+        """Return the selected rows."""
         assert self._rows is not None
         return ChosenRows(self._ticks[: self._used], self._rows.part(0, self._used), self._row_count)
 
 
 def _drawn(block: SignalRows) -> list[Array]:
-    """Return every signal that a diagram over time may draw."""
+    """Return every signal that a time plot may show."""
     columns: list[Array] = []
     if HEAD.name in block:
         columns.append(block.position)
     if REFERENCE.name in block:
         columns.append(block.desired_position)
     if HEAD.name in block and REFERENCE.name in block:
-        # As they are drawn: of two that rounding makes equal the first counts.
+        # In the precision of the plot: of two values that rounding makes equal, the first counts.
         columns.append(block.units.error_factor * block.position_error)
         if DISTURBANCE.name in block and not block.is_track_following:
             columns.append(block.units.error_factor * block.track_error)

@@ -1,4 +1,4 @@
-"""Which part of a run is drawn large next to the whole."""
+"""The close-up of a run next to its time plots."""
 
 import numpy as np
 
@@ -20,16 +20,16 @@ _BEFORE_SEEK, _AFTER_SEEK = 0.5e-3, 1.5e-3
 
 def close_up_of(run: RecordedRun) -> CloseUp | None:
     """
-    Return what is drawn large of a run.
+    Return the close-up of a run.
 
-    The last seek that arrives, or the last one if none does; the last edge of another stepwise reference that has its
-    response in the run, the last periods of a periodic one, the last moments of any other; None for a run that is no
-    longer than that. In a long run they are those of its last stretch; see
+    It shows the last seek that arrives (the last seek if none does); otherwise the last edge of a stepwise reference
+    with a complete response, the last periods of a periodic one, or the last samples. None for a run that is not longer
+    than the close-up. For a long run only its last stretch counts; see
     :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
     run = stretch_of(run)
     rows = len(run.ticks)
-    start, end, title = rows - 1 - _LAST_SAMPLES, rows - 1, 'last moments'
+    start, end, title = rows - 1 - _LAST_SAMPLES, rows - 1, 'last samples'
     if REFERENCE.name in run:
         seek = _last_seek(run)
         if seek is not None:
@@ -46,7 +46,7 @@ def close_up_of(run: RecordedRun) -> CloseUp | None:
 
 
 def _last_seek(run: RecordedRun) -> CloseUp | None:
-    """Return the surroundings of a seek, None in a run without seeks."""
+    """Return the close-up of a seek; None in a run without seeks."""
     tolerance = tolerance_of(run)
     if tolerance is None or not seeks_of(run):
         return None
@@ -60,7 +60,7 @@ def _last_seek(run: RecordedRun) -> CloseUp | None:
 
 
 def _last_edge(run: RecordedRun) -> int | None:
-    """Return the row of the last edge of a stepwise reference, None if there is none."""
+    """Return the row of the last edge of a stepwise reference; None without an edge."""
     if not is_stepwise(run.desired_position):
         return None
     edges = np.flatnonzero(np.diff(run.desired_position)) + 1

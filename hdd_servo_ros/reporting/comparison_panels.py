@@ -1,4 +1,4 @@
-"""The diagrams in which several runs are drawn over each other, scaled by those that track."""
+"""Plots that overlay several runs; the runs that track set the scale."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -21,12 +21,12 @@ from hdd_servo_ros.reporting.seek_panels import access_times_of_runs
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
 _POINTS = 20_000
-"""How many points all runs of a comparison may have together in one diagram over time."""
+"""Largest number of points of all runs of a comparison in one time plot."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Compared:
-    """A run of a comparison: what it is called, its color, its verdict, and from when on [s] that counts, if asked."""
+    """A run of a comparison: name, color, verdict, and the start of the window [s], if given."""
 
     run: RecordedRun
     name: str
@@ -36,7 +36,7 @@ class Compared:
 
 
 def compared(runs: Mapping[str, RecordedRun], after: float | None = None) -> list[Compared]:
-    """Return runs, given by their names, with a color for each and their verdicts."""
+    """Return named runs with a color and a verdict each."""
     return [
         Compared(run, name, COLORS[index % len(COLORS)], verdict_of(run, after), after)
         for index, (name, run) in enumerate(runs.items())
@@ -45,14 +45,14 @@ def compared(runs: Mapping[str, RecordedRun], after: float | None = None) -> lis
 
 def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -> list[Panel]:
     """
-    Return the diagrams in which several runs are drawn over each other.
+    Return the plots that overlay several runs.
 
     Parameters
     ----------
     runs
         The runs.
     after
-        Time from which spectrum and verdict count [s]; None for the first half of each run, 2 s at most.
+        Start of the window of spectrum and verdict [s]; None to skip the first half of each run, at most 2 s.
     """
     items = compared(dict(zip(run_names(runs), runs, strict=True)), after)
     following = [item for item in items if follows_reference(item.run)]
@@ -75,7 +75,7 @@ def comparison_panels(runs: Sequence[RecordedRun], after: float | None = None) -
 
 
 def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
-    """Return the position errors of several runs over their time."""
+    """Return the plot of the position errors of several runs."""
     traces = _lines(items, close_up, lambda signals: signals.units.error_factor * signals.position_error)
     return _over_time(
         'error', error_title([item.run for item in items]), error_label(items[0].run.units), traces, close_up
@@ -83,15 +83,15 @@ def error_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
 
 
 def position_panel(items: Sequence[Compared], close_up: CloseUp | None) -> Panel:
-    """Return the head's positions of several runs of one experiment, with its reference."""
-    # One that failed ends early.
+    """Return the plot of the head positions of several runs of one experiment, with its reference."""
+    # A failed run ends early.
     run = max((item.run for item in items), key=lambda run: run.duration)
     signals = signals_over_time(run, items[0].after, close_up)
     lines = Lines(signals, follows=True, close_up=close_up, buckets=_buckets(items))
     reference = lines.over_time('reference', signals.desired_position, GRAY, wide=True)
     heads = _lines(items, close_up, lambda signals: signals.position, reference)
     panel = _over_time('tracking', 'Tracking', f'position [{shown(run.length_unit)}]', (reference, *heads), close_up)
-    # The reference is drawn below the heads, however large it is.
+    # The reference is drawn below the head positions, whatever its size.
     return dataclasses.replace(panel, largest_first=False)
 
 
@@ -117,8 +117,8 @@ def _lines(
     """
     Return one signal of each run as a line.
 
-    The runs that track, and the other lines of the diagram, scale its axis, if there are any: a run that does not track
-    is clipped where it leaves that range, and its name states both.
+    The runs that track and the other lines of the plot set the scale of the axis. A run that does not track is clipped
+    outside that range, and its legend entry states both.
     """
     lines = []
     for item in items:
@@ -126,7 +126,7 @@ def _lines(
         drawn = Lines(signals, follows=follows_reference(item.run), close_up=close_up, buckets=_buckets(items))
         lines.append(drawn.over_time(item.name, signal(signals), item.color))
     judged = [(line, item.verdict) for line, item in zip(lines, items, strict=True)]
-    # A run without a verdict is one that follows nothing.
+    # A run without a verdict follows no reference.
     tracking = [line.y for line, verdict in judged if verdict is not None and verdict.tracks]
     scale = fitted_range([*tracking, *(line.y for line in others)]) if tracking else None
     return tuple(_named(line, verdict, scale) for line, verdict in judged)

@@ -1,4 +1,4 @@
-"""Which samples of a long signal to draw, so that every peak stays."""
+"""Decimation of long signals for plots that keeps every peak."""
 
 from collections.abc import Iterable
 
@@ -8,21 +8,21 @@ from numpy.typing import ArrayLike, NDArray
 
 def rows_to_draw(values: ArrayLike, buckets: int, in_full: Iterable[slice] = ()) -> NDArray[np.int64]:
     """
-    Return rows of a signal whose line looks like the line through all rows: of each bucket the extremes.
+    Return the rows with the extremes of each bucket, whose line looks like the line through all rows.
 
     Parameters
     ----------
     values
         The signal, shape (n,).
     buckets
-        Into how many pieces of equal length the rows are cut; at most two rows of each are returned.
+        Number of buckets of equal length; at most two rows per bucket are returned.
     in_full
-        Stretches of which every row is returned.
+        Stretches in which every row is returned.
 
     Returns
     -------
     NDArray
-        Rows, ascending, the first and the last one among them.
+        Rows in ascending order, including the first and the last.
     """
     y = np.asarray(values, dtype=np.float64)
     if len(y) <= 2 * buckets:
@@ -34,7 +34,7 @@ def rows_to_draw(values: ArrayLike, buckets: int, in_full: Iterable[slice] = ())
 
 
 def bucket_extremes(values: NDArray[np.float64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the row of the smallest and of the largest value in each whole bucket of ``size`` rows."""
+    """Return the row of the smallest and of the largest value in each complete bucket of ``size`` rows."""
     starts = np.arange(0, len(values) // size * size, size)
     folded = values[: len(starts) * size].reshape(-1, size)
     return starts + folded.argmin(axis=1), starts + folded.argmax(axis=1)
@@ -44,23 +44,23 @@ def chosen_rows_to_draw(
     values: ArrayLike, ticks: NDArray[np.int64], row_count: int, buckets: int, in_full: Iterable[slice] = ()
 ) -> NDArray[np.int64]:
     """
-    Return what :func:`rows_to_draw` does, from some rows of a signal, the extremes of each bucket among them.
+    Return the result of :func:`rows_to_draw` from a subset of rows that includes the extremes of each bucket.
 
     Parameters
     ----------
     values
-        The signal where it is there, shape (n,).
+        The signal at the available rows, shape (n,).
     ticks
-        Which rows of the whole signal these are, ascending, shape (n,), the first and the last row among them.
+        Indices of these rows in the whole signal, ascending, shape (n,), including the first and the last row.
     row_count
-        Rows of the whole signal.
+        Number of rows of the whole signal.
     buckets, in_full
-        As there; the stretches are those of the n rows.
+        As for :func:`rows_to_draw`; stretches are given as rows of the n.
 
     Returns
     -------
     NDArray
-        Which of the n rows to draw, ascending.
+        Indices of the rows to draw, ascending, from 0 to n - 1.
     """
     y = np.asarray(values, dtype=np.float64)
     if row_count <= 2 * buckets:

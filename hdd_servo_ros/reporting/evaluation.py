@@ -1,4 +1,4 @@
-"""What of a run counts, and for what: runs that follow a reference, and the part after the transient."""
+"""The evaluation window of a run: whether it follows a reference, and the end of its transient."""
 
 from typing import TYPE_CHECKING
 
@@ -13,41 +13,41 @@ if TYPE_CHECKING:
     from hdd_servo_ros.analysis.metrics import StepResponse
 
 SEEK_MODE, SEEK_TARGET = 'seek_mode', 'seek_target'
-"""Columns of `/estimates` of a controller that seeks: its mode (0 follow, 1 seek, 2 settle), and the target [um]."""
+"""Columns of `/estimates` of the seek controller: mode (0 follow, 1 seek, 2 settle), and target [um]."""
 NOT_ADAPTED = ('t', 'r', 'e', SEEK_MODE, SEEK_TARGET, 'seek_distance', 'seek_time', 'seek_trajectory', 'seek_u')
-"""Columns of `/estimates` that are no estimates: time, errors, and what a controller that seeks is about to do."""
+"""Columns of `/estimates` that are not estimates: time, errors, and the state of the seek controller."""
 REFERENCE_GENERATOR = 'reference_generator'
 SIGNAL_ANALYZER = 'signal_analyzer'
 LONGEST_TRANSIENT = 2.0
-"""What counts as transient in a long run [s]; in a short one it is the first half."""
+"""Transient of a long run [s]; in a short run it is the first half."""
 
 
 def transient_of(duration: float, last_change: float = 0.0) -> float:
     """
-    Return the time before which errors of a run do not count [s].
+    Return the end of the transient [s], from which errors count.
 
     Parameters
     ----------
     duration
-        Of the whole run [s].
+        Duration of the run [s].
     last_change
-        Time of the last change of the reference [s], which starts anew then; 0 if there was none.
+        Time of the last change of the reference [s], which restarts the transient; 0 without a change.
     """
     return max(min(0.5 * duration, LONGEST_TRANSIENT), last_change)
 
 
 def follows_reference(run: RecordedRun) -> bool:
-    """Return whether the run has an error: a head that is to follow a reference."""
+    """Return whether the run has a tracking error, because the head follows a reference."""
     return REFERENCE.name in run and HEAD.name in run and catalog.follows_reference(run.controller)
 
 
 def gives_seek_mode(run: RecordedRun) -> bool:
-    """Return whether the controller of a run gives its mode, as one does that seeks."""
+    """Return whether the controller publishes its seek mode."""
     return ESTIMATES.name in run and SEEK_MODE in run.estimate_names
 
 
 def waveform_of(run: RecordedRun) -> str:
-    """Return the waveform of a run's reference, empty if it is not known."""
+    """Return the waveform of the reference; empty if it is unknown."""
     try:
         return str(run.parameter(REFERENCE_GENERATOR, 'waveform'))
     except LookupError:
@@ -55,25 +55,25 @@ def waveform_of(run: RecordedRun) -> str:
 
 
 def may_have_seeks(run: RecordedRun) -> bool:
-    """Return whether it is worth to search a run for seeks: without the waveform ``seek`` or a mode there are none."""
+    """Return whether a run can have seeks, which need the waveform ``seek`` or a seek mode."""
     return follows_reference(run) and (waveform_of(run) == 'seek' or gives_seek_mode(run))
 
 
 def transient_end(run: RecordedRun, after: float | None = None) -> float:
     """
-    Return the time from which a run counts as steady [s].
+    Return the end of the transient of a run [s].
 
     Parameters
     ----------
     run
         The run.
     after
-        Time before which nothing counts [s]; None for the first half of the run, 2 s at most, or for the last change
-        of the reference where that is later.
+        Start of the window [s]; None for the first half of the run, at most 2 s, or for the last change of the
+        reference if that is later.
     """
     if after is not None:
         return after
-    # In a bag of another recorder there may be changes from before the run, by a wall clock.
+    # A bag of another recorder may have earlier changes, stamped by a wall clock.
     changes = [
         change.tick
         for change in run.parameter_changes
@@ -83,16 +83,16 @@ def transient_end(run: RecordedRun, after: float | None = None) -> float:
 
 
 def steady_start(run: RecordedRun, after: float | None = None) -> int:
-    """Return the row from which the run counts as steady; see :func:`transient_end`."""
+    """Return the first row after the transient; see :func:`transient_end`."""
     start: int = run.since(transient_end(run, after)).start
     return start
 
 
 def edge_responses(run: RecordedRun, band: float = 0.02) -> 'StepResponse':
     """
-    Return how the head responds to the edges of a stepwise reference, by the run's position error.
+    Return the responses of the head to the edges of a stepwise reference, from the position error.
 
-    Where the servo sensor's track is at the first tick is not an edge of the reference.
+    The position of the track at the first tick of the servo sensor is not an edge.
 
     Parameters
     ----------
@@ -114,5 +114,5 @@ def edge_responses(run: RecordedRun, band: float = 0.02) -> 'StepResponse':
 
 
 def changes_at_all(values: np.ndarray) -> bool:
-    """Return whether an estimate was adapted: whether it is not the same in all rows."""
+    """Return whether an estimate was adapted, i.e. whether its rows differ."""
     return bool(np.any(values != values[0]))

@@ -1,4 +1,4 @@
-"""What a report says of a stretch of a long run alone."""
+"""The results of a long run that are based on its last stretch only."""
 
 from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.recording.recorded_run import RecordedRun
@@ -11,9 +11,9 @@ from hdd_servo_ros.reporting.track_metrics import has_track
 
 def from_stretch(run: RecordedRun, after: float | None = None) -> list[str]:
     """
-    Return what is from a stretch of a run alone, and from which, in a line; none if everything is from the whole run.
+    Return a line with the results that are based on a stretch of the run, and the stretch; empty without such results.
 
-    ``after`` is that of :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    For ``after`` see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
     """
     if not run.is_long:
         return []
@@ -25,5 +25,5 @@ def from_stretch(run: RecordedRun, after: float | None = None) -> list[str]:
         if BASE_ACCELERATION.name in run:
             found.append('responses to shocks')
         if not why_no_bound(part, steady_start(part, after)):
-            found.append('the least error of feedback')
-    return [f'from {stretch_in_words(run)} alone: {", ".join(found)}'] if found else []
+            found.append('the lower bound of the error')
+    return [f'from {stretch_in_words(run)} only: {", ".join(found)}'] if found else []

@@ -1,4 +1,4 @@
-"""The newest signals of a run that goes on, from the decimated blocks that its recorder publishes."""
+"""Live plots of a run, from the decimated blocks that its recorder publishes."""
 
 from collections import deque
 
@@ -12,7 +12,7 @@ from hdd_servo_ros.messages.signals import TimedSignals
 from hdd_servo_ros.messages.topics import ESTIMATES
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.reporting.loop_panels import loop_panels
-from hdd_servo_ros.reporting.picture import Stack
+from hdd_servo_ros.reporting.plot import Stack
 from hdd_servo_ros.reporting.seek_view import view_of_estimates
 
 Array = NDArray[np.float64]
@@ -20,17 +20,17 @@ Array = NDArray[np.float64]
 
 class BlockSignals(TimedSignals):
     """
-    The signals of a run as decimated blocks hold them.
+    The signals of a run in decimated blocks.
 
-    A row is no tick: it holds the extremes of a bin. The error is therefore a column of its own: the difference of two
+    A row is not a tick: it has the extremes of a bin. The error therefore has its own column: the difference of two
     extremes is not the extreme of the difference.
 
     Parameters
     ----------
     names
-        Names of the columns, as :func:`~hdd_servo_ros.messages.scope_blocks.make_block` orders them.
+        Names of the columns, in the order of :func:`~hdd_servo_ros.messages.scope_blocks.make_block`.
     rows
-        In the order of time, shape (n, m).
+        Rows in time order, shape (n, m).
     units
         Units of the drive.
     """
@@ -51,37 +51,37 @@ class BlockSignals(TimedSignals):
 
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        """Names of the columns of ``signals['estimates']``; the time is none of them."""
+        """Names of the columns of ``signals['estimates']``, without the time."""
         prefix = column_name(ESTIMATES, '')
         return tuple(name.removeprefix(prefix) for name in self._columns if name.startswith(prefix))
 
     def __getitem__(self, topic: str) -> Array:
-        """Return the fields of a topic by its name; raises KeyError if there are none."""
+        """Return the fields of a topic by its name; raises KeyError for an unknown topic."""
         columns = [rows for name, rows in self._columns.items() if name.startswith(f'{topic}.')]
         if not columns:
             raise KeyError(topic)
         return np.column_stack(columns)
 
     def __contains__(self, topic: str) -> bool:
-        """Return whether there are rows of a topic."""
+        """Return whether the blocks have a topic."""
         return any(name.startswith(f'{topic}.') for name in self._columns)
 
     @property
     def position_error(self) -> Array:
-        """Error that the controller is to make zero [um]."""
+        """Position error [um]."""
         return self._columns[ERROR]
 
 
 class LiveView:
     """
-    Draws the newest of the blocks it was given.
+    Plots the most recent blocks.
 
     Parameters
     ----------
     figure
-        Where to draw.
+        The figure.
     window
-        How much of the run's time to show [s].
+        Length of the time axis [s].
     """
 
     def __init__(self, figure: Figure, window: float) -> None:
@@ -91,7 +91,7 @@ class LiveView:
         self._units = Units()
 
     def add(self, block: Block, units: Units) -> None:
-        """Add a block; what is older than the window is dropped."""
+        """Add a block, and drop rows older than the window."""
         if self._blocks and block.names != self._blocks[-1].names:
             self._blocks.clear()
         self._units = units
@@ -101,11 +101,11 @@ class LiveView:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing to draw yet."""
+        """Whether no block has arrived yet."""
         return not self._blocks
 
     def draw(self) -> None:
-        """Draw the blocks there are."""
+        """Draw the blocks."""
         if self.is_empty:
             return
         rows = np.concatenate([block.rows for block in self._blocks])
@@ -115,5 +115,5 @@ class LiveView:
 
 
 def lighten() -> None:
-    """Let matplotlib leave out points that no screen shows."""
+    """Let matplotlib simplify paths below the resolution of a screen."""
     mpl.rcParams.update({'path.simplify': True, 'path.simplify_threshold': 1.0, 'agg.path.chunksize': 10_000})

@@ -1,4 +1,4 @@
-"""The control of a long run, summed up block by block."""
+"""Command statistics of a long run, computed block by block."""
 
 import numpy as np
 
@@ -10,21 +10,21 @@ from hdd_servo_ros.reporting.long_errors import LongSignal
 
 class LongControl:
     """
-    The control of a long run after its transient, and the areas that it encloses over the position.
+    Statistics of the command after the transient, and the loop areas over the position.
 
     Parameters
     ----------
     start
-        Row from which it counts.
+        First row after the transient.
     area_rows
-        The rows of whole cycles of the reference, whose areas are wanted; empty for none.
+        Rows of complete reference cycles for the areas; empty for none.
     cycles
-        How many cycles these are.
+        Number of these cycles.
     """
 
     def __init__(self, start: int, area_rows: range, cycles: int) -> None:
         self.peak = 0.0
-        """Largest magnitude, over the whole run."""
+        """Peak of the command over the whole run."""
         self.size = LongSignal()
         self.variation = StreamedVariation()
         self._start, self._area_rows, self.cycles = start, area_rows, cycles
@@ -43,6 +43,6 @@ class LongControl:
 
     @property
     def areas(self) -> tuple[float, float]:
-        """Area of a cycle of the control over the position, and of its feedback part."""
+        """Loop area per cycle of the command over the position, and of its feedback part."""
         whole, feedback = (area.area(self.cycles) for area in self._areas)
         return whole, feedback

@@ -1,4 +1,4 @@
-"""The position error of a long run, summed up block by block: its size, what repeats, its spectra, time off track."""
+"""Error statistics of a long run, computed block by block: size, repeatable part, spectra, time off track."""
 
 import math
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class LongSignal(Moments):
-    """Count, mean, deviation and largest magnitude of a signal that comes in blocks."""
+    """Count, mean, deviation and peak of a signal, computed block by block."""
 
     @property
     def rms(self) -> float:
@@ -31,22 +31,22 @@ class LongSignal(Moments):
 
     @property
     def misregistration(self) -> float:
-        """Three standard deviations, as :func:`~hdd_servo_ros.analysis.misregistration.misregistration` has it."""
+        """Three standard deviations, see :func:`~hdd_servo_ros.analysis.misregistration.misregistration`."""
         return 3.0 * math.sqrt(self.variance * self.count / (self.count - 1)) if self.count > 1 else 0.0
 
 
 class LongError:
     """
-    The position error of a long run after its transient, in the unit of errors.
+    Position error after the transient, in the unit of errors.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     sample_time
-        T [s].
+        Sample time T [s].
     period
-        Samples over which the reference repeats, 0 if it does not.
+        Samples per period of the reference; 0 if it is not periodic.
     """
 
     def __init__(self, samples: int, sample_time: float, period: int) -> None:
@@ -58,7 +58,7 @@ class LongError:
             lambda values, segment: amplitude_power(values, sample_time, segment),
         )
         self.periods = StreamedPeriods(samples, period) if period and samples >= 2 * period else None
-        """Sums over the reference's period; None if there are not two."""
+        """Sums over the period of the reference; None for fewer than two periods."""
 
     def add(self, error: Array) -> None:
         """Add samples, shape (n,)."""
@@ -70,27 +70,27 @@ class LongError:
 
     @property
     def misregistration_from_spectrum(self) -> float:
-        """What the periodogram of the whole error gives, by Parseval's theorem."""
+        """3 sigma of the error from its periodogram, by Parseval's theorem."""
         return self._density.misregistration(self.size.mean, self.size.variance)
 
     def amplitude_spectrum(self) -> tuple[Array, Array]:
-        """Return frequencies [Hz] and the amplitude that a sine at each would have."""
+        """Return frequencies [Hz] and the amplitude of a sine at each of them."""
         frequencies, power = self._spectrum.result()
         return frequencies, np.sqrt(2.0 * power)
 
 
 class LongTrack:
     """
-    The track error of a long run after its transient, in the unit of lengths.
+    Track error after the transient, in the unit of lengths.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     sectors
-        Samples of a revolution, 0 if they are no whole number.
+        Samples per revolution; 0 if this is not an integer.
     pitch
-        Track pitch, None if it is not known.
+        Track pitch; None if it is unknown.
     """
 
     def __init__(self, samples: int, sectors: int, pitch: float | None) -> None:
@@ -98,9 +98,9 @@ class LongTrack:
         self.off_track = (
             {} if pitch is None else {limit: StreamedOffTrack(limit * pitch) for limit in (WRITE_LIMIT, READ_LIMIT)}
         )
-        """By the share of the pitch that is the limit."""
+        """Time off track by limit, a fraction of the track pitch."""
         self.revolutions = StreamedPeriods(samples, sectors) if sectors and samples >= 2 * sectors else None
-        """Sums over the revolutions; None if there are not two."""
+        """Sums over the revolutions; None for fewer than two revolutions."""
 
     def add(self, error: Array) -> None:
         """Add samples, shape (n,)."""
@@ -113,16 +113,16 @@ class LongTrack:
 
 class LongCumulative:
     """
-    The cumulative spectrum of a signal that comes in blocks.
+    Cumulative spectrum of a signal, computed block by block.
 
     See :func:`~hdd_servo_ros.analysis.error_spectrum.cumulative_spectrum`.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     sample_time
-        T [s].
+        Sample time T [s].
     """
 
     def __init__(self, samples: int, sample_time: float) -> None:
@@ -137,6 +137,6 @@ class LongCumulative:
         self._spectrum.add(values)
 
     def result(self) -> tuple[Array, Array]:
-        """Return frequencies [Hz] and the root of the power below each."""
+        """Return frequencies [Hz] and the root of the power below each of them."""
         frequencies, density = self._spectrum.result()
         return accumulated(frequencies, density)

@@ -1,9 +1,9 @@
 """
-What a report says of the whole of a long run, computed block by block.
+Results of a long run, computed block by block.
 
-The first pass over the run finds the sums of the verdict, the figures of error and control, the edges of the reference
-and the rows of the diagrams over time. A second one follows where something needs to know what the first has found: the
-answers to edges, and the spectrum without repeatable runout.
+The first pass computes the sums of the verdict, the statistics of error and command, the edges of the reference and the
+rows of the time plots. A second pass computes the results that depend on the first: the responses to edges, and the
+spectrum without repeatable runout.
 """
 
 import functools
@@ -32,19 +32,19 @@ Array = NDArray[np.float64]
 
 class LongFigures:
     """
-    The figures of a long run.
+    Results of a long run.
 
     Parameters
     ----------
     run
         A long run.
     after
-        Time before which errors do not count [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+        Start of the window [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
 
     Raises
     ------
     ValueError
-        If nothing lies after that time.
+        If the run ends before that time.
     """
 
     def __init__(self, run: RecordedRun, after: float | None) -> None:
@@ -52,7 +52,7 @@ class LongFigures:
         self._count, self._start = run.row_count, steady_start(run, after)
         self._late = self._count - self._start
         if self._late <= 0:
-            raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
+            raise ValueError(f'{run.path}: no samples after {after} s: the run ends at {run.duration:g} s')
         self._follows, self._sample_time = follows_reference(run), run.sample_time
         self._has_track = self._follows and DISTURBANCE.name in run
         self._sectors = sectors_of(run) if self._has_track else 0
@@ -102,12 +102,12 @@ class LongFigures:
 
     @property
     def is_stepwise(self) -> bool:
-        """Whether the reference stands still but for a few jumps."""
+        """Whether the reference is constant except for a few steps."""
         return self.edges is not None and self.edges.is_stepwise
 
     @functools.cached_property
     def cumulative_spectrum(self) -> tuple[Array, Array]:
-        """Cumulative spectrum of the track error, of a run with a disturbance."""
+        """Cumulative spectrum of the track error of a run with a disturbance."""
         assert self._cumulative is not None
         return self._cumulative.result()
 
@@ -122,7 +122,7 @@ class LongFigures:
 
     @property
     def steps(self) -> StepResponse | None:
-        """How the head answers the edges of a stepwise reference; None if there is no edge."""
+        """Responses of the head to the edges of a stepwise reference; None without an edge."""
         if not (self.is_stepwise and self._follows):
             return None
         steps = self._second.steps
@@ -130,14 +130,14 @@ class LongFigures:
 
     @property
     def cumulative_without_runout(self) -> tuple[Array, Array] | None:
-        """The cumulative spectrum without repeatable runout; None where revolutions are not known."""
+        """Cumulative spectrum without repeatable runout; None if the revolutions are unknown."""
         if self.track is None or self.track.revolutions is None:
             return None
         return self._second.cumulative.result()
 
     @functools.cached_property
     def rows_over_time(self) -> ChosenRows:
-        """The rows of the diagrams over time, but for a close-up."""
+        """The rows of the time plots, without a close-up."""
         run = self._run()
         assert run is not None
         chosen = self._chooser.chosen()
@@ -145,7 +145,7 @@ class LongFigures:
 
 
 class _SecondPass:
-    """What needs to know the edges and the repeatable runout."""
+    """Results that depend on the edges and the repeatable runout."""
 
     def __init__(self, figures: LongFigures, run: RecordedRun) -> None:
         self._start = figures._start
@@ -154,7 +154,7 @@ class _SecondPass:
             try:
                 self.steps = StreamedSteps(figures.edges, figures._count, figures._first_offset)
             except ValueError:
-                # A reference that stands still.
+                # A constant reference.
                 self.steps = None
         self.cumulative = LongCumulative(figures._late, run.sample_time)
         revolutions = None if figures.track is None else figures.track.revolutions
@@ -166,7 +166,7 @@ class _SecondPass:
         if self.steps is not None:
             position = block.relative_position
             if block.first_tick == 0:
-                # Where the track is at the first tick is not an edge of the reference.
+                # The position of the track at the first tick is not an edge.
                 position = np.array(position)
                 position[0] = block.position[0]
             self.steps.add(block.desired_position, position)
@@ -181,7 +181,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[float | None, LongFigures]] 
 
 
 def long_figures(run: RecordedRun, after: float | None = None) -> LongFigures:
-    """Return the figures of a long run, computed once; ``after`` is that of :func:`~.evaluation.transient_end`."""
+    """Return the results of a long run, computed once; for ``after`` see :func:`~.evaluation.transient_end`."""
     found = _FOUND.setdefault(run, {})
     if after not in found:
         found[after] = LongFigures(run, after)

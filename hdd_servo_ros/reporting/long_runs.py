@@ -1,4 +1,4 @@
-"""Runs that are read in pieces: blocks of equal length, and the stretch that is looked at as arrays."""
+"""Long runs, which are read in blocks, and their last stretch, which is read as arrays."""
 
 import weakref
 from collections.abc import Collection, Iterator
@@ -8,15 +8,15 @@ from hdd_servo_ros.recording.recorded_run import LONG_RUN, RecordedRun
 from hdd_servo_ros.recording.run_stretch import RunStretch, joined
 
 STRETCH = LONG_RUN
-"""Ticks at the end of a long run that are looked at as arrays, as those of a shorter run are."""
+"""Ticks at the end of a long run that are read as arrays, like a short run."""
 BLOCK = 2**14
-"""Ticks that are looked at together."""
+"""Ticks per block."""
 
 _FOUND: weakref.WeakKeyDictionary[RecordedRun, RunStretch] = weakref.WeakKeyDictionary()
 
 
 def stretch_of(run: RecordedRun) -> RecordedRun:
-    """Return the last :data:`STRETCH` ticks of a long run as a run of its own; a shorter run as it is."""
+    """Return the last :data:`STRETCH` ticks of a long run as a run; a short run unchanged."""
     if not run.is_long:
         return run
     if run not in _FOUND:
@@ -25,12 +25,12 @@ def stretch_of(run: RecordedRun) -> RecordedRun:
 
 
 def begins_within(run: RecordedRun) -> bool:
-    """Return whether the first row is not that of the run's first tick, so that what goes on there has begun before."""
+    """Return whether the first row is later than the first tick of the run."""
     return isinstance(run, RunStretch) and int(run.ticks[0]) > 0
 
 
 def stretch_in_words(run: RecordedRun) -> str:
-    """Return in words which ticks of a long run :func:`stretch_of` it holds; empty for one that is looked at whole."""
+    """Return the ticks of the :func:`stretch_of` a long run as text; empty for a short run."""
     if not run.is_long:
         return ''
     first = max(0, run.row_count - STRETCH)
@@ -39,7 +39,7 @@ def stretch_in_words(run: RecordedRun) -> str:
 
 
 def rows_of(run: RecordedRun, rows: slice) -> SignalRows:
-    """Return consecutive rows of a long run, those of a slice as far as the run has them."""
+    """Return consecutive rows of a long run; a slice beyond the end is cut."""
     wanted = min(rows.stop, run.row_count) - rows.start
     found: list[Signals] = []
     held = 0
@@ -53,16 +53,16 @@ def rows_of(run: RecordedRun, rows: slice) -> SignalRows:
 
 def blocks(run: RecordedRun, size: int = BLOCK, topics: Collection[str] | None = None) -> Iterator[SignalRows]:
     """
-    Iterate over the signals of a long run in blocks of ``size`` ticks; the last one may be shorter.
+    Yield the signals of a long run in blocks of ``size`` ticks; the last block may be shorter.
 
     Parameters
     ----------
     run
         The run.
     size
-        Ticks of a block.
+        Ticks per block.
     topics
-        Names without namespace of those to read; None for all that have fields.
+        Names of the topics to read, without namespace; None for all topics with fields.
     """
     waiting: list[Signals] = []
     held = 0

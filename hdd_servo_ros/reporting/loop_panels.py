@@ -1,4 +1,4 @@
-"""The diagrams over time: positions, error, control and estimates of whatever has the loop's signals."""
+"""Time plots of the loop signals: positions, error, command and estimates."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -20,39 +20,39 @@ Array = NDArray[np.float64]
 BUCKETS = 2500
 TIME_LABEL = 'time [s]'
 _SAMPLES_IN_FULL = 500
-"""Rows at the start, about the largest error and at the end that are drawn one by one."""
+"""Rows at the start, around the largest error and at the end that are not decimated."""
 _ESTIMATES = 8
 FEEDFORWARD = 'u_ff'
-"""The estimate that is the feedforward from the accelerometers."""
+"""Name of the estimate with the accelerometer feedforward."""
 FEEDFORWARD_TITLE = 'Running rms of the measured error'
 _SHOWN_ELSEWHERE = (FEEDFORWARD, 'ff_rms', 'ff_rms_without', 'observed_position', 'observed_velocity')
-"""Estimates that are not adapted: feedforward and errors, which have diagrams of their own, and the observer's."""
+"""Estimates that are not adapted: feedforward and errors, which have their own plots, and those of the observer."""
 
 
 def ends_in_full(rows: int) -> list[slice]:
-    """Return the rows at the start and at the end of a run that are drawn one by one."""
+    """Return the rows at the start and at the end of a run that are not decimated."""
     return [slice(0, _SAMPLES_IN_FULL), slice(max(0, rows - _SAMPLES_IN_FULL), rows)]
 
 
 def peak_in_full(peak: int) -> slice:
-    """Return the rows about the largest error, in row ``peak``, that are drawn one by one."""
+    """Return the rows around the largest error, in row ``peak``, that are not decimated."""
     return slice(max(0, peak - _SAMPLES_IN_FULL // 2), peak + _SAMPLES_IN_FULL // 2)
 
 
 class Lines:
     """
-    Makes decimated lines over the time of one run, which keep every peak.
+    Creates decimated lines over the time of one run that keep every peak.
 
     Parameters
     ----------
     signals
         The signals.
     follows
-        Whether the head follows the reference; the surroundings of the largest error are drawn in full then.
+        Whether the head follows the reference; if so, the rows around the largest error are not decimated.
     close_up
-        What is drawn large, and so with as many points as the whole.
+        The close-up, which gets as many points as the whole run.
     buckets
-        Into how many pieces the whole is cut; see :func:`~hdd_servo_ros.reporting.decimation.rows_to_draw`.
+        Number of buckets; see :func:`~hdd_servo_ros.reporting.decimation.rows_to_draw`.
     """
 
     def __init__(
@@ -66,14 +66,14 @@ class Lines:
         if follows:
             peak = int(np.abs(signals.position_error).argmax())
             in_full.append(peak_in_full(peak if self._chosen is None else int(self._chosen.ticks[peak])))
-        self._in_full = [self._there(part) for part in in_full]
+        self._in_full = [self._available(part) for part in in_full]
         self._large = slice(0, 0)
         if close_up is not None:
             begin, end = np.searchsorted(self._time, (close_up.start, close_up.end), side='left')
             self._large = slice(int(begin), int(end) + 1)
 
-    def _there(self, rows: slice) -> slice:
-        """Return which of the rows that are there are those of a stretch of the whole run."""
+    def _available(self, rows: slice) -> slice:
+        """Return the available rows within a stretch of the whole run."""
         if self._chosen is None:
             return rows
         begin, end = np.searchsorted(self._chosen.ticks, (rows.start, rows.stop)).tolist()
@@ -95,18 +95,18 @@ def loop_panels(
     signals: TimedSignals, *, follows: bool, close_up: CloseUp | None = None, seeks: SeekView | None = None
 ) -> list[Panel]:
     """
-    Return the diagrams over time; those whose topics are missing are left out.
+    Return the time plots, without those whose topics are missing.
 
     Parameters
     ----------
     signals
-        What to draw.
+        The signals.
     follows
-        Whether the head follows the reference; otherwise reference and error are left out.
+        Whether the head follows the reference; otherwise reference and error are omitted.
     close_up
-        What is drawn large next to the whole.
+        The close-up.
     seeks
-        Target and mode of a run with seeks: its error is then that from the target, on two scales.
+        Target and mode of a run with seeks, whose error from the target is plotted on two scales.
     """
     lines = Lines(signals, follows=follows, close_up=close_up)
     length, volt = shown(signals.units.length), shown(signals.units.control)
@@ -171,30 +171,30 @@ def loop_panels(
         add('feedforward', FEEDFORWARD_TITLE, f'rms error [{shown(signals.units.error)}]', compared)
     estimates = _estimates(signals, lines) if ESTIMATES.name in signals else []
     if estimates:
-        add('estimates', 'Estimates', 'over largest magnitude', estimates)
+        add('estimates', 'Estimates', 'normalized by the peak', estimates)
     return panels
 
 
 def error_title(shown: Sequence[TimedSignals]) -> str:
-    """Return the title of a diagram of the position errors of one run or several."""
+    """Return the title of a plot of position errors."""
     kinds = {signals.is_track_following for signals in shown}
     if len(kinds) > 1:
-        return 'Position error, x - x_d, with the servo sensor less the track center'
+        return 'Position error, x - x_d, with the servo sensor minus the track center'
     return 'Track error, x - x_d - track center' if kinds == {True} else 'Tracking error, x - x_d'
 
 
 def error_name(signals: TimedSignals, less: str = 'reference') -> str:
-    """Return what the position error of a run is made of, from the reference or from another position."""
+    """Return the terms of the position error of a run, from the reference or from another position."""
     return f'head - {less} - track center' if signals.is_track_following else f'head - {less}'
 
 
 def error_label(units: Units) -> str:
-    """Return what is written at an axis of errors."""
+    """Return the label of an error axis."""
     return f'error [{shown(units.error)}]'
 
 
 def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[list[Trace], list[Trace]]:
-    """Return target, and trajectory to it if there is one, and the head's errors from both."""
+    """Return the lines of the target and the trajectory, and the errors of the head from both."""
     factor = signals.units.error_factor
     position = [_stairs(lines.over_time('target', seeks.target, GRAY, wide=True))]
     error = factor * (signals.position_error + signals.desired_position - seeks.target)
@@ -206,14 +206,14 @@ def _seek_lines(signals: TimedSignals, lines: Lines, seeks: SeekView) -> tuple[l
 
 
 def _stairs(trace: Trace) -> Trace:
-    """Return a line that holds each value until the next point, where it jumps."""
+    """Return a step line, which holds each value until the next point."""
     return dataclasses.replace(trace, x=np.repeat(trace.x, 2)[1:], y=np.repeat(trace.y, 2)[:-1])
 
 
 def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:
-    """Return the force against u, and the feedforward that is to cancel it."""
+    """Return the disturbance force, and the feedforward that cancels it."""
     has_feedforward = ESTIMATES.name in signals and FEEDFORWARD in signals.estimates
-    # Wide, so that it shows behind a feedforward that is nearly equal.
+    # Wide, so that it remains visible below a feedforward that is nearly equal.
     forces = [lines.over_time('force against u', signals.disturbance.force, COLORS[4], wide=has_feedforward)]
     if has_feedforward:
         forces.append(lines.over_time('feedforward', signals.estimates[FEEDFORWARD], COLORS[5]))
@@ -221,7 +221,7 @@ def _forces(signals: TimedSignals, lines: Lines) -> list[Trace]:
 
 
 def _with_and_without(signals: TimedSignals, lines: Lines) -> list[Trace]:
-    """Return the running rms of the error, and as the supervisor estimates it to be without feedforward."""
+    """Return the running rms of the error, and its estimate without feedforward by the supervisor."""
     factor, estimates = signals.units.error_factor, signals.estimates
     return [
         lines.over_time('without feedforward, estimated', factor * estimates['ff_rms_without'], GRAY, wide=True),
@@ -230,7 +230,7 @@ def _with_and_without(signals: TimedSignals, lines: Lines) -> list[Trace]:
 
 
 def _estimates(signals: TimedSignals, lines: Lines) -> list[Trace]:
-    """Return what was adapted, each over its largest magnitude, which its name states."""
+    """Return the adapted estimates, each normalized by its peak, which its name states."""
     traces: list[Trace] = []
     for name, values in signals.estimates.items():
         if name in NOT_ADAPTED or name in _SHOWN_ELSEWHERE or not changes_at_all(values) or len(traces) == _ESTIMATES:

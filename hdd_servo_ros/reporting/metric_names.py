@@ -1,4 +1,4 @@
-"""The names of all metrics that a run may have, to tell a misspelt name before anything runs."""
+"""The names of all metrics, to detect a misspelled name before a run."""
 
 _LENGTHS = (
     'track_error',
@@ -10,7 +10,7 @@ _LENGTHS = (
     'shock_peak',
     'least_error',
 )
-"""Those that are there as a share of the track pitch as well."""
+"""Metrics that also exist as a fraction of the track pitch."""
 
 METRIC_NAMES: tuple[str, ...] = (
     'rms_error',
@@ -55,4 +55,4 @@ METRIC_NAMES: tuple[str, ...] = (
     'peak_sensitivity',
     'largest_peak_sensitivity',
 )
-"""Names as in ``metrics.yaml``."""
+"""Names in ``metrics.yaml``."""

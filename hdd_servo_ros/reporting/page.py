@@ -1,8 +1,8 @@
 """
-Diagrams and tables as one HTML page that needs nothing else: no network, no server, no other file.
+Plots and tables as one self-contained HTML page: no network, no server, no other file.
 
-The page holds plotly.js itself and the samples as base64 of 32-bit numbers, times as whole ticks, so that a run of any
-length makes a page of about five megabytes.
+The page includes plotly.js, the samples as base64 of 32-bit numbers, and times as integer ticks, so that a run of any
+length gives a page of about 5 MB.
 """
 
 import base64
@@ -26,12 +26,12 @@ from hdd_servo_ros.reporting.panel import BAR_WIDTH, SHADE_OPACITY, Panel, Shade
 _PANEL_HEIGHT = 260
 _TALL_HEIGHT = 420
 _SPLIT = (0.63, 0.7)
-"""Where the whole ends and its close-up begins, as fractions of the figure's width."""
+"""End of the full plot and start of the close-up, as fractions of the width of the figure."""
 _MANY_POINTS = 20_000
 _MANY_SHADES = 1000
-"""More parts than this are not shaded: each is a shape of its own, and none would be seen."""
+"""Largest number of shaded intervals: each is a separate shape, and more would not be visible."""
 _MARK = '! '
-"""Begins a cell of a table that is to be seen."""
+"""Prefix of a highlighted table cell."""
 
 
 def write_page(
@@ -49,17 +49,17 @@ def write_page(
     Parameters
     ----------
     path
-        File to write; it lands by rename.
+        File, which is written atomically.
     title, subtitle
-        What is written at the top.
+        Heading of the page.
     table
-        Head and lines of the table of metrics.
+        Header and rows of the table of metrics.
     panels
-        The diagrams; those over time share one axis, and their close-ups another.
+        The plots; the time plots share one axis, and their close-ups another.
     sample_time
-        T [s], the step of the times.
+        Sample time T [s].
     details
-        Tables behind the diagrams, each folded away under its title.
+        Tables after the plots, each collapsed under its title.
     """
     template = string.Template((files(__package__) / 'page.html').read_text('utf8'))
     text = template.substitute(
@@ -77,20 +77,20 @@ def write_page(
 
 
 def in_script(value: object) -> str:
-    """Return JSON in which no text can end a script, or begin a comment or a script within it."""
+    """Return JSON in which no string can end a script, or start a comment or a script in it."""
     text = json.dumps(value, ensure_ascii=True)
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
 def _figures(panels: Sequence[Panel], sample_time: float) -> list[dict[str, Any]]:
-    """Return what plotly.js draws: one figure of all panels over time, one of each other panel."""
+    """Return the figures for plotly.js: one with all time plots, and one per other panel."""
     over_time = [panel for panel in panels if panel.over_time]
     figures = [_figure(over_time, sample_time)] if over_time else []
     return figures + [_figure([panel], sample_time) for panel in panels if not panel.over_time]
 
 
 def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
-    """Return panels below each other, which share their horizontal axis, with their close-ups to the right."""
+    """Return stacked panels with a common horizontal axis, and their close-ups on the right."""
     count = len(panels)
     gap = 0.28 / count
     height = (1.0 - gap * (count - 1)) / count
@@ -119,13 +119,13 @@ def _figure(panels: Sequence[Panel], sample_time: float) -> dict[str, Any]:
 
 
 def _number(index: int) -> str:
-    """Return what plotly.js writes behind the name of an axis."""
+    """Return the suffix of an axis name in plotly.js."""
     return '' if index == 0 else str(index + 1)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Axes:
-    """A pair of axes of a figure: its number, that of the one whose zoom it follows, and where it is drawn."""
+    """A pair of axes of a figure: its number, the number of the axis whose zoom it follows, and its domain."""
 
     number: str
     followed: str
@@ -133,10 +133,10 @@ class _Axes:
     vertical: list[float]
 
     def layout(self, panel: Panel, traces: Sequence[Trace]) -> dict[str, Any]:
-        """Return the description of the axes."""
+        """Return the layout of the axes."""
         log = {'type': 'log', 'dtick': 1}
         x: dict[str, Any] = {'anchor': f'y{self.number}', 'domain': self.horizontal}
-        # Of a text plotly.js takes some tags and all entities.
+        # plotly.js interprets some tags and all entities in strings.
         x['title'] = {'text': html.escape(panel.x_label), 'standoff': 4}
         if panel.categories:
             x |= {
@@ -148,7 +148,7 @@ class _Axes:
         y: dict[str, Any] = {'anchor': f'x{self.number}', 'domain': self.vertical, 'exponentformat': 'power'}
         limits = panel.range_of(tuple(traces))
         if limits is not None:
-            # On a logarithmic axis plotly.js takes the exponents.
+            # On a logarithmic axis plotly.js expects exponents.
             y['range'] = [math.log10(limit) for limit in limits] if panel.has_logarithmic_y else list(limits)
         return {
             f'xaxis{self.number}': x | (log if panel.has_logarithmic_x else {}),
@@ -158,7 +158,7 @@ class _Axes:
     def lines(
         self, panel: Panel, traces: Sequence[Trace], sample_time: float, legend: str | None
     ) -> list[dict[str, Any]]:
-        """Return lines in the order of drawing; a click in the legend hides a line in its close-up as well."""
+        """Return lines in drawing order; a click in the legend also hides the line in the close-up."""
         return [
             {
                 'type': 'scattergl' if len(traces[index].x) > _MANY_POINTS else 'scatter',
@@ -177,7 +177,7 @@ class _Axes:
         ]
 
     def shades(self, shades: Sequence[Shade], legend: str | None) -> list[dict[str, Any]]:
-        """Return the shaded parts of the horizontal axis, each of whose kinds is in the legend once."""
+        """Return the shaded intervals of the horizontal axis, with one legend entry per kind."""
         if sum(len(shade.intervals) for shade in shades) > _MANY_SHADES:
             return []
         return [
@@ -203,7 +203,7 @@ class _Axes:
 
 
 def _style(trace: Trace) -> dict[str, Any]:
-    """Return how a line looks."""
+    """Return the style of a line."""
     if trace.barred:
         return {'type': 'bar', 'width': BAR_WIDTH, 'marker': {'color': trace.color}}
     if trace.marked:
@@ -240,7 +240,7 @@ def _details(name: str, lines: Sequence[Sequence[str]]) -> str:
 
 
 def _rows(lines: Sequence[Sequence[str]]) -> str:
-    """Return the lines of a table; the first cell of each names it."""
+    """Return the rows of a table; the first cell of each row is its heading."""
     return ''.join(
         f'<tr><th>{html.escape(line[0])}</th>{"".join(_cell(text) for text in line[1:])}</tr>' for line in lines
     )

@@ -1,4 +1,4 @@
-"""A diagram as data: what pictures, the report's page and the live view draw alike."""
+"""A plot as data, for image files, the report page and the live view."""
 
 import dataclasses
 import math
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 COLORS = ('#1f77b4', '#d62728', '#2ca02c', '#ff7f0e', '#9467bd', '#17becf', '#8c564b', '#e377c2', '#bcbd22', '#7f7f7f')
 GRAY = '#999999'
 BAR_WIDTH = 0.6
-"""Of the distance of two bars."""
+"""Width of a bar as a fraction of the distance of two bars."""
 SHADE_OPACITY = 0.5
 _MARGIN = 0.05
 """Free space below and above the lines, as a fraction of their span."""
@@ -18,24 +18,24 @@ _MARGIN = 0.05
 @dataclasses.dataclass(frozen=True)
 class Trace:
     """
-    One line of a diagram.
+    One line of a plot.
 
     Attributes
     ----------
     name
-        Of the line in the legend.
+        Name in the legend.
     x, y
-        Its points, shape (n,).
+        Points, shape (n,).
     color
         As ``#rrggbb``.
     wide
-        Whether it is drawn wide and transparent, as a line that others cover.
+        Whether it is wide and transparent, for a line that others cover.
     marked
-        Whether its points are marked instead of joined.
+        Whether to draw markers instead of a line.
     clipped
-        Whether the other lines alone scale the vertical axis, so that this one may leave the diagram.
+        Whether the line is ignored for the scale of the vertical axis, so that it may be clipped.
     barred
-        Whether its points are bars from 0.
+        Whether to draw bars from 0.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Trace:
 
     @property
     def opacity(self) -> float:
-        """How much of what is below is hidden, 1 for all; a clipped line may fill the whole diagram."""
+        """Opacity from 0 to 1; a clipped line is transparent, since it may fill the plot."""
         if self.clipped:
             return 0.3
         return 0.6 if self.wide else 1.0
@@ -63,14 +63,14 @@ class Trace:
 @dataclasses.dataclass(frozen=True)
 class Shade:
     """
-    Parts of a horizontal axis whose background is shaded.
+    Shaded intervals of the horizontal axis.
 
     Attributes
     ----------
     name
-        What they are, in the legend.
+        Name in the legend.
     intervals
-        Begin and end of each, shape (m, 2).
+        Start and end of each interval, shape (m, 2).
     color
         As ``#rrggbb``.
     """
@@ -87,7 +87,7 @@ class Shade:
 
 @dataclasses.dataclass(frozen=True)
 class CloseUp:
-    """Part of a horizontal axis that is drawn a second time, in full width next to the whole."""
+    """Interval of the horizontal axis that is plotted again at full width next to the whole."""
 
     start: float
     end: float
@@ -97,35 +97,35 @@ class CloseUp:
 @dataclasses.dataclass(frozen=True)
 class Panel:
     """
-    One diagram.
+    One plot.
 
     Attributes
     ----------
     name
-        By which a program finds it.
+        Identifier for programs.
     title, x_label, y_label
-        What is written at it.
+        Title and axis labels.
     traces
         Its lines.
     over_time
-        Whether it is over the time of a run; such panels are stacked and share their axis.
+        Whether it is a time plot; time plots are stacked and share their axis.
     logarithmic, logarithmic_x
-        Whether both axes, or the horizontal one alone, are logarithmic.
+        Whether both axes, or only the horizontal one, are logarithmic.
     largest_first
-        Whether the lines are drawn in the order of their size, so that none covers the others.
+        Whether to draw the largest lines first, so that they do not cover the others.
     y_range
         Range of the vertical axis; None to fit the lines.
     close_up
-        What is drawn a second time next to the whole.
+        Close-up next to the whole.
     categories
-        What is written at 0, 1, ... of the horizontal axis in place of the numbers.
+        Labels at 0, 1, ... of the horizontal axis in place of numbers.
     shades
-        What is shaded behind the lines.
+        Shaded intervals in the background.
 
     Raises
     ------
     ValueError
-        If a logarithmic axis is to show what is not positive.
+        If the range of a logarithmic axis is not positive.
     """
 
     name: str
@@ -144,11 +144,11 @@ class Panel:
 
     def __post_init__(self) -> None:
         if self.logarithmic and self.y_range is not None and self.y_range[0] <= 0.0:
-            raise ValueError(f'panel {self.name}: a logarithmic axis cannot begin at {self.y_range[0]!r}')
+            raise ValueError(f'panel {self.name}: a logarithmic axis cannot start at {self.y_range[0]!r}')
 
     @property
     def has_logarithmic_y(self) -> bool:
-        """Whether the vertical axis is logarithmic; lines that are nowhere positive have no logarithm."""
+        """Whether the vertical axis is logarithmic; not if no line has a positive value."""
         return self.logarithmic and any((trace.y > 0.0).any() for trace in self.traces)
 
     @property
@@ -157,22 +157,22 @@ class Panel:
         return self.logarithmic_x or self.has_logarithmic_y
 
     def in_close_up(self) -> tuple[Trace, ...]:
-        """Return the lines within the close-up; all of them if there is none."""
+        """Return the lines within the close-up; all lines without a close-up."""
         if self.close_up is None:
             return self.traces
         return tuple(trace.between(self.close_up.start, self.close_up.end) for trace in self.traces)
 
     def shades_in_close_up(self) -> tuple[Shade, ...]:
-        """Return the shades within the close-up; all of them if there is none."""
+        """Return the shades within the close-up; all shades without a close-up."""
         if self.close_up is None:
             return self.shades
         return tuple(shade.between(self.close_up.start, self.close_up.end) for shade in self.shades)
 
     def drawing_order(self) -> list[int]:
-        """Return the indices of the lines in the order in which they are drawn, one over the other."""
+        """Return the indices of the lines in drawing order."""
         if not self.largest_first:
             return list(range(len(self.traces)))
-        # By its middle half, which is small for a line that is large at the start alone.
+        # By the interquartile range, which is small for a line that is large only at the start.
         sizes = [float(np.subtract(*np.percentile(trace.y, (75, 25)))) for trace in self.traces]
         order: list[int] = np.argsort(sizes, kind='stable')[::-1].tolist()
         return order
@@ -181,7 +181,7 @@ class Panel:
         """
         Return the range of the vertical axis for lines of this panel, all or those of the close-up.
 
-        None lets the drawing fit all of them.
+        None means automatic scaling.
         """
         if self.y_range is not None or not any(trace.clipped for trace in traces):
             return self.y_range
@@ -189,7 +189,7 @@ class Panel:
 
 
 def fitted_range(values: list[NDArray[np.float64]], *, logarithmic: bool = False) -> tuple[float, float] | None:
-    """Return the range that fits finite values with a margin; None if there are none."""
+    """Return the range that fits finite values with a margin; None without finite values."""
     joined = np.concatenate([np.empty(0), *values])
     joined = joined[np.isfinite(joined) & ((joined > 0.0) | (not logarithmic))]
     if not len(joined):

@@ -1,4 +1,4 @@
-"""The progress of a run, with its real-time factor, for a person."""
+"""Progress display of a run, with its real-time factor."""
 
 import collections
 import contextlib
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
 
 _LINE_PERIOD = 5.0
 _WINDOW = 5.0
-"""Over how long the speed is taken [s of wall time without pauses]."""
+"""Averaging time of the speed [s of wall time without pauses]."""
 
 
 class Progress:
     """
-    A progress bar on a terminal, a line every few seconds elsewhere, on standard error.
+    Progress on standard error: a bar on a terminal, otherwise a line every few seconds.
 
-    The real-time factor, and the time that is left, are those of the last seconds in which the run was not paused.
+    The real-time factor and the remaining time refer to the last seconds in which the run was not paused.
 
     Parameters
     ----------
     title
-        What is running.
+        Name of the run.
     last_tick
-        N.
+        Last tick N.
     sample_time
-        T [s].
+        Sample time T [s].
     """
 
     def __init__(self, title: str, last_tick: int, sample_time: float) -> None:
@@ -42,13 +42,13 @@ class Progress:
         self._bar = _bar(title, self._total) if sys.stderr.isatty() else None
 
     def show(self, tick: int) -> None:
-        """Show that the run has come to ``tick``, as long as there is somebody to show it to."""
+        """Show that the run has reached ``tick``."""
         if not self._is_read:
             return
         try:
             self._show(tick)
         except OSError:
-            # Whoever read standard error is gone; the run goes on without.
+            # The reader of standard error is gone; the run continues.
             self._is_read = False
 
     def _show(self, tick: int) -> None:
@@ -68,13 +68,13 @@ class Progress:
             text = f'{self._title} {done:.2f} of {self._total:.2f} s, {factor}, {left:.0f} s left'
             print(text, file=sys.stderr, flush=True)
 
-    def go_on(self, tick: int) -> None:
-        """Go on after a pause before ``tick``: the time since the last one that was shown does not count."""
-        if self._seen is not None:  # nothing counts before the first one
+    def resume(self, tick: int) -> None:
+        """Resume after a pause before ``tick``: the time since the last display does not count."""
+        if self._seen is not None:  # not before the first display
             self._seen = (time.monotonic(), tick)
 
     def _speed(self, now: float, tick: int) -> float:
-        """Return the seconds of the run per second of wall time, over the last seconds without pauses."""
+        """Return the real-time factor over the last seconds without pauses."""
         assert self._seen is not None
         then, last_tick = self._seen
         if tick > last_tick:
@@ -87,14 +87,14 @@ class Progress:
         return (last_time - first_time) / max(last - first, 1e-9)
 
     def close(self) -> None:
-        """Leave the bar as it is, and end its line."""
+        """End the line of the bar."""
         if self._bar is not None:
             with contextlib.suppress(OSError):
                 self._bar.close()
 
 
 def _bar(title: str, total: float) -> 'tqdm[NoReturn]':
-    # Late: only a terminal has a bar.
+    # Imported late: only a terminal has a bar.
     from tqdm import tqdm
 
     return tqdm(

@@ -1,4 +1,4 @@
-"""The period of the reference that a run follows."""
+"""The period of the reference of a run."""
 
 import math
 from fractions import Fraction
@@ -13,10 +13,10 @@ from hdd_servo_ros.reporting.long_runs import stretch_of
 
 def reference_period(run: RecordedRun) -> float | None:
     """
-    Return the period of the reference at the end of the run [samples], None if it is not periodic or not known.
+    Return the period of the reference at the end of the run [samples]; None if it is not periodic or unknown.
 
-    The reference's parameters give it; without ``run.yaml``, or with a reference from an external node, the samples of
-    `/reference` in the part of the run that counts do.
+    It is read from the parameters of the reference. Without ``run.yaml``, or with an external reference, it is
+    estimated from `/reference` after the transient.
     """
     if run.controller == SIGNAL_ANALYZER:
         return None
@@ -29,7 +29,7 @@ def reference_period(run: RecordedRun) -> float | None:
         if waveform == 'multisine':
             components = parameter('component_frequencies')
             ratios = [Fraction(ratio).limit_denominator(1000) for ratio in components if ratio > 0.0]
-            # The greatest common divisor of fractions.
+            # Greatest common divisor of fractions.
             frequency *= math.gcd(*(ratio.numerator for ratio in ratios)) / math.lcm(
                 *(ratio.denominator for ratio in ratios)
             )
@@ -51,15 +51,15 @@ def follows_sine(run: RecordedRun) -> bool:
 
 
 def whole_periods(period: float) -> Fraction:
-    """Return a period as whole samples over the fewest periods that make them."""
+    """Return a period as the fraction of an integer number of samples over the fewest periods."""
     return Fraction(period).limit_denominator(1000)
 
 
 def control_cycles(run: RecordedRun, start: int) -> tuple[range, int]:
     """
-    Return the rows, from row ``start`` on, over which the control goes round whole cycles of a sine, and how many.
+    Return the rows from ``start`` that make complete cycles of a sine, and the number of cycles.
 
-    There are none where the head does not follow a sine of a known period.
+    Both are empty if the head does not follow a sine of known period.
     """
     period = reference_period(run)
     if period is None or HEAD.name not in run or not follows_sine(run):
@@ -81,7 +81,7 @@ def _period_of_samples(run: RecordedRun) -> float | None:
 
 
 def _sine_of_samples(run: RecordedRun) -> float | None:
-    """Return the period of the sine that `/reference` is [s], None if it is none."""
+    """Return the period of `/reference` [s]; None if it is not a sine."""
     if REFERENCE.name not in run:
         return None
     run = stretch_of(run)

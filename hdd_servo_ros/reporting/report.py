@@ -1,4 +1,4 @@
-"""From recorded runs to figures, by their bags alone: metrics, a picture and a page of each, a comparison of all."""
+"""Reports of recorded runs, from their bags: metrics, plots and a page per run, and comparisons of runs."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -20,49 +20,49 @@ from hdd_servo_ros.reporting.run_names import run_name, run_names
 from hdd_servo_ros.reporting.run_panels import run_panels
 from hdd_servo_ros.reporting.run_sensitivity import low_margin_of
 from hdd_servo_ros.reporting.run_sums import sums_of
-from hdd_servo_ros.reporting.saturation import saturation_line, tells_saturation
+from hdd_servo_ros.reporting.saturation import has_saturation_data, saturation_line
 from hdd_servo_ros.reporting.seek_report import for_yaml, lost_seeks, seek_tables
 from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 from hdd_servo_ros.reporting.source_panels import ErrorBySource, source_metrics, source_panel
 from hdd_servo_ros.reporting.verdict import Verdict, verdict_of
 
 _TITLE_WIDTH = 150
-"""Characters that fit over a picture."""
+"""Characters per line of a plot title."""
 
 
 def report_run(
     run: RecordedRun, directory: Path, after: float | None = None, by_source: ErrorBySource | None = None
 ) -> tuple[list[Path], list[str]]:
     """
-    Write the metrics, the picture and the page of a run.
+    Write the metrics, the plot and the page of a run.
 
     Parameters
     ----------
     run
         The run.
     directory
-        Where to write ``report.html``, ``report.png`` and ``metrics.yaml``; made if need be.
+        Directory for ``report.html``, ``report.png`` and ``metrics.yaml``; created if it is missing.
     after
-        Time before which errors do not count [s]; None for the first half of the run, 2 s at most.
+        Start of the window [s]; None to skip the first half of the run, at most 2 s.
     by_source
-        What each source contributes to the error, if that is to be reported.
+        Contribution of each source to the error, if it is to be reported.
 
     Returns
     -------
     written : list of Path
-        What was written.
+        The files.
     remarks : list of str
-        Why the run did not finish or does not track, or whether its stability margin was low, if so, and what the
-        report leaves out and why, a line each.
+        Lines about a run that did not finish or does not track, a low stability margin, and parts that the report
+        omits, with reasons.
 
     Raises
     ------
     ValueError
-        If the bag holds nothing to report, or nothing lies after that time.
+        If the bag has nothing to report, or the run ends before that time.
     """
-    # Late: an error in the arguments is reported before matplotlib is imported.
+    # Imported late: an error in the arguments is reported before matplotlib is imported.
     from hdd_servo_ros.reporting.page import write_page
-    from hdd_servo_ros.reporting.picture import write_picture
+    from hdd_servo_ros.reporting.plot import write_plot
 
     metrics = run_metrics(run, after)
     response, missing = _measured_response(run)
@@ -72,7 +72,7 @@ def report_run(
         metrics += source_metrics(run, by_source)
         panels.append(source_panel(run, by_source))
     if not panels:
-        raise ValueError(f'{run.path}: nothing to report: the bag holds neither /control nor /reference with /head')
+        raise ValueError(f'{run.path}: nothing to report: the bag has neither /control nor /reference with /head')
     title = f'{run.controller} on {run.frame_id}: {run_name(run)}' if run.description else run_name(run)
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / name for name in ('metrics.yaml', 'report.png', 'report.html')]
@@ -94,7 +94,7 @@ def report_run(
         **for_yaml(part),
     }
     written[0].write_text(yaml.safe_dump(content, sort_keys=False), 'utf8')
-    write_picture(panels, '\n'.join([title, *textwrap.wrap('; '.join(caveats), _TITLE_WIDTH)]), written[1])
+    write_plot(panels, '\n'.join([title, *textwrap.wrap('; '.join(caveats), _TITLE_WIDTH)]), written[1])
     lines = [('verdict', _in_table(judged))] if judged is not None else []
     lines += [(metric.label, f'{_number(metric.value)} {shown(metric.unit)}') for metric in metrics]
     subtitle = '; '.join([_subtitle(run, after, judged, clipped), *filter(None, [lost, low_margin]), *missing])
@@ -104,28 +104,28 @@ def report_run(
 
 
 def _measured_response(run: RecordedRun) -> tuple[FrequencyResponse | None, list[str]]:
-    """Return what a signal analyzer measured in a run, None in another; and why there is nothing, a line at most."""
+    """Return the response measured in a run, or None, and at most one line with the reason."""
     if run.controller != SIGNAL_ANALYZER:
         return None, []
-    # Late: nothing else here needs the compiled blocks.
+    # Imported late: it needs the compiled blocks.
     from hdd_servo_ros.reporting.recorded_response import response_of_run
 
     try:
         response = response_of_run(run)
     except (ValueError, LookupError) as error:
         return None, [f'no measured response: {error}']
-    return response, [] if len(response.frequency) else ['no measured response: no point was complete']
+    return response, [] if len(response.frequency) else ['no measured response: no frequency point is complete']
 
 
 def _ended(run: RecordedRun) -> str:
-    """Return how a run ended that did not finish and why; empty if it finished, or nothing says."""
+    """Return the status and the reason of a run that did not finish; empty if it finished or this is unknown."""
     if run.status == FINISHED or not run.description:
         return ''
     return f'{run.status}: {run.reason}' if run.reason else run.status
 
 
 def _caveats(run: RecordedRun, judged: Verdict | None) -> list[str]:
-    """Return why a run did not finish, and why it does not track, a line each."""
+    """Return the reasons why a run did not finish and why it does not track, one line each."""
     return [*filter(None, [_ended(run)]), *([] if judged is None or judged.tracks else [judged.in_words])]
 
 
@@ -143,22 +143,22 @@ def compare_runs(runs: Sequence[RecordedRun], directory: Path, after: float | No
         If the runs are in different units.
     """
     from hdd_servo_ros.reporting.page import write_page
-    from hdd_servo_ros.reporting.picture import write_picture
+    from hdd_servo_ros.reporting.plot import write_plot
 
     panels = comparison_panels(runs, after)
     directory.mkdir(parents=True, exist_ok=True)
-    picture, page = directory / 'comparison.png', directory / 'comparison.html'
+    plot, page = directory / 'comparison.png', directory / 'comparison.html'
     names = run_names(runs)
     title = ', '.join(_marked_name(name, run, verdict_of(run, after)) for name, run in zip(names, runs, strict=True))
-    write_picture(panels, textwrap.fill(title, _TITLE_WIDTH), picture)
-    details = {'what differs in run.yaml': _differences(runs)}
+    write_plot(panels, textwrap.fill(title, _TITLE_WIDTH), plot)
+    details = {'differences in run.yaml': _differences(runs)}
     table = comparison_table(runs, after)
     write_page(page, f'Comparison of {len(runs)} runs', title, table, panels, runs[0].sample_time, details)
-    return [picture, page]
+    return [plot, page]
 
 
 def _marked_name(name: str, run: RecordedRun, judged: Verdict | None) -> str:
-    """Return the name of a run, with what is wrong with it."""
+    """Return the name of a run, with its faults."""
     marks = [run.status] if _ended(run) else []
     marks += [] if judged is None or judged.tracks else [judged.text]
     return f'{name} ({", ".join(marks)})' if marks else name
@@ -175,16 +175,16 @@ def comparison_table(
     runs: Sequence[RecordedRun], after: float | None = None, by_source: Sequence[ErrorBySource | None] = ()
 ) -> tuple[list[str], list[list[str]]]:
     """
-    Return head and lines of the table of metrics of several runs.
+    Return header and rows of the table of metrics of several runs.
 
     Parameters
     ----------
     runs
         The runs.
     after
-        Time before which errors do not count [s].
+        Start of the window [s].
     by_source
-        For each run what each source contributes to its error, if that is to be in the table.
+        Contribution of each source to the error of each run, if it is to be in the table.
 
     Raises
     ------
@@ -218,8 +218,8 @@ def comparison_table(
 
 
 def _saturation(run: RecordedRun, after: float | None) -> dict[str, tuple[int, int]] | None:
-    """Return how many samples of each clipped signal, and the first tick; None if bag or ``run.yaml`` do not tell."""
-    return dict(sums_of(run, after).saturated) if tells_saturation(run) else None
+    """Return sample count and first tick of each clipped signal; None if bag or ``run.yaml`` lack the data."""
+    return dict(sums_of(run, after).saturated) if has_saturation_data(run) else None
 
 
 def _number(value: float) -> str:
@@ -240,7 +240,7 @@ def _subtitle(
 
 
 def _details(run: RecordedRun) -> dict[str, list[tuple[str, str]]]:
-    """Return everything that ``run.yaml`` records, and the parameters that were changed, as tables of two columns."""
+    """Return the content of ``run.yaml`` and the parameter changes as two-column tables."""
     description: dict[str, Any] = {name: value for name, value in run.description.items() if name != 'nodes'}
     details = {'run': list(_flat(description, ''))} if description else {}
     for node, entries in run.description.get('nodes', {}).items():
@@ -254,7 +254,7 @@ def _details(run: RecordedRun) -> dict[str, list[tuple[str, str]]]:
 
 
 def _differences(runs: Sequence[RecordedRun]) -> list[list[str]]:
-    """Return what differs between the runs' ``run.yaml``, a line each; nodes go by their names without namespace."""
+    """Return the differences of the ``run.yaml`` files, one row each, with node names without namespace."""
     contents = []
     for run in runs:
         flat = dict(_flat({name: value for name, value in run.description.items() if name != 'nodes'}, ''))

@@ -1,4 +1,4 @@
-"""A measured frequency response on disk: its CSV and its picture."""
+"""A measured frequency response on disk: its CSV file and Bode plot."""
 
 from pathlib import Path
 
@@ -12,14 +12,14 @@ PICTURE = 'response.png'
 
 def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str]:
     """
-    Write what an analyzer has measured so far, complete or not, and return lines that say where and what.
+    Write the points that an analyzer has measured, and return lines about the files and the points.
 
     Parameters
     ----------
     analyzer
-        The analyzer; its parameter ``plot`` says whether to draw.
+        The analyzer; its parameter ``plot`` enables the Bode plot.
     directory
-        Folder of the run; a new one below ``runs`` if there is none here.
+        Directory of the run; None for a new one in ``runs``.
     """
     measured = analyzer.response()
     response = measured.at(measured.is_seen)
@@ -30,7 +30,7 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
     ):
         if discarded:
             frequencies = ', '.join(f'{frequency:.5g}' for frequency in discarded)
-            lines.append(f'left out, since {why}: {frequencies} Hz')
+            lines.append(f'omitted, since {why}: {frequencies} Hz')
     if len(response.frequency) == 0:
         return lines
     if directory is None or not directory.is_dir():
@@ -39,7 +39,7 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
     response.write_csv(directory / CSV)
     lines.append(f'{describe(response)}: {directory / CSV}')
     if analyzer.parameters.plot:
-        # Imported late: a sweep that draws nothing need not wait for matplotlib.
+        # Imported late: a sweep without a plot does not wait for matplotlib.
         from hdd_servo_ros.reporting.bode import bode
 
         bode({'measured': response}).savefig(directory / PICTURE, dpi=100)
@@ -48,12 +48,12 @@ def write_response(analyzer: SignalAnalyzer, directory: Path | None) -> list[str
 
 
 def response_line(response: FrequencyResponse) -> str:
-    """Return the line that stands for the summary of a sweep, which follows no reference."""
+    """Return the summary line of a sweep, which follows no reference."""
     return f'{"response":>16}  {describe(response)}'
 
 
 def describe(response: FrequencyResponse) -> str:
-    """Return a measured response in a few words."""
+    """Return a short description of a measured response."""
     lowest, highest = response.frequency[0], response.frequency[-1]
     return (
         f'{len(response.frequency)} points from {lowest:.5g} to {highest:.5g} Hz, '

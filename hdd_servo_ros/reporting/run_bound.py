@@ -1,4 +1,4 @@
-"""The least position error that feedback could have had in a recorded run, with the disturbance that it recorded."""
+"""Lower bound of the error under linear feedback, for the recorded disturbance of a run."""
 
 import dataclasses
 import weakref
@@ -19,27 +19,27 @@ from hdd_servo_ros.reporting.run_sensitivity import (
 from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of
 
 RESOLUTION = 10.0
-"""Distance of the lines of the recorded disturbance's spectra [Hz]."""
+"""Resolution of the spectra of the recorded disturbance [Hz]."""
 _SHORTEST = 10
-"""Segments of that resolution that a record must hold, for spectra that mean something."""
+"""Smallest number of segments of that resolution for a meaningful spectrum."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RunBound:
     """
-    The least error of feedback in a run.
+    Lower bound of the error under linear feedback.
 
     Attributes
     ----------
     three_sigma
-        The least 3 sigma of the track error, repeatable runout left out, of any linear feedback on the sensor's outputs
+        Lower bound of the 3 sigma track error without repeatable runout, for any linear feedback on the sensor outputs
         with ``max_sensitivity`` [um].
     reached
-        3 sigma of the run's own track error, repeatable runout left out [um].
+        3 sigma track error of the run without repeatable runout [um].
     max_sensitivity
         The limit of the peak sensitivity.
     is_presliding
-        Whether the friction counted as a spring, or the drive as sliding.
+        Whether the drive was linearized in presliding (as a spring) or in sliding.
     """
 
     three_sigma: float
@@ -52,7 +52,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[int, RunBound]] = weakref.We
 
 
 def _controller_node(run: RecordedRun) -> str:
-    """Return the node that published `/control`, without namespace; empty if none is known."""
+    """Return the node that published `/control`, without namespace; empty if it is unknown."""
     for name, node in run.description.get('nodes', {}).items():
         if any(topic.rpartition('/')[2] == CONTROL.name for topic in node.get('outputs', ())):
             return kind_of_node(name, node, run.description)
@@ -60,12 +60,12 @@ def _controller_node(run: RecordedRun) -> str:
 
 
 def _sensor_node(run: RecordedRun) -> str:
-    """Return the node whose outputs the controller reads."""
+    """Return the sensor node that the controller reads."""
     return SERVO_SENSOR if run.is_track_following else SENSOR
 
 
 def why_no_bound(run: RecordedRun, start: int) -> str:
-    """Return why the least error of feedback is not known in a run, from row ``start`` on; empty if it is."""
+    """Return why the lower bound from row ``start`` on is unknown; empty if it is known."""
     if DISTURBANCE.name not in run:
         return f'the run has no /{DISTURBANCE.name}'
     nodes = parameters_at_start(run)
@@ -85,28 +85,28 @@ def why_no_bound(run: RecordedRun, start: int) -> str:
         return f'/{DISTURBANCE.name} is 0'
     seconds = (len(run.ticks) - start) * run.sample_time
     if seconds < _SHORTEST / RESOLUTION:
-        return f'{seconds:g} s after the transient are too short: {_SHORTEST / RESOLUTION:g} s are needed'
+        return f'{seconds:g} s after the transient are too short; expected at least {_SHORTEST / RESOLUTION:g} s'
     return ''
 
 
 def run_bound(run: RecordedRun, start: int) -> RunBound | None:
     """
-    Return the least error of feedback in a run, None if :func:`why_no_bound`.
+    Return the lower bound of the error under linear feedback; None if :func:`why_no_bound` has a reason.
 
-    The disturbance's spectra are those that the run has recorded, by Welch's method. The drive is linearized in
-    presliding where the head stays within the deflection at which friction breaks away, else in sliding.
+    The spectra of the recorded disturbance are estimated by Welch's method. The drive is linearized in presliding if
+    the head stays within the breakaway deflection of the friction, otherwise in sliding.
 
     Parameters
     ----------
     run
         A run with a disturbance.
     start
-        Row from which it counts.
+        First row of the window.
 
     Raises
     ------
     ValueError
-        If no feedback with that peak sensitivity is found.
+        If no feedback with that peak sensitivity exists.
     """
     if why_no_bound(run, start):
         return None
@@ -117,7 +117,7 @@ def run_bound(run: RecordedRun, start: int) -> RunBound | None:
 
 
 def _computed(run: RecordedRun, start: int) -> RunBound:
-    # Late: only these need the compiled blocks.
+    # Imported late: only these need the compiled blocks.
     from hdd_servo_ros.analysis.feedback_responses import MeasuredDrive
     from hdd_servo_ros.analysis.least_error import DisturbanceSpectra, least_error
     from hdd_servo_ros.analysis.metrics import power_spectral_density
@@ -140,7 +140,7 @@ def _computed(run: RecordedRun, start: int) -> RunBound:
     frequencies, force = power_spectral_density(non_repeatable(disturbance[:, 0], sectors), sample_time, segment)
     _, track = power_spectral_density(non_repeatable(disturbance[:, 1], sectors), sample_time, segment)
     if run.is_track_following:
-        # The position error alone, at no delay of its own.
+        # Only the position error, without additional delay.
         drive = MeasuredDrive.of(linear, surroundings.delay, is_relative=True)
         noise = [np.full(len(frequencies), servo_noise_density(sensor, sample_time))]
     else:

@@ -1,4 +1,4 @@
-"""The impacts on the crash stops in a recorded run, by the drive run again on the recorded voltages."""
+"""Impacts on the crash stops in a recorded run, by simulating the drive with the recorded voltages."""
 
 import weakref
 from typing import TYPE_CHECKING
@@ -15,20 +15,20 @@ _FOUND: 'weakref.WeakKeyDictionary[RecordedRun, dict[str, StopImpacts]]' = weakr
 
 
 def has_stops(run: RecordedRun) -> bool:
-    """Return whether the drive of a run has crash stops, as far as its parameters are known."""
+    """Return whether the drive of a run is known to have crash stops."""
     parameters = parameters_at_start(run).get(PLANT, {})
     return any(parameters.get(name, 0.0) != 0.0 for name in ('travel.lower', 'travel.upper'))
 
 
 def why_no_impacts(run: RecordedRun) -> str:
-    """Return why the impacts on the crash stops of a run are not known; empty if they are, or if there are no stops."""
+    """Return why the impacts on the crash stops are unknown; empty if they are known, or without crash stops."""
     if not has_stops(run):
         return ''
     missing = [f'/{topic.name}' for topic in (CONTROL, HEAD) if topic.name not in run]
     if missing:
-        return f'the bag holds no {" and no ".join(missing)}'
+        return f'the bag has no {" and no ".join(missing)}'
     if not run.is_long and run.ticks[0] != 0:
-        return 'the bag does not begin with tick 0'
+        return 'the bag does not start at tick 0'
     if any(change.node.rpartition('/')[2] == PLANT for change in run.parameter_changes):
         return f'parameters of {PLANT} were changed during the run'
     if _impacts(run) is None:
@@ -37,16 +37,16 @@ def why_no_impacts(run: RecordedRun) -> str:
 
 
 def run_impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
-    """Return the impacts on each crash stop that was hit; None without stops, or if :func:`why_no_impacts` says why."""
+    """Return the impacts on each crash stop that was hit; None without stops or if they are unknown."""
     if not has_stops(run) or why_no_impacts(run):
         return None
     return _impacts(run)
 
 
 def _impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
-    """Run the drive again; return None if its head does not end where the recorded one does."""
+    """Simulate the drive; return None if its head does not end at the recorded position."""
     if run not in _FOUND:
-        # Late: only this needs the compiled block.
+        # Imported late: only this needs the compiled block.
         from hdd_servo_ros.drive.plant import Plant
 
         plant = Plant(block_parameters(PLANT, parameters_at_start(run)[PLANT]), run.sample_time)
@@ -56,7 +56,7 @@ def _impacts(run: RecordedRun) -> 'dict[str, StopImpacts] | None':
         for piece in run.pieces([CONTROL.name, HEAD.name, DISTURBANCE.name]):
             voltages = piece.command.tolist()
             forces = piece[DISTURBANCE.name][:, 0].tolist() if DISTURBANCE.name in piece else [0.0] * len(voltages)
-            # What is held from the last tick on acts on the way to one that is not there.
+            # The command of the last tick acts only after the end of the recording.
             inputs = waiting + list(zip(voltages, forces, strict=True))
             waiting = [inputs.pop()]
             for voltage, force in inputs:

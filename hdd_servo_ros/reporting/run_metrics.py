@@ -1,4 +1,4 @@
-"""The metrics of a run, from its bag."""
+"""The metrics of a recorded run."""
 
 from collections.abc import Collection
 
@@ -9,7 +9,12 @@ from hdd_servo_ros.reporting.evaluation import follows_reference, steady_start
 from hdd_servo_ros.reporting.metric import Metric
 from hdd_servo_ros.reporting.reference_period import follows_sine, reference_period, whole_periods
 from hdd_servo_ros.reporting.run_impacts import run_impacts, why_no_impacts
-from hdd_servo_ros.reporting.run_numbers import answers_to_edges, control_numbers, error_numbers, has_stepwise_reference
+from hdd_servo_ros.reporting.run_numbers import (
+    control_numbers,
+    error_numbers,
+    has_stepwise_reference,
+    responses_to_edges,
+)
 from hdd_servo_ros.reporting.run_sensitivity import CONTROLLERS, run_sensitivity, why_no_sensitivity
 from hdd_servo_ros.reporting.seek_report import seek_metrics, why_no_seek_metrics
 from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
@@ -17,22 +22,22 @@ from hdd_servo_ros.reporting.track_metrics import track_left_out, track_metrics
 
 
 def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
-    """Return what a report of this run leaves out that reports of others hold, and why, a line each."""
+    """Return the parts that the report of this run omits, one line each with the reason."""
     lines = []
     if not run.description:
         lines.append(
-            'there is no run.yaml: how the run ended, its controller, its parameters and saturation are not known'
+            'run.yaml is missing: the outcome of the run, its controller, its parameters and saturation are unknown'
         )
     missing = [f'/{name}' for name in ('head', 'reference') if name not in run]
     if missing and catalog.follows_reference(run.controller):
-        lines.append(f'no tracking error and what follows from it: the bag holds no {" and no ".join(missing)}')
+        lines.append(f'no tracking error and no metrics based on it: the bag has no {" and no ".join(missing)}')
     if run.is_track_following and DISTURBANCE.name in run.description.get('topics_left_out', {}):
-        lines.append(f'no track error, since the bag holds no /{DISTURBANCE.name}: the errors are x - x_d')
+        lines.append(f'no track error: the bag has no /{DISTURBANCE.name}, so that the errors are x - x_d')
     if 'control' not in run:
-        lines.append('no figures of the control: the bag holds no /control')
+        lines.append('no metrics of the command: the bag has no /control')
     unknown = why_no_sensitivity(run)
     if not unknown and run.controller in CONTROLLERS and run_sensitivity(run) is None:
-        unknown = 'it cannot be computed for this loop'
+        unknown = 'not computable for this loop'
     if unknown:
         lines.append(f'no peak sensitivity: {unknown}')
     unknown = why_no_impacts(run)
@@ -46,44 +51,44 @@ def left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     if follows_reference(run) and not has_stepwise_reference(run, after):
         period = reference_period(run)
         if period is None:
-            lines.append('no repeatable parts, areas and hysteresis: no period of the reference is known')
+            lines.append('no repeatable parts, areas and hysteresis: the period of the reference is unknown')
             return lines
         samples, whole = run.row_count - steady_start(run, after), whole_periods(period).numerator
         if samples < 2 * whole:
             what = 'repeatable parts and areas' if samples < whole and follows_sine(run) else 'repeatable parts'
             lines.append(
-                f'no {what}: {samples * run.sample_time:g} s count, and the periods of the reference that make whole '
-                f'samples take {whole * run.sample_time:g} s'
+                f'no {what}: the window has {samples * run.sample_time:g} s, and periods of the reference that take an '
+                f'integer number of samples last {whole * run.sample_time:g} s'
             )
     return lines
 
 
 _SPECTRUM = 'tmr_of_spectrum'
 _SENSITIVITY = ('peak_sensitivity', 'largest_peak_sensitivity')
-"""Metrics that take longest to compute."""
+"""Metrics that take long to compute."""
 
 
 def run_metrics(run: RecordedRun, after: float | None = None, only: Collection[str] | None = None) -> list[Metric]:
     """
-    Return the metrics of a run; those that its reference or its topics do not allow are left out.
+    Return the metrics of a run, without those that its reference or its topics do not allow.
 
     Parameters
     ----------
     run
         The run.
     after
-        Time before which nothing counts [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+        Start of the window [s]; see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
     only
-        Names of those that are wanted; None for all.
+        Names of the metrics to compute; None for all.
 
     Raises
     ------
     ValueError
-        If nothing lies after that time.
+        If the run ends before that time.
     """
     start = steady_start(run, after)
     if start >= run.row_count:
-        raise ValueError(f'{run.path}: nothing after {after} s: the run ends at {run.duration:g} s')
+        raise ValueError(f'{run.path}: no samples after {after} s: the run ends at {run.duration:g} s')
     found: list[Metric] = []
     if follows_reference(run):
         found += _tracking(run, after, spectrum=only is None or _SPECTRUM in only)
@@ -144,7 +149,7 @@ def _tracking(run: RecordedRun, after: float | None, *, spectrum: bool) -> list[
 
 
 def _steps(run: RecordedRun, after: float | None) -> list[Metric]:
-    response = answers_to_edges(run, after)
+    response = responses_to_edges(run, after)
     if response is None:
         return []
     worst, median = response.worst(), response.median()

@@ -1,4 +1,4 @@
-"""Names of runs, for titles, legends and folders."""
+"""Names of runs, for titles, legends and directories."""
 
 from collections.abc import Sequence
 
@@ -6,13 +6,13 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 
 def run_name(run: RecordedRun) -> str:
-    """Return the name of the run's folder."""
+    """Return the name of the run directory."""
     path = run.path.resolve()
     return _printable(path.parent.name if path.name == 'bag' and run.description else path.name)
 
 
 def run_names(runs: Sequence[RecordedRun]) -> list[str]:
-    """Return a name for each of several runs, all different."""
+    """Return unique names for several runs."""
     names = [run_name(run) for run in runs]
     return [
         name if names.count(name) == 1 else _printable(str(run.path)) for run, name in zip(runs, names, strict=True)
@@ -20,5 +20,5 @@ def run_names(runs: Sequence[RecordedRun]) -> list[str]:
 
 
 def _printable(name: str) -> str:
-    """Return a file's name with escapes for bytes that are not UTF-8: neither a picture nor a page can show them."""
+    """Return a file name with escapes for bytes that are not UTF-8, which plots and pages cannot show."""
     return name.encode('utf-8', 'backslashreplace').decode('utf-8')

@@ -1,4 +1,4 @@
-"""The numbers behind the metrics of a run: from its arrays, or of a long run block by block."""
+"""Error and command statistics of a run: from its arrays, or block by block for a long run."""
 
 import dataclasses
 
@@ -24,16 +24,17 @@ from hdd_servo_ros.reporting.reference_period import control_cycles, reference_p
 @dataclasses.dataclass(frozen=True)
 class ErrorNumbers:
     """
-    The position error of a run after its transient, in the unit of errors.
+    Position error after the transient, in the unit of errors.
 
     Attributes
     ----------
     rms, largest, mean, misregistration
-        Root mean square, largest magnitude, mean, and three standard deviations.
+        Root mean square, peak, mean, and three standard deviations.
     misregistration_from_spectrum
-        The last one from the power spectral density; None of two samples or less, or where it was not wanted.
+        Three standard deviations from the power spectral density; None for fewer than three samples, or if not
+        requested.
     parts
-        Root mean square of what repeats with the reference and of what does not; None where that is not known.
+        Root mean square of the repeatable and of the non-repeatable part; None if they are unknown.
     """
 
     rms: float
@@ -45,7 +46,7 @@ class ErrorNumbers:
 
 
 def error_numbers(run: RecordedRun, after: float | None, *, spectrum: bool = True) -> ErrorNumbers:
-    """Return the numbers of the position error of a run that follows a reference, that of the spectrum if wanted."""
+    """Return the statistics of the position error of a run that follows a reference."""
     return _long_error(run, after) if run.is_long else _error(run, after, spectrum)
 
 
@@ -69,7 +70,7 @@ def _error(run: RecordedRun, after: float | None, spectrum: bool) -> ErrorNumber
         try:
             found = repeatable_parts(error, period)
         except ValueError:
-            # A frequency for which many periods make a whole number of samples, in a short run.
+            # In a short run, the periods that take an integer number of samples may be too long.
             pass
         else:
             parts = found.repeatable_rms, found.non_repeatable_rms
@@ -91,18 +92,18 @@ def _long_error(run: RecordedRun, after: float | None) -> ErrorNumbers:
 @dataclasses.dataclass(frozen=True)
 class ControlNumbers:
     """
-    The control of a run.
+    Command of a run.
 
     Attributes
     ----------
     peak
-        Largest magnitude, over the whole run [V].
+        Peak over the whole run [V].
     rms
         Root mean square after the transient [V].
     variation
-        Sum of the magnitudes of all changes from tick to tick after the transient [V].
+        Total variation after the transient: sum of the magnitudes of all changes per tick [V].
     areas
-        Area that the control, and its feedback part, enclose over the position in a cycle of a sine; None without one.
+        Loop area of the command, and of its feedback part, over the position per cycle of a sine; None without one.
     """
 
     peak: float
@@ -112,7 +113,7 @@ class ControlNumbers:
 
 
 def control_numbers(run: RecordedRun, after: float | None) -> ControlNumbers:
-    """Return the numbers of the control of a run that holds it."""
+    """Return the statistics of the command of a run."""
     if run.is_long:
         control = long_figures(run, after).control
         assert control is not None
@@ -130,12 +131,12 @@ def control_numbers(run: RecordedRun, after: float | None) -> ControlNumbers:
 
 
 def has_stepwise_reference(run: RecordedRun, after: float | None = None) -> bool:
-    """Return whether the reference of a run that follows one stands still but for a few jumps."""
+    """Return whether the reference is constant except for a few steps."""
     return long_figures(run, after).is_stepwise if run.is_long else is_stepwise(run.desired_position)
 
 
-def answers_to_edges(run: RecordedRun, after: float | None = None) -> StepResponse | None:
-    """Return how the head answers the edges of a stepwise reference; None for one that stands still."""
+def responses_to_edges(run: RecordedRun, after: float | None = None) -> StepResponse | None:
+    """Return the responses to the edges of a stepwise reference; None for a constant one."""
     if run.is_long:
         return long_figures(run, after).steps
     try:

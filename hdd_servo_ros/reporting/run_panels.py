@@ -1,4 +1,4 @@
-"""The diagrams of one run."""
+"""The plots of one run."""
 
 from collections.abc import Sequence
 
@@ -18,14 +18,14 @@ from hdd_servo_ros.reporting.loop_panels import BUCKETS, loop_panels
 from hdd_servo_ros.reporting.over_time import signals_over_time
 from hdd_servo_ros.reporting.panel import COLORS, Panel, Trace
 from hdd_servo_ros.reporting.reference_period import reference_period
-from hdd_servo_ros.reporting.run_numbers import answers_to_edges, has_stepwise_reference
+from hdd_servo_ros.reporting.run_numbers import has_stepwise_reference, responses_to_edges
 from hdd_servo_ros.reporting.seek_panels import seek_panels
 from hdd_servo_ros.reporting.seek_view import view_of_run
 from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks, seeks_of
 from hdd_servo_ros.reporting.track_panels import track_error_panel, track_panels
 
 _LINES_IN_FULL = 1000
-"""Lines of a spectrum, from the lowest on, that are drawn one by one."""
+"""Number of the lowest lines of a spectrum that are not decimated."""
 _LOOP_SAMPLES = 4000
 _EDGE_SAMPLES = 500
 _EDGES = 8
@@ -33,9 +33,9 @@ _EDGES = 8
 
 def panels_over_time(run: RecordedRun, after: float | None = None) -> list[Panel]:
     """
-    Return the diagrams of a run over its time, with a close-up; those whose topics are missing are left out.
+    Return the time plots of a run with a close-up, without those whose topics are missing.
 
-    The seeks of a long run are drawn as any other reference. ``after`` is that of the other figures of such a run.
+    The seeks of a long run are drawn like any other reference. ``after`` is the start of the window of a long run [s].
     """
     if run.is_long and not any(topic.name in run for topic in SIGNAL_TOPICS):
         return []
@@ -48,22 +48,22 @@ def panels_over_time(run: RecordedRun, after: float | None = None) -> list[Panel
 
 def run_panels(run: RecordedRun, after: float | None = None, response: FrequencyResponse | None = None) -> list[Panel]:
     """
-    Return all diagrams of one run; those whose topics the bag does not hold are left out.
+    Return all plots of a run, without those whose topics are missing.
 
     Parameters
     ----------
     run
         The run.
     after
-        Time from which the spectrum counts [s]; None for the first half of the run, 2 s at most.
+        Start of the window of the spectrum [s]; None to skip the first half of the run, at most 2 s.
     response
-        What a signal analyzer has measured in the run.
+        Response measured by a signal analyzer in the run.
     """
     panels = _bode_panels(response) if response is not None and len(response.frequency) else []
     part = part_with_seeks(run)
     for panel in panels_over_time(run, after):
         track = track_error_panel(run, after) if panel.name == 'error' else None
-        # With the servo sensor both are the same error, and the diagram of the track has the limits of the pitch.
+        # With the servo sensor both plots show the same error, and the track plot also shows the limits.
         is_same = run.is_track_following and not seeks_of(part)
         panels += [panel] if track is None else [track] if is_same else [panel, track]
     panels += seek_panels(part)
@@ -77,7 +77,7 @@ def run_panels(run: RecordedRun, after: float | None = None, response: Frequency
 
 
 def spectrum_line(name: str, run: RecordedRun, after: float | None, color: str, buckets: int) -> Trace | None:
-    """Return the amplitude spectrum of the position error of a run as a line; None if it is too short for one."""
+    """Return the amplitude spectrum of the position error as a line; None if the run is too short."""
     start = steady_start(run, after)
     if run.row_count - start <= 2:
         return None
@@ -87,13 +87,13 @@ def spectrum_line(name: str, run: RecordedRun, after: float | None, color: str, 
         frequencies, amplitudes = error.amplitude_spectrum()
     else:
         frequencies, amplitudes = amplitude_spectrum(run.error_factor * run.position_error[start:], run.sample_time)
-    # The mean is taken out, and a logarithmic axis has no 0 Hz. Its low lines are far apart.
+    # The mean is removed, since a logarithmic axis has no 0 Hz. Its lowest lines are far apart.
     rows = 1 + rows_to_draw(amplitudes[1:], buckets, [slice(0, _LINES_IN_FULL)])
     return Trace(name, frequencies[rows], amplitudes[rows], color)
 
 
 def spectrum_panel(lines: Sequence[Trace], units: Units) -> Panel:
-    """Return the diagram of error spectra."""
+    """Return the plot of error spectra."""
     return Panel(
         'spectrum',
         'Spectrum of the position error signal',
@@ -105,7 +105,7 @@ def spectrum_panel(lines: Sequence[Trace], units: Units) -> Panel:
 
 
 def _bode_panels(response: FrequencyResponse) -> list[Panel]:
-    """Return gain, phase and, where it was measured, coherence of a response."""
+    """Return the plots of gain, phase and, if measured, coherence."""
     curves = [
         ('gain', f'gain [dB, {shown(response.unit)}]', decibels(response)),
         ('phase', 'phase [°]', degrees(response)),
@@ -127,11 +127,11 @@ def _bode_panels(response: FrequencyResponse) -> list[Panel]:
 
 
 def _edges_panel(run: RecordedRun, after: float | None) -> Panel | None:
-    """Return the responses to the edges of a stepwise reference over each other."""
-    # The diagrams of seeks show them on scales of their own.
+    """Return the overlaid responses to the edges of a stepwise reference."""
+    # Seeks have their own plots.
     if not follows_reference(run) or not has_stepwise_reference(run, after) or seeks_of(part_with_seeks(run)):
         return None
-    response = answers_to_edges(run, after)
+    response = responses_to_edges(run, after)
     if response is None:
         return None
     drawn = np.unique(np.linspace(0, len(response) - 1, _EDGES).round().astype(int))
@@ -145,11 +145,11 @@ def _edges_panel(run: RecordedRun, after: float | None) -> Panel | None:
         y = 1.0 + (part.relative_position[rows] - part.desired_position[row]) / height
         name = f'edge at {part.time[row]:g} s'
         traces.append(Trace(name, x, y, COLORS[len(traces) % len(COLORS)]))
-    return Panel('edges', 'Responses to the edges', 'time after the edge [ms]', 'of the height', tuple(traces))
+    return Panel('edges', 'Responses to the edges', 'time after the edge [ms]', 'fraction of the edge', tuple(traces))
 
 
 def _loop_panel(run: RecordedRun, after: float | None) -> Panel | None:
-    """Return friction and feedback over the position: the last periods of a periodic reference."""
+    """Return friction and feedback over the position for the last periods of the reference."""
     period = reference_period(run)
     if period is None or has_stepwise_reference(run, after):
         return None

@@ -1,4 +1,4 @@
-"""The stability margin of a recorded run: its peak sensitivity with the recorded estimates."""
+"""Stability margin of a recorded run: the peak sensitivity with the recorded estimates."""
 
 import dataclasses
 import math
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
 
 PLANT, SENSOR, SERVO_SENSOR = 'vcm_plant', 'ldv_sensor', 'servo_sensor'
 CONTROLLERS = {'adaptive_nn': 'adaptive_nn_controller', 'pid': 'pid_controller', 'seek': 'seek_controller'}
-"""Controllers with a linear loop, and their nodes."""
+"""Nodes of the controllers with a linear loop."""
 SAMPLES = 48
-"""Ticks, evenly over the run, at which Ms is computed in addition to the extremes of the estimates."""
+"""Number of ticks, evenly spaced over the run, at which Ms is computed in addition to the extreme estimates."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RunSensitivity:
     """
-    Peak sensitivity Ms of a run; infinite where the loop is unstable.
+    Peak sensitivity Ms of a run; infinite if the loop is unstable.
 
     Attributes
     ----------
     at_end
-        With the estimates at the end.
+        Ms with the final estimates.
     largest, largest_tick
-        The largest along the run, and a tick at which it is.
+        Largest Ms during the run, and a tick where it occurs.
     estimates
-        The estimates there, in words; empty for a controller that has none.
+        The estimates at that tick, as text; empty for a controller without estimates.
     limit
-        The largest Ms of a sound loop.
+        Largest Ms with a sufficient stability margin.
     """
 
     at_end: float
@@ -55,7 +55,7 @@ class RunSensitivity:
 
 
 def why_no_sensitivity(run: RecordedRun) -> str:
-    """Return why the peak sensitivity of a run is not known, empty if it is, or if its loop has none."""
+    """Return why the peak sensitivity is unknown; empty if it is known, or not defined for the loop."""
     node = CONTROLLERS.get(run.controller)
     if node is None:
         return ''
@@ -64,7 +64,7 @@ def why_no_sensitivity(run: RecordedRun) -> str:
     if missing:
         return f'run.yaml has no parameters of {" and ".join(missing)}'
     if node == 'adaptive_nn_controller' and ESTIMATES.name not in run:
-        return f'the bag holds no /{ESTIMATES.name}'
+        return f'the bag has no /{ESTIMATES.name}'
     changed = {
         kind_by_name(run.description, change.node) for change in run.parameter_changes if change.name != 'reset_count'
     }
@@ -79,8 +79,8 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
     """
     Return the peak sensitivity of a run.
 
-    None if :func:`why_no_sensitivity`, with a controller without one, or if the loop's numbers leave the range of
-    numbers.
+    None if it is unknown (see :func:`why_no_sensitivity`), not defined for the controller, or not computable because of
+    overflow.
     """
     node = CONTROLLERS.get(run.controller)
     if node is None or why_no_sensitivity(run):
@@ -97,7 +97,7 @@ def run_sensitivity(run: RecordedRun) -> RunSensitivity | None:
 
 
 def _computed(run: RecordedRun, node: str) -> RunSensitivity:
-    # Late: only these need the compiled blocks.
+    # Imported late: only these need the compiled blocks.
     from hdd_servo_ros.analysis.fragility import MAX_ADAPTED_SENSITIVITY, ROUNDING, named_estimates
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
     from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
@@ -111,10 +111,10 @@ def _computed(run: RecordedRun, node: str) -> RunSensitivity:
         return RunSensitivity(ms, ms, _first_tick(run), MAX_SENSITIVITY + ROUNDING)
     frozen = loop.frozen_loop(AdaptiveNn(law, run.sample_time))
     if law.desired.enabled:
-        # The estimates multiply signals of the reference: the loop is the same all along.
+        # The estimates multiply signals of the reference, so that the loop is constant.
         ms = frozen.peak_sensitivity(FrozenEstimates(0.0, 0.0))
         return RunSensitivity(ms, ms, _first_tick(run), MAX_SENSITIVITY + ROUNDING)
-    found = _estimates_to_look_at(run, law.error_filter_lambda)
+    found = _checked_estimates(run, law.error_filter_lambda)
     points = [FrozenEstimates(*estimates) for estimates in found.values()]
     at_end = frozen.peak_sensitivity(points[-1])
     largest, where = frozen.worst_of(points)
@@ -123,7 +123,7 @@ def _computed(run: RecordedRun, node: str) -> RunSensitivity:
 
 
 def loop_surroundings(run: RecordedRun, node: str) -> 'LoopSurroundings':
-    """Return the loop of a run without its controller, from the parameters of drive, vibrometer and controller."""
+    """Return the loop without its controller, from the parameters of drive, vibrometer and controller."""
     from hdd_servo_ros.analysis.fragility import LoopSurroundings
 
     nodes = parameters_at_start(run)
@@ -140,7 +140,7 @@ def loop_surroundings(run: RecordedRun, node: str) -> 'LoopSurroundings':
 
 
 def linear_controller_at_end(run: RecordedRun) -> 'LinearController':
-    """Return the controller of a run as a linear one, with the estimates at the end; see :func:`why_no_sensitivity`."""
+    """Return the linear controller with the final estimates; see :func:`why_no_sensitivity`."""
     from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, frozen_law, pid_law
     from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
     from hdd_servo_ros.control.pid import PidParameters
@@ -155,7 +155,7 @@ def linear_controller_at_end(run: RecordedRun) -> 'LinearController':
 
 
 def low_margin_of(run: RecordedRun) -> str:
-    """Return a line on the low stability margin of a run, empty if it was sufficient or is not known."""
+    """Return a line about a low stability margin; empty if it is sufficient or unknown."""
     found = run_sensitivity(run)
     if found is None or not found.largest > found.limit:
         return ''
@@ -171,7 +171,7 @@ def low_margin_of(run: RecordedRun) -> str:
 
 
 def parameters_at_start(run: RecordedRun) -> dict[str, dict[str, Any]]:
-    """Return the parameters at the start by the nodes' names without namespace."""
+    """Return the initial parameters by node name without namespace."""
     return recorded_parameters(run.description)
 
 
@@ -179,7 +179,7 @@ def _first_tick(run: RecordedRun) -> int:
     return 0 if run.is_long else int(run.ticks[0])
 
 
-def _estimates_to_look_at(run: RecordedRun, error_filter_lambda: float) -> dict[int, tuple[float, float]]:
+def _checked_estimates(run: RecordedRun, error_filter_lambda: float) -> dict[int, tuple[float, float]]:
     """
     Return sigma_hat and m_hat by the tick, ascending.
 

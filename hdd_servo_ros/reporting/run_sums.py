@@ -1,4 +1,4 @@
-"""What summary and verdict need of a run, summed up from its signals piece by piece."""
+"""Running sums over a run for its summary and verdict, computed block by block."""
 
 import math
 import weakref
@@ -22,14 +22,14 @@ class RunSums:
     """
     Running sums over the signals of a run.
 
-    Feed the pieces of a run in their order to :meth:`add`; none of their rows are kept.
+    Pass the blocks of a run in order to :meth:`add`; their rows are not stored.
 
     Parameters
     ----------
     description
-        Content of ``run.yaml``, or as much of it as is known: ``controller`` and ``nodes`` with their parameters count.
+        Content of ``run.yaml``, or its known part; ``controller`` and ``nodes`` with their parameters are used.
     transient
-        Time before which errors do not count [s].
+        End of the transient [s].
     """
 
     def __init__(self, description: Mapping[str, Any], transient: float) -> None:
@@ -37,7 +37,7 @@ class RunSums:
         self.units = Units()
         self.samples = 0
         self.late_samples = 0
-        """Samples after the transient."""
+        """Number of samples after the transient."""
         self.first_tick = self.last_tick = 0
         self.control = Moments(0.0)
         """The command of the whole run."""
@@ -48,12 +48,12 @@ class RunSums:
         self.late_reference = Moments()
         """The desired position after the transient."""
         self.early_reference = Moments()
-        """The desired position before."""
+        """The desired position before the end of the transient."""
         self.first_position = 0.0
         self.saturated: dict[str, tuple[int, int]] = {}
-        """For each signal that was clipped: how many of its samples, and the first tick."""
+        """Number of clipped samples and first tick, by signal."""
         self.saturated_late: dict[str, int] = {}
-        """The same after the transient."""
+        """The same after the end of the transient."""
         self._estimate_names: tuple[str, ...] = ()
         self._first_estimates = self._last_estimates = np.empty(0)
         self._adapted = np.empty(0, dtype=np.bool_)
@@ -103,30 +103,30 @@ class RunSums:
 
     @property
     def estimates(self) -> dict[str, float]:
-        """The last values of the estimates that were adapted, by their names."""
+        """Final values of the adapted estimates, by name."""
         columns = zip(self._estimate_names, self._last_estimates.tolist(), self._adapted.tolist(), strict=True)
         return {name: value for name, value, adapted in columns if adapted and name not in NOT_ADAPTED}
 
     @property
     def reference_span(self) -> float:
-        """Largest less smallest desired position of the whole run, the head's first position among them."""
+        """Range of the desired position over the whole run, including the first head position."""
         parts = (self.early_reference, self.late_reference)
         highest = max(self.first_position, *(part.highest for part in parts))
         return highest - min(self.first_position, *(part.lowest for part in parts))
 
     @property
     def has_error(self) -> bool:
-        """Whether there is a position error after the transient."""
+        """Whether the run has a position error after the transient."""
         return self.error.count > 0
 
     @property
     def rms_error(self) -> float:
-        """Root mean square of the error after the transient, in the unit of lengths; not a number if it is infinite."""
+        """Rms error after the transient, in the unit of lengths; nan if it is infinite."""
         return self.error.rms_about(0.0)
 
     @property
     def peak_error(self) -> float:
-        """Largest error after the transient, in the unit of lengths."""
+        """Peak error after the transient, in the unit of lengths."""
         return self.error.largest
 
 
@@ -134,7 +134,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[float | None, RunSums]] = we
 
 
 def sums_of(run: RecordedRun, after: float | None = None) -> RunSums:
-    """Return the sums of a recorded run, computed once; ``after`` is that of :func:`transient_end`."""
+    """Return the sums of a recorded run, computed once; for ``after`` see :func:`transient_end`."""
     found = _FOUND.setdefault(run, {})
     if after not in found:
         found[after] = _sum_up(run, after)
@@ -142,18 +142,18 @@ def sums_of(run: RecordedRun, after: float | None = None) -> RunSums:
 
 
 def keep_sums(run: RecordedRun, after: float | None, sums: RunSums) -> None:
-    """Let :func:`sums_of` return these sums, which hold all of the run."""
+    """Cache the sums of a run for :func:`sums_of`."""
     _FOUND.setdefault(run, {}).setdefault(after, sums)
 
 
 def new_sums(run: RecordedRun, after: float | None) -> RunSums:
-    """Return sums for a recorded run that has a tick, which are still to be fed."""
+    """Return empty sums for a recorded run with at least one tick."""
     return RunSums(run.description, transient_end(run, after))
 
 
 def _sum_up(run: RecordedRun, after: float | None) -> RunSums:
     if run.description.get('last_tick', 0) < 0:
-        # It failed at tick 0.
+        # The run failed at tick 0.
         return RunSums(run.description, 0.0)
     sums = new_sums(run, after)
     for piece in run.pieces():

@@ -1,4 +1,4 @@
-"""Saturation as a run's signals show it: the samples at the end of an instrument's range."""
+"""Saturation in a run: the samples at the limits of an instrument."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -20,23 +20,23 @@ CONTROL_OUTPUT = 'control'
 
 
 FRACTION = 'fraction of a track'
-"""Name of the servo sensor's fraction among them."""
+"""Name of the fraction of the servo sensor among the saturated signals."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Ranges:
     """
-    Ranges of the instruments of a run, by its parameters at the start.
+    Ranges of the instruments of a run, from its initial parameters.
 
     Attributes
     ----------
     ldv
-        Lowest and highest voltage that an output of the vibrometer can show [V]; None if its parameters are not known.
+        Lowest and highest output voltage of the vibrometer [V]; None if its parameters are unknown.
     half_track
-        Largest magnitude of the fraction that the servo sensor decodes [um]; None if its parameters are not known.
+        Largest fraction that the servo sensor decodes [um]; None if its parameters are unknown.
     control_step
-        By how much the command before saturation may exceed the command without being clipped [V], since rounding to
-        the converter's step is no saturation; None if the parameters are not known.
+        Largest difference of the command before and after saturation without clipping [V], from the rounding of the
+        DAC; None if the parameters are unknown.
     """
 
     ldv: tuple[float, float] | None = None
@@ -45,7 +45,7 @@ class Ranges:
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> 'Ranges':
-        """Return the ranges by the content of ``run.yaml``."""
+        """Return the ranges from the content of ``run.yaml``."""
         ldv, control_step, half_track = None, None, None
         for name, node in recorded_nodes(description).items():
             parameters = node.get('parameters', {})
@@ -59,12 +59,12 @@ class Ranges:
         return cls(ldv, control_step, half_track)
 
     def saturated_rows(self, signals: Signals) -> dict[str, NDArray[np.int64]]:
-        """Return the rows in which a signal is clipped, for each signal that is clipped at all."""
+        """Return the clipped rows of each clipped signal."""
         clipped: dict[str, NDArray[np.bool_]] = {}
         if self.ldv is not None and LDV.name in signals:
             lowest, highest = self.ldv
             volts = signals[LDV.name]
-            # Most runs are nowhere near: a look at the extremes is enough, and quick.
+            # The extremes show quickly that most runs are not clipped.
             if volts.min() <= lowest or volts.max() >= highest:
                 for index, output in enumerate(OUTPUTS):
                     clipped[f'{output} output'] = (volts[:, index] <= lowest) | (volts[:, index] >= highest)
@@ -73,7 +73,7 @@ class Ranges:
         if self.control_step is not None and CONTROL.name in signals:
             wanted, given = signals.control.before_saturation, signals.command
             excess = wanted - given
-            # Written so that what is not a number gets a closer look as well.
+            # Written so that nan is checked too.
             if not (-self.control_step <= excess.min() and excess.max() <= self.control_step):
                 clipped[CONTROL_OUTPUT] = np.abs(wanted) > np.abs(given) + self.control_step
         return {name: np.flatnonzero(where) for name, where in clipped.items() if where.any()}
@@ -88,25 +88,25 @@ def saturated_rows(signals: Signals, description: Mapping[str, Any]) -> dict[str
     signals
         The signals of the run.
     description
-        Content of ``run.yaml``; the parameters are those at the start of the run.
+        Content of ``run.yaml``, with the initial parameters.
 
     Returns
     -------
     dict
-        Of the vibrometer's displacement and velocity output, of the servo sensor's fraction and of the drive voltage,
-        where any was clipped: the rows.
+        Clipped rows of the displacement and velocity outputs, the fraction of the servo sensor and the drive voltage,
+        for those that were clipped.
     """
     return Ranges.of(description).saturated_rows(signals)
 
 
-def tells_saturation(run: RecordedRun) -> bool:
-    """Return whether the bag and the ``run.yaml`` of a run tell what was clipped."""
+def has_saturation_data(run: RecordedRun) -> bool:
+    """Return whether the bag and ``run.yaml`` suffice to detect clipping."""
     has_sensor = LDV.name in run or PES.name in run
     return bool(run.description) and has_sensor and CONTROL.name in run
 
 
 def saturation_line(counts: Mapping[str, tuple[int, int]], samples: int) -> str:
-    """Return in one line how many of a run's samples were clipped, by the count and the first tick of each signal."""
+    """Return a line about the clipped samples, from the count and the first tick of each signal."""
     return '; '.join(
         f'{name} {count} of {samples} samples, first at tick {tick}' for name, (count, tick) in counts.items()
     )

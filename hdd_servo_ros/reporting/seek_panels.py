@@ -1,4 +1,4 @@
-"""The diagrams of a run's seeks: access times over length with their bounds, errors on two scales, residual spectra."""
+"""The plots of seeks: seek time over length with bounds, errors on two scales, residual spectra."""
 
 import dataclasses
 import math
@@ -17,13 +17,13 @@ from hdd_servo_ros.reporting.seeks_of_run import bound_curve, part_with_seeks, r
 
 _DARK = '#444444'
 _SEEKS = 7
-"""How many seeks are drawn over each other."""
+"""Number of overlaid seeks."""
 _AFTER_ARRIVAL = 3e-3
-"""What is drawn after the last arrival [s]."""
+"""Time after the last arrival in the plot [s]."""
 
 
 def seek_panels(run: RecordedRun) -> list[Panel]:
-    """Return the diagrams of a run's seeks; none of a run without seeks, or of a drive that is not in um."""
+    """Return the plots of the seeks; empty without seeks, or for a drive that is not in um."""
     tolerance = tolerance_of(run)
     if tolerance is None or not seeks_of(run):
         return []
@@ -37,7 +37,7 @@ def seek_panels(run: RecordedRun) -> list[Panel]:
 
 
 def _spread(responses: list[SeekResponse]) -> list[SeekResponse]:
-    """Return some responses, evenly over their lengths, the shortest seek first."""
+    """Return some responses, evenly spaced over their lengths, the shortest seek first."""
     ordered = sorted(responses, key=lambda response: abs(response.seek.length))
     if not ordered:
         return []
@@ -47,17 +47,17 @@ def _spread(responses: list[SeekResponse]) -> list[SeekResponse]:
 
 def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel | None:
     """
-    Return the seek times of several runs over length, with the bounds of the one that has seeks of most lengths.
+    Return the seek times of several runs over length, with the bounds of the run with the most lengths.
 
     Parameters
     ----------
     runs
-        By name, each run and its color.
+        Runs and colors by name.
 
     Returns
     -------
     Panel or None
-        None where no run has seeks, or no drive is in um.
+        None if no run has seeks, or no drive is in um.
     """
     parts = {name: (part_with_seeks(run), color) for name, (run, color) in runs.items()}
     known = [(name, run, color, tolerance_of(run)) for name, (run, color) in parts.items() if seeks_of(run)]
@@ -72,7 +72,7 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
         lost = sum(not response.has_arrived for response in responses)
         label = f'{name} ({lost} of {len(responses)} do not arrive)' if lost else name
         traces += _marks(run, label, [response for response in responses if response.has_arrived], color)
-    # A run with many seeks is drawn below those with few.
+    # Runs with many seeks are drawn below those with few.
     traces.sort(key=lambda trace: -len(trace.x))
     return dataclasses.replace(
         panel, title='Seek times, within 10 % of the track pitch', traces=(*panel.traces, *traces)
@@ -80,12 +80,12 @@ def access_times_of_runs(runs: Mapping[str, tuple[RecordedRun, str]]) -> Panel |
 
 
 def _marks(run: RecordedRun, name: str, responses: list[SeekResponse], color: str) -> list[Trace]:
-    """Return the seek times, or how long seeks that do not arrive were watched [ms], over length; none without any."""
+    """Return the seek times over length [ms]; for a seek that does not arrive, the observation time."""
     if not responses:
         return []
     times = [1e3 * (response.seek_time if response.has_arrived else response.watched) for response in responses]
     lengths = [abs(response.seek.length) for response in responses]
-    # A logarithm has no 0, the time of a head that is there when it is asked.
+    # A logarithmic axis has no 0, the seek time of a head that is already on target.
     return [Trace(name, np.array(lengths), np.maximum(times, 1e3 * run.sample_time), color, marked=True)]
 
 
@@ -100,7 +100,7 @@ def _access_times(run: RecordedRun, responses: list[SeekResponse], tolerance: fl
         ]
     for name, arrived, color in (
         ('seek', True, COLORS[0]),
-        ('seek that does not arrive: time watched', False, COLORS[1]),
+        ('seek that does not arrive: observation time', False, COLORS[1]),
     ):
         traces += _marks(run, name, [response for response in responses if response.has_arrived == arrived], color)
     within = f'{run.error_factor * tolerance:.4g} {shown(run.error_unit)}'

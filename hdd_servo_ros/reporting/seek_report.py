@@ -1,4 +1,4 @@
-"""The seeks of a run in numbers: metrics, a line, and tables of the seeks and of access times over length."""
+"""Metrics and tables of the seeks of a run, and of seek times over length."""
 
 import math
 from collections.abc import Callable
@@ -22,27 +22,27 @@ from hdd_servo_ros.reporting.seeks_of_run import (
 )
 
 LIMITS = (WRITE_LIMIT, READ_LIMIT)
-"""Fractions of the track pitch within which a head may write, and read."""
+"""Largest off-track fractions of the track pitch for writing and reading."""
 _MILLI = 1e3
 _MOST_LINES = 200
-"""Of the table of seeks on the page; ``metrics.yaml`` holds all."""
+"""Rows of the table of seeks on the page; ``metrics.yaml`` has all seeks."""
 
 
 def why_no_seek_metrics(run: RecordedRun) -> str:
-    """Return why the metrics of a run's seeks are left out; empty if they are not, or there are no seeks."""
+    """Return why the metrics of seeks are omitted; empty if they are present, or the run has no seeks."""
     if seeks_of(run) and tolerance_of(run) is None:
         return f'the track pitch is in um, and this drive is in {run.length_unit}'
     return ''
 
 
 def _responses(run: RecordedRun, of_pitch: float = WRITE_LIMIT) -> list[SeekResponse]:
-    """Return the responses to the seeks within a fraction of the pitch; none without seeks, or if it is not known."""
+    """Return the seek responses for a tolerance in track pitches; empty without seeks or a known pitch."""
     tolerance = tolerance_of(run, of_pitch)
     return [] if tolerance is None or not seeks_of(run) else responses_of(run, tolerance)
 
 
 def seek_line(run: RecordedRun) -> str:
-    """Return the seeks of a run in a line, empty without any."""
+    """Return a summary line about the seeks of a run; empty without seeks."""
     responses, tolerance = _responses(run), tolerance_of(run)
     if not responses or tolerance is None:
         return ''
@@ -57,23 +57,23 @@ def seek_line(run: RecordedRun) -> str:
 
 
 def _where(run: RecordedRun) -> str:
-    """Return in words which part of a run is meant, if it is not all of it."""
+    """Return the part of the run as text; empty for the whole run."""
     return f' (from {run.time[0]:g} s on)' if begins_within(run) else ''
 
 
 def has_seeks(run: RecordedRun) -> bool:
-    """Return whether a run has seeks that can be judged."""
+    """Return whether a run has seeks with a known tolerance."""
     return bool(_responses(run))
 
 
 def lost_seeks(run: RecordedRun) -> str:
-    """Return a line on the seeks that do not arrive, empty if all do."""
+    """Return a line about the seeks that do not arrive; empty if all arrive."""
     responses = _responses(run)
     lost = [response for response in responses if not response.has_arrived]
     if not lost:
         return ''
     first = lost[0]
-    left = ', which arrives but leaves again' if first.first_arrival < math.inf else ''
+    left = ', which leaves the tolerance again' if first.first_arrival < math.inf else ''
     return (
         f'{len(lost)} of {len(responses)} seeks do not arrive within {100.0 * WRITE_LIMIT:g} % of the track pitch and '
         f'stay, first that of {first.seek.length:+.4g} um at {first.time:g} s{left}{_where(run)}'
@@ -81,19 +81,19 @@ def lost_seeks(run: RecordedRun) -> str:
 
 
 def _median(values: list[float]) -> float:
-    """Return the median; infinite where so many are."""
+    """Return the median; infinite if at least half of the values are."""
     ordered = sorted(values)
     low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
     return 0.5 * (low + high) if high < math.inf else math.inf
 
 
 def _worst(values: list[float]) -> float:
-    """Return the largest; infinite where one is not known."""
+    """Return the largest value; infinite if one is unknown."""
     return max(math.inf if math.isnan(value) else value for value in values)
 
 
 def seek_metrics(run: RecordedRun) -> list[Metric]:
-    """Return the metrics of a run's seeks; none without seeks, or for a drive whose track pitch is not known."""
+    """Return the metrics of the seeks; empty without seeks or a known track pitch."""
     responses = _responses(run)
     if not responses:
         return []
@@ -133,10 +133,10 @@ def seek_metrics(run: RecordedRun) -> list[Metric]:
 
 def seeks_as_rows(run: RecordedRun) -> list[dict[str, float]]:
     """
-    Return a row of numbers for each seek of a run, with their units in the names.
+    Return one row of values per seek, with the units in the names.
 
-    Times are within 10 % of the track pitch, unless the name says otherwise; a time that there is not is infinite, and
-    another number nan.
+    Times refer to a tolerance of 10 % of the track pitch, unless the name states another. An undefined time is
+    infinite, another undefined value is nan.
     """
     responses = _responses(run)
     tolerance = tolerance_of(run)
@@ -173,7 +173,7 @@ def seeks_as_rows(run: RecordedRun) -> list[dict[str, float]]:
 
 
 def access_times_as_rows(run: RecordedRun) -> list[dict[str, float]]:
-    """Return a row of numbers for each range of lengths: seeks, how many arrive, median and worst time, and bounds."""
+    """Return one row per range of lengths: number of seeks, arrivals, median and worst time, and bounds."""
     responses, tolerance = _responses(run), tolerance_of(run)
     if not responses or tolerance is None:
         return []
@@ -198,7 +198,7 @@ def access_times_as_rows(run: RecordedRun) -> list[dict[str, float]]:
 
 
 def seek_tables(run: RecordedRun) -> dict[str, list[list[str]]]:
-    """Return the tables of a report by their titles, the first line of each its head; none without seeks."""
+    """Return the tables of a report by title, each with a header row; empty without seeks."""
     seeks, title = seeks_as_rows(run), 'seeks'
     if len(seeks) > _MOST_LINES:
         title = f'the {_MOST_LINES} slowest of {len(seeks)} seeks'
@@ -229,7 +229,7 @@ def _text(name: str, value: float) -> str:
 
 
 def for_yaml(run: RecordedRun) -> dict[str, Any]:
-    """Return what the metrics' file holds of a run's seeks; nothing without seeks."""
+    """Return the entries about seeks in ``metrics.yaml``; empty without seeks."""
     if not _responses(run):
         return {}
     return {'seeks': seeks_as_rows(run), 'access_times': access_times_as_rows(run)}

@@ -1,4 +1,4 @@
-"""What the diagrams over time show of seeks: target, mode of the controller, and position error on two scales."""
+"""Seeks in time plots: target, mode of the controller, and position error on two scales."""
 
 import dataclasses
 
@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 COARSE, FINE = 1.0, 0.1
 """Half widths of the two scales of the position error [um]."""
 _SHADES = ((SEEK, 'mode: seek', '#ffc77d'), (SETTLE, 'mode: settle', '#a9dba9'))
-"""Following has no shade."""
+"""Shaded modes; follow is not shaded."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SeekView:
     """
-    Target [um], shape (n,), and mode of the controller at each row, None if it is not known.
+    Target [um], shape (n,), and mode of the controller at each row, None if it is unknown.
 
     The modes are 0 follow, 1 seek, 2 settle.
     """
@@ -33,7 +33,7 @@ class SeekView:
     mode: Array | None = None
 
     def shades(self, time: Array) -> tuple[Shade, ...]:
-        """Return when the controller was seeking and settling, for rows at these times [s]."""
+        """Return the intervals in which the controller was seeking and settling, for rows at given times [s]."""
         if self.mode is None or not len(time):
             return ()
         found = []
@@ -41,14 +41,14 @@ class SeekView:
             edges = np.diff(np.concatenate([[0], self.mode == mode, [0]]).astype(np.int8))
             starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
             if len(starts):
-                # Each row lasts until the next one.
+                # The mode of a row lasts until the next row.
                 intervals = np.column_stack([time[starts], time[np.minimum(ends, len(time) - 1)]])
                 found.append(Shade(name, intervals, color))
         return tuple(found)
 
 
 def view_of_run(run: RecordedRun) -> SeekView | None:
-    """Return what there is to show of the seeks of a run; None without seeks, or for a drive that is not in um."""
+    """Return the view of the seeks of a run; None without seeks, or for a drive that is not in um."""
     seeks = seeks_of(run)
     if not seeks or run.length_unit != 'um':
         return None
@@ -56,7 +56,7 @@ def view_of_run(run: RecordedRun) -> SeekView | None:
 
 
 def view_of_estimates(signals: TimedSignals) -> SeekView | None:
-    """Return the same from the estimates of a controller alone; None if it does not seek in these rows."""
+    """Return the view from the estimates of a controller; None if it does not seek in these rows."""
     if ESTIMATES.name not in signals or signals.units.length != 'um':
         return None
     names = signals.estimate_names

@@ -1,4 +1,4 @@
-"""The seeks of a recorded run, how the head responded to each, and the bounds of their time."""
+"""The seeks of a recorded run, the responses of the head, and the bounds of the seek times."""
 
 import dataclasses
 import math
@@ -27,9 +27,9 @@ from hdd_servo_ros.reporting.track_of_run import track_pitch
 Array = NDArray[np.float64]
 
 _CURVE_POINTS = 12
-"""Lengths for which bounds are computed, where a run has more different ones."""
+"""Largest number of lengths for which bounds are computed."""
 _LONGEST_PROGRAM = 5e-3
-"""Time-optimal time of the longest seek whose linear program is solved [s]: beyond, modes hardly cost time."""
+"""Largest time-optimal seek time for which the linear program is solved [s]; above, modes hardly matter."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,11 +40,11 @@ class BoundCurve:
     Attributes
     ----------
     lengths
-        Ascending [um], shape (n,).
+        Lengths in ascending order [um], shape (n,).
     time_optimal
-        T* of the rigid body [s], shape (n,); see :func:`~hdd_servo_ros.analysis.seek_bounds.time_optimal_seek`.
+        Time T* of the rigid body [s], shape (n,); see :func:`~hdd_servo_ros.analysis.seek_bounds.time_optimal_seek`.
     fastest
-        That of the sampled drive with its modes [s], shape (n,), nan for long seeks; see
+        Time of the sampled drive with its modes [s], shape (n,), nan for long seeks; see
         :func:`~hdd_servo_ros.analysis.seek_bounds.fastest_seek`.
     """
 
@@ -53,12 +53,12 @@ class BoundCurve:
     fastest: Array
 
     def fastest_at(self, length: float) -> float:
-        """Return the fastest time of a length [s], between two of the curve by interpolation of the logarithms."""
+        """Return the fastest time for a length [s], by logarithmic interpolation of the curve."""
         return float(np.exp(np.interp(math.log(length), np.log(self.lengths), np.log(self.fastest))))
 
 
 class _Found:
-    """What was computed for a run."""
+    """Cached results of a run."""
 
     def __init__(self) -> None:
         self.seeks: tuple[Seek, ...] | None = None
@@ -70,7 +70,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, _Found] = weakref.WeakKeyDictiona
 
 
 def modes_of(run: RecordedRun) -> Array | None:
-    """Return the mode of the controller at each row: 0 follow, 1 seek, 2 settle; None if it gives none."""
+    """Return the mode of the controller at each row (0 follow, 1 seek, 2 settle); None without modes."""
     return run.estimates[SEEK_MODE] if gives_seek_mode(run) else None
 
 
@@ -78,8 +78,8 @@ def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
     """
     Return the seeks of a run.
 
-    A run has seeks if its reference has the waveform ``seek``, or if its reference is stepwise and its controller gives
-    its mode in the estimate ``seek_mode``. A reference that is away from the head at the first row begins with one.
+    A run has seeks if its reference has the waveform ``seek``, or if its reference is stepwise and its controller has
+    the estimate ``seek_mode``. A reference that differs from the head position at the first row starts with a seek.
     """
     found = _FOUND.setdefault(run, _Found())
     if found.seeks is None:
@@ -89,9 +89,9 @@ def seeks_of(run: RecordedRun) -> tuple[Seek, ...]:
 
 def part_with_seeks(run: RecordedRun) -> RecordedRun:
     """
-    Return what of a run is searched for seeks: all of it, of a long one the last stretch.
+    Return the part of a run that is searched for seeks: the whole run, or the last stretch of a long run.
 
-    See :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`. A long run that has no seeks is not read for that.
+    See :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`. A long run that cannot have seeks is not read.
     """
     return stretch_of(run) if may_have_seeks(run) else run
 
@@ -106,7 +106,7 @@ def _search(run: RecordedRun) -> list[Seek]:
         return []
     seeks = find_seeks(run.desired_position, run.reference.velocity, along_trajectory)
     if begins_within(run):
-        # One that is under way at the first row has begun before.
+        # A seek in progress at the first row started earlier.
         return seeks[1:] if seeks and run.reference.velocity[0] != 0.0 else seeks
     first, head = float(run.desired_position[0]), float(run.position[0])
     pitch = track_pitch(run)
@@ -116,19 +116,19 @@ def _search(run: RecordedRun) -> list[Seek]:
 
 
 def tolerance_of(run: RecordedRun, of_pitch: float = WRITE_LIMIT) -> float | None:
-    """Return a fraction of the track pitch [um], None for a drive in other units."""
+    """Return a fraction of the track pitch [um]; None for a drive in other units."""
     pitch = track_pitch(run)
     return None if pitch is None else of_pitch * pitch
 
 
 def measured_position(run: RecordedRun) -> Array:
     """
-    Return the head's position as the run's sensor has measured it [um], shape (n,).
+    Return the measured head position [um], shape (n,).
 
     Raises
     ------
     ValueError
-        If the scale of the vibrometer is not known.
+        If the scale of the vibrometer is unknown.
     """
     if run.is_track_following:
         return run.pes.position
@@ -150,9 +150,9 @@ def responses_of(
     """
     Return the responses to the seeks of a run; see :func:`~hdd_servo_ros.analysis.seek_metrics.seek_responses`.
 
-    The position error is that of the head's true position, as :attr:`RecordedRun.position_error`, from the target, or
-    that of its measured position. Left out are seeks whose target changes before the end of their trajectory, where the
-    controller gives its mode, and a last one of several where the run ends before half the time between seeks is over.
+    The error is the distance of the true or the measured head position from the target. Seeks whose target changes
+    before the end of their trajectory are omitted if the controller publishes its mode; so is the last of several seeks
+    if the run ends within half of the time between seeks.
     """
     found, key = _FOUND.setdefault(run, _Found()), (tolerance, stay, samples, measured)
     if key not in found.responses:
@@ -170,12 +170,12 @@ def responses_of(
             samples=samples,
             stay=stay,
         )
-        # A run of a whole number of dwell times ends with the start of a seek.
+        # A run of an integer number of dwell times ends with the start of a seek.
         if len(seeks) > 1 and len(position) - seeks[-1].row < 0.5 * (seeks[-1].row - seeks[-2].row):
             responses.pop()
         modes = modes_of(run)
         if modes is not None:
-            # A target that changes while the head is on its way is no seek that failed.
+            # A target that changes during a seek does not make the seek a failure.
             starts = [seek.row for seek in seeks[1:]]
             replaced = {seek.row for seek, start in zip(seeks, starts, strict=False) if modes[start - 1] == SEEK}
             responses = [response for response in responses if response.seek.row not in replaced]
@@ -188,8 +188,8 @@ def responses_of(
 
 
 def time_optimal_times(run: RecordedRun, seeks: list[Seek]) -> Array | None:
-    """Return T* of each seek [s], shape (n,); None if the drive of the run is not known."""
-    # Late: it needs the compiled blocks.
+    """Return T* of each seek [s], shape (n,); None if the drive is unknown."""
+    # Imported late: it needs the compiled blocks.
     from hdd_servo_ros.analysis.seek_bounds import time_optimal_seek
 
     nodes = parameters_at_start(run)
@@ -200,7 +200,7 @@ def time_optimal_times(run: RecordedRun, seeks: list[Seek]) -> Array | None:
 
 
 def bound_curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
-    """Return the bounds for the lengths of a run's seeks; None without seeks, or if its drive is not known."""
+    """Return the bounds for the lengths of the seeks; None without seeks or a known drive."""
     found = _FOUND.setdefault(run, _Found())
     if tolerance not in found.curves:
         found.curves[tolerance] = _curve(run, tolerance)
@@ -222,6 +222,6 @@ def _curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
         fastest_seek(plant, run.sample_time, length, tolerance).time if time <= _LONGEST_PROGRAM else math.nan
         for length, time in zip(lengths.tolist(), optimal.tolist(), strict=True)
     ]
-    # A seek within the tolerance takes no time, and has no logarithm.
+    # A seek within the tolerance takes no time, which has no logarithm.
     times = np.array(fastest)
     return BoundCurve(lengths, optimal, np.where(times > 0.0, times, math.nan))

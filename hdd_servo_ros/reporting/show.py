@@ -1,4 +1,4 @@
-"""What `rig` and `simulate` do once a run is on disk."""
+"""Summary and plot of a finished run, for `rig` and `simulate`."""
 
 from pathlib import Path
 
@@ -13,15 +13,15 @@ from hdd_servo_ros.reporting.verdict import verdict_of
 
 
 def show_run(directory: Path, *, plot: bool) -> None:
-    """Print the summary of a recorded run, and draw it into its folder as ``run.png`` if asked to."""
+    """Print the summary of a recorded run, and write ``run.png`` into its directory if requested."""
     if (directory / CSV).is_file():
-        # A sweep follows no reference: what there is to show has been written when it ended.
+        # A sweep follows no reference, and wrote its results when it ended.
         print(f'{response_line(read_csv(directory / CSV))}\n{"run folder":>16}  {directory}')
         return
     run = RecordedRun.open(directory)
     print(summary(sums_of(run), run.description, directory, verdict_of(run)))
     if may_have_seeks(run):
-        # Late: most runs have none.
+        # Imported late: most runs have no seeks.
         from hdd_servo_ros.reporting.seek_report import seek_line
         from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 
@@ -32,19 +32,19 @@ def show_run(directory: Path, *, plot: bool) -> None:
     if low_margin:
         print(f'{"margin":>16}  {low_margin}')
     if plot:
-        picture = directory / 'run.png'
-        drawn = draw_run(run, picture)
-        print(f'{"picture":>16}  {picture if drawn else "none: nothing that it shows was recorded"}')
+        path = directory / 'run.png'
+        drawn = draw_run(run, path)
+        print(f'{"plot":>16}  {path if drawn else "none: its topics were not recorded"}')
 
 
 def draw_run(run: RecordedRun, path: Path) -> bool:
-    """Draw a run over its time, whole and its last moments, into a PNG file; return whether there is what to draw."""
-    # Late: a run that draws nothing need not wait for matplotlib.
-    from hdd_servo_ros.reporting.picture import write_picture
+    """Write the time plots of a run to a PNG file; return whether the run has any signal to plot."""
+    # Imported late: a run without a plot does not wait for matplotlib.
+    from hdd_servo_ros.reporting.plot import write_plot
     from hdd_servo_ros.reporting.run_panels import panels_over_time
 
     title = f'{run.controller} on {run.frame_id}, T = {run.sample_time * 1e3:g} ms'
     panels = panels_over_time(run)
     if panels:
-        write_picture(panels, title, path)
+        write_plot(panels, title, path)
     return bool(panels)

@@ -1,4 +1,4 @@
-"""What each source contributes to the position error of a run: metrics and a bar plot."""
+"""Contribution of each source to the position error of a run: metrics and a bar plot."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -23,8 +23,8 @@ class ErrorBySource:
     total
         3 sigma with all sources, in the unit of lengths.
     contributions
-        3 sigma by source, in the unit of lengths; negative for a source without which the error is larger. Under
-        ``rest`` what no source accounts for.
+        3 sigma by source, in the unit of lengths; negative for a source that reduces the error. ``rest`` is the part
+        that no single source explains.
     """
 
     total: float
@@ -32,7 +32,7 @@ class ErrorBySource:
 
 
 def source_metrics(run: RecordedRun, found: ErrorBySource) -> list[Metric]:
-    """Return a metric for each source."""
+    """Return one metric per source."""
     return [
         Metric(
             f'error_from_{source.replace(" ", "_").replace(".", "_")}',
@@ -45,7 +45,7 @@ def source_metrics(run: RecordedRun, found: ErrorBySource) -> list[Metric]:
 
 
 def source_panel(run: RecordedRun, found: ErrorBySource) -> Panel:
-    """Return the bar plot of total and contributions."""
+    """Return the bar plot of the total and the contributions."""
     bars = {'all': found.total, **found.contributions}
     traces = [
         Trace(

@@ -1,4 +1,4 @@
-"""A run in a few lines."""
+"""The summary of a run in a few lines."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,19 +24,19 @@ def summary(
     Parameters
     ----------
     source
-        The signals of the whole run, or what :class:`RunSums` has summed up of them piece by piece.
+        The signals of the whole run, or their :class:`RunSums`.
     description
-        Content of ``run.yaml``, or as much of it as is known of a run that was not recorded: ``status``, ``reason``,
-        ``controller``, ``frame_id``, ``sample_time`` and ``nodes``. Lines of what it does not hold are left out.
+        Content of ``run.yaml``, or for an unrecorded run its known part: ``status``, ``reason``, ``controller``,
+        ``frame_id``, ``sample_time`` and ``nodes``. Lines without data are omitted.
     directory
-        Where the run is, if it was recorded.
+        Directory of the run, if it was recorded.
     judged
-        The verdict, if another one is wanted than that of the signals' sums.
+        Verdict that replaces the one from the sums.
 
     Raises
     ------
     ValueError
-        If there is no sample.
+        If the run has no samples.
     """
     if isinstance(source, Signals):
         sums = RunSums(description, transient_of(source.duration))
@@ -44,10 +44,10 @@ def summary(
     else:
         sums = source
     if not sums.samples:
-        raise ValueError('a run without a sample has no summary')
+        raise ValueError('a run without samples has no summary')
     units, topics = sums.units, len(description.get('topics', ()))
     lines = [
-        ('run', _how_it_went(judged or verdict(sums, description.get('reason', '')), description)),
+        ('run', _outcome(judged or verdict(sums, description.get('reason', '')), description)),
         ('controller', f'{description.get("controller", "unknown")}, drive {description.get("frame_id", "unknown")}'),
     ]
     if sums.has_error:
@@ -74,8 +74,8 @@ def summary(
     return '\n'.join(f'{name:>{width}}  {text}' for name, text in lines)
 
 
-def _how_it_went(judged: Verdict | None, description: Mapping[str, Any]) -> str:
-    """Return how the run ended, why, and its verdict."""
+def _outcome(judged: Verdict | None, description: Mapping[str, Any]) -> str:
+    """Return status, reason and verdict of the run."""
     status, reason = description.get('status', 'unknown'), description.get('reason', '')
     text = f'{status}: {reason}' if reason else str(status)
     if judged is None:

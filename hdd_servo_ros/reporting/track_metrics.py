@@ -1,4 +1,4 @@
-"""The metrics of a run with a disturbance: how well the head stays on its track, and how much better feedback could."""
+"""Metrics of the track error of a run with a disturbance, and its lower bound under feedback."""
 
 from hdd_servo_ros.analysis.off_track import WRITE_LIMIT, shock_responses
 from hdd_servo_ros.messages.topics import DISTURBANCE
@@ -18,15 +18,15 @@ from hdd_servo_ros.reporting.track_of_run import sectors_of, shocks_of, track_pi
 
 
 def has_track(run: RecordedRun) -> bool:
-    """Return whether a run has a track error of its own: a head that is to follow, and a disturbance."""
+    """Return whether a run has a track error: it follows a reference and has a disturbance."""
     return DISTURBANCE.name in run and follows_reference(run)
 
 
 def track_left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     """
-    Return which metrics of the track are left out of a run's report, and why, a line each.
+    Return the track metrics that a report omits, one line each with the reason.
 
-    ``after`` is that of :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
+    For ``after`` see :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
     """
     if not has_track(run):
         return []
@@ -35,7 +35,7 @@ def track_left_out(run: RecordedRun, after: float | None = None) -> list[str]:
     why = why_no_sectors(run)
     sectors = sectors_of(run)
     if not why and late < 2 * sectors:
-        why = f'{late} samples after the transient, and two revolutions have {2 * sectors}'
+        why = f'the window has {late} samples, and two revolutions have {2 * sectors}'
     if why:
         lines.append(f'no RPE and NRPE: {why}')
     part = stretch_of(run)
@@ -47,15 +47,16 @@ def track_left_out(run: RecordedRun, after: float | None = None) -> list[str]:
         except (ValueError, ArithmeticError) as error:
             why = str(error)
     if why:
-        lines.append(f'no least error of feedback: {why}')
+        lines.append(f'no lower bound of the error: {why}')
     return lines
 
 
 def track_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
     """
-    Return the metrics of the track; none of a run without a disturbance.
+    Return the metrics of the track error; empty without a disturbance.
 
-    Those of shocks, and the least error of feedback, are from :func:`~hdd_servo_ros.reporting.long_runs.stretch_of` it.
+    For a long run, shocks and the lower bound use only its last stretch, see
+    :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
     if not has_track(run):
         return []
@@ -70,13 +71,13 @@ def track_metrics(run: RecordedRun, after: float | None = None) -> list[Metric]:
 
 
 class _Lengths:
-    """Makes metrics of lengths in the unit of errors, each with its share of the track pitch."""
+    """Creates metrics of lengths in the unit of errors, each also as a fraction of the track pitch."""
 
     def __init__(self, run: RecordedRun) -> None:
         self._unit, self._factor, self._pitch = run.error_unit, run.error_factor, track_pitch(run)
 
     def of(self, name: str, label: str, length: float) -> list[Metric]:
-        """Return the metrics of a length in the unit of positions."""
+        """Return the metrics for a length in the unit of positions."""
         found = [Metric(name, label, self._factor * length, self._unit)]
         if self._pitch is not None:
             found.append(Metric(f'{name}_of_pitch', f'{label}, of track pitch', 100.0 * length / self._pitch, '%'))
@@ -128,14 +129,14 @@ def _shocks(run: RecordedRun) -> list[Metric]:
 def _bode(run: RecordedRun) -> list[Metric]:
     if run.controller not in CONTROLLERS or why_no_sensitivity(run):
         return []
-    # Late: only these need the compiled blocks.
+    # Imported late: only these need the compiled blocks.
     from hdd_servo_ros.analysis.bode_integral import bode_integrals
 
     margins = loop_surroundings(run, CONTROLLERS[run.controller]).margins
     try:
         integral = bode_integrals(margins, linear_controller_at_end(run))[0]
     except (ValueError, ArithmeticError):
-        # An unstable loop, which the report states by its peak sensitivity.
+        # An unstable loop, which the report shows by its peak sensitivity.
         return []
     return [
         Metric('bode_amplification', 'mean of ln|S| where |S| > 1', integral.amplification, ''),
@@ -153,12 +154,12 @@ def _bound(run: RecordedRun, start: int) -> list[Metric]:
         return []
     if bound is None:
         return []
-    label = f'least 3 sigma of feedback alone, Ms at most {bound.max_sensitivity:g}'
+    label = f'lower bound of 3 sigma under feedback, Ms at most {bound.max_sensitivity:g}'
     return [
         *_Lengths(run).of('least_error', label, bound.three_sigma),
         Metric(
             'error_over_least',
-            '3 sigma without repeatable runout over the least',
+            '3 sigma without repeatable runout over its lower bound',
             bound.reached / bound.three_sigma,
             '',
         ),

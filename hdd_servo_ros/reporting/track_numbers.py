@@ -1,4 +1,4 @@
-"""The numbers behind the metrics of a run's track error: from its arrays, or of a long run block by block."""
+"""Track error statistics of a run: from its arrays, or block by block for a long run."""
 
 import dataclasses
 import weakref
@@ -19,18 +19,18 @@ from hdd_servo_ros.reporting.track_of_run import sectors_of, track_pitch
 @dataclasses.dataclass(frozen=True)
 class TrackNumbers:
     """
-    The track error of a run after its transient.
+    Track error after the transient.
 
     Attributes
     ----------
     misregistration
-        Three standard deviations [um]; None of one sample.
+        Three standard deviations [um]; None for one sample.
     largest
-        Largest magnitude [um].
+        Peak [um].
     parts
-        What repeats in every revolution [um], and what does not; None where two revolutions are not known.
+        Repeatable and non-repeatable part [um]; None without two known revolutions.
     off_track
-        By the share of the track pitch that is the limit; empty where the pitch is not known.
+        Time off track by limit, a fraction of the track pitch; empty if the pitch is unknown.
     """
 
     misregistration: float | None
@@ -43,7 +43,7 @@ _FOUND: weakref.WeakKeyDictionary[RecordedRun, dict[float | None, TrackNumbers]]
 
 
 def track_numbers(run: RecordedRun, after: float | None) -> TrackNumbers:
-    """Return the numbers of the track error of a run with a disturbance."""
+    """Return the statistics of the track error of a run with a disturbance."""
     found = _FOUND.setdefault(run, {})
     if after not in found:
         found[after] = _long(run, after) if run.is_long else _computed(run, after)

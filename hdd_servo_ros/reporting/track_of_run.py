@@ -1,4 +1,4 @@
-"""The track of a recorded run: its pitch, the sectors of a revolution, and shocks of the base."""
+"""The track of a recorded run: pitch, sectors per revolution, and shocks of the base."""
 
 import contextlib
 
@@ -15,11 +15,11 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.long_runs import begins_within
 
 DEFAULT_PITCH = 1.016
-"""Track pitch of a run that does not say its own [um]: the 25000 tracks per inch of the thesis."""
+"""Default track pitch [um]: the 25000 tracks per inch of the thesis."""
 
 
 def track_pitch(run: RecordedRun) -> float | None:
-    """Return the track pitch of a run [um]: that of its servo sensor, else the drive's; None in other units."""
+    """Return the track pitch [um] of the servo sensor, otherwise of the drive; None in other units."""
     if run.length_unit != 'um':
         return None
     for node in ('servo_sensor', 'vcm_plant'):
@@ -29,7 +29,7 @@ def track_pitch(run: RecordedRun) -> float | None:
 
 
 def why_no_sectors(run: RecordedRun) -> str:
-    """Return why a run has no whole number of samples per revolution, empty if it has."""
+    """Return why the number of samples per revolution is not an integer; empty if it is."""
     try:
         spindle = _spindle_of(run)
     except LookupError:
@@ -44,28 +44,28 @@ def why_no_sectors(run: RecordedRun) -> str:
 
 
 def _spindle_of(run: RecordedRun) -> SpindleParameters:
-    """Return the spindle of a run; raises LookupError if it has none."""
+    """Return the spindle of a run; raises LookupError without a spindle."""
     names = ('revolutions_per_minute', 'sectors')
     speed, sectors = (run.parameter(DISTURBANCE_GENERATOR, f'spindle.{name}') for name in names)
     return SpindleParameters(revolutions_per_minute=float(speed), sectors=int(sectors))
 
 
 def sectors_of(run: RecordedRun) -> int:
-    """Return the samples, and servo sectors, per revolution; 0 if :func:`why_no_sectors`."""
+    """Return the samples (servo sectors) per revolution; 0 if this is not an integer."""
     return 0 if why_no_sectors(run) else _spindle_of(run).sectors
 
 
 def shocks_of(run: RecordedRun) -> NDArray[np.float64]:
-    """Return the times at which shocks of the base begin [s]; none without `/base_acceleration`."""
+    """Return the start times of shocks of the base [s]; empty without `/base_acceleration`."""
     if BASE_ACCELERATION.name not in run:
         return np.empty(0)
     shocks = np.asarray(run.time[0] + shock_times(run.base_acceleration.linear_y, run.sample_time))
-    # One that is under way at the first row of a stretch has begun before.
+    # A shock in progress at the first row of a stretch started earlier.
     return shocks[shocks > run.time[0]] if begins_within(run) else shocks
 
 
 def non_repeatable(signal: NDArray[np.float64], sectors: int) -> NDArray[np.float64]:
-    """Return a signal, shape (n,), less what repeats every revolution; as it is if there are not two of ``sectors``."""
+    """Return a signal, shape (n,), without its repeatable part; unchanged for fewer than two revolutions."""
     if sectors < 2 or len(signal) < 2 * sectors:
         return signal
     mean = runout_parts(signal, sectors).repeatable

@@ -1,4 +1,4 @@
-"""The diagrams of a run with a disturbance: track error with its limits, cumulative spectrum, runout by sector."""
+"""Plots of a run with a disturbance: track error with its limits, cumulative spectrum, runout by sector."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,27 +20,27 @@ from hdd_servo_ros.reporting.track_numbers import track_numbers
 from hdd_servo_ros.reporting.track_of_run import non_repeatable, sectors_of, shocks_of, track_pitch
 
 Spectrum = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Frequencies [Hz], and what is there."""
+"""Frequencies [Hz] and values."""
 
 _SHOCKS = 8
 _BEFORE_SHOCK, _AFTER_SHOCK = 1e-3, 1.5e-2
-"""What is drawn about a shock [s]."""
+"""Time before and after a shock in the plot [s]."""
 
 
 def track_error_panel(run: RecordedRun, after: float | None = None) -> Panel | None:
     """
-    Return the diagram of the track error over time, with the limits of reading and writing; None without it.
+    Return the time plot of the track error with the limits of reading and writing; None without a track error.
 
-    ``after`` is that of the other figures of a long run.
+    ``after`` is the start of the window of a long run [s].
     """
     return _over_time(run, after) if has_track(run) else None
 
 
 def track_panels(run: RecordedRun, after: float | None = None) -> list[Panel]:
     """
-    Return responses to shocks, and cumulative spectrum and runout after the transient, where a run has them.
+    Return the responses to shocks, the cumulative spectrum and the runout after the transient, if the run has them.
 
-    Shocks are those of :func:`~hdd_servo_ros.reporting.long_runs.stretch_of` the run; ``after`` is that of
+    Shocks are those of :func:`~hdd_servo_ros.reporting.long_runs.stretch_of` the run. For ``after`` see
     :func:`~hdd_servo_ros.reporting.evaluation.transient_end`.
     """
     if not has_track(run):
@@ -72,7 +72,7 @@ def _over_time(run: RecordedRun, after: float | None) -> Panel:
     error = lines.over_time('head - reference - track center', run.error_factor * signals.track_error, COLORS[1])
     pitch, traces = track_pitch(run), [error]
     if pitch is not None:
-        # Both limits as one line with a gap, drawn within the close-up as well.
+        # Both limits as one line with a gap, also within the close-up.
         ends = [float(signals.time[0]), float(signals.time[-1])]
         ends = sorted({*ends, *([] if close_up is None else [close_up.start, close_up.end])})
         x = np.array([*ends, ends[-1], *ends])
@@ -103,7 +103,7 @@ def _shock_responses(run: RecordedRun, shocks: NDArray[np.float64]) -> Panel:
 
 
 def _cumulative_spectra(run: RecordedRun, after: float | None) -> list[tuple[str, Spectrum, str]]:
-    """Return the cumulative spectra of the track error by their names, with a color for each."""
+    """Return names, cumulative spectra of the track error, and colors."""
     if run.is_long:
         figures = long_figures(run, after)
         whole, rest = figures.cumulative_spectrum, figures.cumulative_without_runout
@@ -129,7 +129,7 @@ def _cumulative(run: RecordedRun, after: float | None) -> Panel:
 
 def _runout(run: RecordedRun, parts: RunoutParts, start: int) -> Panel:
     sectors = parts.sectors
-    # From sector 0, that of tick 0, on.
+    # From sector 0, which is that of tick 0.
     first_tick = start if run.is_long else int(run.ticks[start])
     mean = np.roll(parts.repeatable, first_tick % sectors)
     sector = np.arange(sectors, dtype=np.float64)

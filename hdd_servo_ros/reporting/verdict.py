@@ -1,4 +1,4 @@
-"""Whether a run did what it was to do: it tracks, does not track, diverged, or was saturated."""
+"""The verdict on a run: it tracks, does not track, diverged, or was saturated."""
 
 import dataclasses
 import math
@@ -12,28 +12,28 @@ from hdd_servo_ros.reporting.run_sums import RunSums, sums_of
 TRACKS, ARRIVES = 'tracks', 'arrives'
 DOES_NOT_TRACK = 'does not track'
 DIVERGED = 'diverged'
-"""The verdict of a run whose error grew without bounds."""
+"""Verdict on a run whose error grew without bound."""
 TRACKING_SHARE = 0.5
-"""A run tracks if its rms error is below this share of that of a head that rests at the reference's mean."""
+"""A run tracks if its rms error is below this fraction of that of a head at rest at the reference's mean."""
 DIVERGED_SPANS = 3.0
-"""A run has diverged if its error exceeds the reference's span this many times; a head at rest stays within one."""
+"""A run diverged if its error exceeds the span of the reference by this factor; a head at rest stays within 1."""
 SATURATED_SHARE = 0.5
-"""A run counts as saturated if more than this share of the samples of the command or of a sensor output is clipped."""
+"""A run is saturated if more than this fraction of the command or sensor samples is clipped."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
     """
-    Judgment of a run, beyond how it ended.
+    Verdict on a run, in addition to its status.
 
     Attributes
     ----------
     text
         ``tracks``, ``does not track``, ``arrives``, ``does not arrive``, ``diverged`` or ``saturated n %``.
     tracks
-        Whether the run tracks, or all its seeks arrive, without reservations.
+        Whether the run tracks, or all its seeks arrive.
     detail
-        By what criterion it does not; empty for a run that tracks.
+        The violated criterion; empty for a run that tracks.
     """
 
     text: str
@@ -42,7 +42,7 @@ class Verdict:
 
     @property
     def in_table(self) -> str:
-        """The verdict in a table, marked where the run does not track."""
+        """The verdict for a table, highlighted if the run does not track."""
         return in_table(self.text)
 
     @property
@@ -52,34 +52,34 @@ class Verdict:
 
 
 def in_table(text: str) -> str:
-    """Return the text of a verdict as tables have it, marked where the run does not track; empty for no verdict."""
+    """Return the verdict for a table, highlighted if the run does not track; empty without a verdict."""
     return text if text in ('', TRACKS, ARRIVES) else f'! {text}'
 
 
 def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     """
-    Judge a run; what it did before the end of its transient does not count.
+    Return the verdict on a run; samples before the end of the transient are ignored.
 
-    A controller that ended the run by a fault of its own, such as a sensor's overload, is judged by the signals alone.
+    A run that its controller ended with a fault, such as an overload, is judged only by its signals.
 
     In this order: a run that failed since a signal was not finite, whose error is not finite or is larger than
-    :data:`DIVERGED_SPANS` times the span of the reference, diverged. One with more than :data:`SATURATED_SHARE` of the
-    samples of the command or of a sensor output clipped was saturated. One whose rms error is not smaller than
-    :data:`TRACKING_SHARE` times the reference's own rms about its mean does not track. Where the reference stands still
-    after the transient, its distance from the head's first position replaces that rms.
+    :data:`DIVERGED_SPANS` times the span of the reference, diverged. A run with more than :data:`SATURATED_SHARE` of the
+    samples of the command or of a sensor output clipped was saturated. A run whose rms error is not below
+    :data:`TRACKING_SHARE` times the rms of the reference about its mean does not track. If the reference is constant
+    after the transient, its distance from the first head position replaces that rms.
 
     Parameters
     ----------
     sums
-        Of the signals of the run.
+        Sums over the signals of the run.
     reason
-        Why the run ended, if it failed.
+        Reason of a failed run.
 
     Returns
     -------
     Verdict or None
-        None where nothing is to be tracked: without a reference, with a controller that follows none, or with a
-        reference that never leaves the head's first position.
+        None without a task: no reference, a controller that follows no reference, or a reference that never leaves the
+        first head position.
     """
     unit, factor = shown(sums.units.error), sums.units.error_factor
     if NOT_FINITE in reason:
@@ -115,17 +115,17 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
 
 def verdict_of(run: RecordedRun, after: float | None = None) -> Verdict | None:
     """
-    Judge a recorded run; ``after`` is the time before which errors do not count [s], None for the usual one.
+    Return the verdict on a recorded run; ``after`` is the start of the window [s], None for the default.
 
-    A run with seeks that neither diverged nor was saturated is judged by them: ``arrives`` or ``does not arrive``. Of a
-    long run those of its last stretch count; see :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
+    A run with seeks that neither diverged nor was saturated is judged by its seeks: ``arrives`` or ``does not arrive``.
+    For a long run, the seeks of its last stretch are used; see :func:`~hdd_servo_ros.reporting.long_runs.stretch_of`.
     """
     found = verdict(sums_of(run, after), run.reason)
     if found is None or not (found.tracks or found.text == DOES_NOT_TRACK):
         return found
     if not may_have_seeks(run):
         return found
-    # Late: it needs more than a verdict does otherwise.
+    # Imported late: it needs more modules than other verdicts.
     from hdd_servo_ros.reporting.seek_report import has_seeks, lost_seeks
     from hdd_servo_ros.reporting.seeks_of_run import part_with_seeks
 

@@ -28,7 +28,7 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.reporting.close_up import close_up_of
 from hdd_servo_ros.reporting.comparison_panels import compared, error_panel, position_panel
 from hdd_servo_ros.reporting.panel import COLORS
-from hdd_servo_ros.reporting.picture import draw_panel
+from hdd_servo_ros.reporting.plot import draw_panel
 from hdd_servo_ros.reporting.run_metrics import run_metrics
 from hdd_servo_ros.reporting.verdict import verdict_of
 from hdd_servo_ros.studies.output import new_figure, save, write_table

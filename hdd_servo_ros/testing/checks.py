@@ -401,7 +401,7 @@ class Checks(TrackChecks, SeekChecks):
         # Imported late: only a failed test waits for matplotlib.
         from hdd_servo_ros.reporting.decimation import rows_to_draw
         from hdd_servo_ros.reporting.panel import COLORS, GRAY, CloseUp, Panel, Trace
-        from hdd_servo_ros.reporting.picture import write_picture
+        from hdd_servo_ros.reporting.plot import write_plot
         from hdd_servo_ros.reporting.run_names import run_name
 
         run = self._run
@@ -426,7 +426,7 @@ class Checks(TrackChecks, SeekChecks):
         panel = Panel(name, 'whole run', 'time [s]', label, tuple(traces), close_up=close_up)
         stem = f'{run_name(run)}-{"".join(c if c.isalnum() else "_" for c in what).strip("_")}'
         path = _free_path(plot_directory or run.path, stem)
-        write_picture([panel], f'{what}: {run_name(run)}', path)
+        write_plot([panel], f'{what}: {run_name(run)}', path)
         return path
 
 

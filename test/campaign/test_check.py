@@ -26,14 +26,14 @@ def folder(tmp_path_factory):
 
 def test_the_runs_with_the_same_signals_are_named(folder, capsys):
     assert campaign_main.main(['--check', str(folder), str(folder / 'runs' / '000002')]) == 0
-    assert 'has the signals of runs 2, 3 of' in capsys.readouterr().out
+    assert 'is bit-identical to runs 2, 3 of' in capsys.readouterr().out
 
 
 def test_a_run_of_another_campaign_is_exit_code_1(folder, tmp_path, capsys):
     text = (folder / 'table.csv').read_text()
     (tmp_path / 'table.csv').write_text('\n'.join(text.splitlines()[:3]) + '\n')
     assert campaign_main.main(['--check', str(tmp_path), str(folder / 'runs' / '000003')]) == 1
-    assert 'has the signals of no run of' in capsys.readouterr().out
+    assert 'matches no run of' in capsys.readouterr().out
 
 
 def test_what_cannot_be_read_is_one_line_and_exit_code_3(folder, tmp_path, capsys):

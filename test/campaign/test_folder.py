@@ -17,7 +17,7 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path):
             os.read(end[0], 1)
             os._exit(0)
         os.read(ready[0], 1)
-        with pytest.raises(StudyError, match='another study is at work'), alone_in(tmp_path):
+        with pytest.raises(StudyError, match='another study is running'), alone_in(tmp_path):
             pass
     try:
         # The process is still there.

@@ -17,7 +17,7 @@ from matplotlib.image import imread
 from hdd_servo_ros.campaign import main as campaign_main
 from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.page import write_page
-from hdd_servo_ros.campaign.picture import write_picture
+from hdd_servo_ros.campaign.plot import write_plot
 from hdd_servo_ros.campaign.table import Table
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.signals_digest import signals_digest
@@ -68,12 +68,12 @@ def test_the_diagrams_hold_the_table(made):
 
 def test_the_picture_shows_the_metric_of_the_worst_runs(made, tmp_path):
     campaign, table, _ = made
-    path = write_picture(campaign, table, tmp_path)
+    path = write_plot(campaign, table, tmp_path)
     assert path == tmp_path / 'campaign.png'
     # One diagram of the distribution, and one of the only parameter that is a number.
     assert imread(tmp_path / 'campaign.png').shape[:2] == (352, 748)
     nothing = Table({name: [math.nan] if name == 'rms_error' else ['x'] for name in table.columns})
-    assert write_picture(campaign, nothing, tmp_path) is None
+    assert write_plot(campaign, nothing, tmp_path) is None
 
 
 def test_names_are_text(made):

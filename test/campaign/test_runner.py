@@ -149,4 +149,4 @@ def test_a_run_that_kills_each_worker_ends_the_study(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     case = Case('a', 'killer_controller:Killer', ('seagate_7200_10.yaml',), {'deterministic_timer:duration': 0.02})
     with pytest.raises(StudyError, match='the run a failed: its process was killed 4 times'):
-        run_cases([case], tmp_path / 'out', without_ros=True, say=lambda line: None)
+        run_cases([case], tmp_path / 'out', without_ros=True, report=lambda line: None)

@@ -64,7 +64,7 @@ def test_ranges_are_those_of_numpy(first, last, count):
 
 def test_a_list_is_scaled_element_by_element():
     assert scaled((1.0, 2.0), 1.5, 'x') == (1.5, 3.0)
-    with pytest.raises(ArgumentError, match="x: times_base is not allowed: its base value 'text' is not a number"):
+    with pytest.raises(ArgumentError, match="x: times_base is invalid: the base value 'text' is not a number"):
         scaled('text', 1.5, 'x')
 
 
@@ -72,9 +72,9 @@ def test_a_list_is_scaled_element_by_element():
     ('kind', 'first', 'second', 'message'),
     [
         ('uniform', 2.0, 1.0, 'first number must be below the second'),
-        ('normal', 2.0, 0.0, 'standard deviation must be above 0'),
-        ('log_uniform', 0.0, 1.0, 'both numbers must be above 0'),
-        ('uniform', 0.0, np.inf, 'must be finite'),
+        ('normal', 2.0, 0.0, 'expected a standard deviation above 0'),
+        ('log_uniform', 0.0, 1.0, 'expected numbers above 0'),
+        ('uniform', 0.0, np.inf, 'expected finite numbers'),
         ('cauchy', 0.0, 1.0, 'none of uniform, normal, log_uniform'),
     ],
 )

@@ -168,20 +168,23 @@ def test_without_vary_there_is_one_run():
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('seed: 3', "top level: no such entry 'seed'; there are name, files"),
+        ('seed: 3', "top level: unknown entry 'seed'; expected name, files"),
         ('vary: 3', 'vary: 3 is not a list of blocks'),
         ('vary: [{gain: [1.0]}]', "vary: 'gain' is not NODE:PARAMETER"),
         (
             'vary: [{vcm_plant:gian: [1.0]}]',
-            'no run has such a parameter; did you mean vcm_plant:gain?',
+            'unknown parameter; did you mean vcm_plant:gain?',
         ),
-        ('vary: [{vcm_plan:gain: [1.0]}]', 'vary: vcm_plan:gain: no such node; did you mean vcm_plant?'),
+        ('vary: [{vcm_plan:gain: [1.0]}]', 'vary: vcm_plan:gain: unknown node; did you mean vcm_plant?'),
         ('vary: [{vcm_plant:gain: [1.0], ldv_sensor:seed: [1, 2]}]', 'vcm_plant:gain has 1, ldv_sensor:seed has 2'),
         ('vary: [{vcm_plant:gain: [1.0]}, {vcm_plant:gain: [1.0]}]', 'vcm_plant:gain is in two blocks'),
-        ('vary: [{vcm_plant:gain: {linspace: [1.0, 2.0]}}]', 'is not [first, last, count]'),
-        ('vary: [{vcm_plant:gain: {steps: [1.0, 2.0]}}]', "no such entry 'steps'; there are linspace, logspace"),
+        ('vary: [{vcm_plant:gain: {linspace: [1.0, 2.0]}}]', 'expected [first, last, count]'),
+        ('vary: [{vcm_plant:gain: {steps: [1.0, 2.0]}}]', "unknown entry 'steps'; expected linspace, logspace"),
         ('vary: [{runs: 0, draw: {}}]', 'vary: runs: 0 is not an integer of at least 1'),
-        ('vary: [{runs: 2, plan: grid, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]', "'grid' is none of random, latin"),
+        (
+            'vary: [{runs: 2, plan: grid, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]',
+            "unknown plan 'grid'",
+        ),
         (
             'vary: [{runs: 2, draw: {vcm_plant:gain: {uniform: [2, 1]}}}]',
             'vcm_plant:gain: uniform: [2, 1] is not',
@@ -196,11 +199,11 @@ def test_without_vary_there_is_one_run():
         ),
         (
             "files: [sixteen_modes.yaml]\nvary: [{'vcm_plant:resonance.frequencies[16]': [1.0]}]",
-            'resonance.frequencies has no element 16; its elements are 0 to 15',
+            'resonance.frequencies has no element 16; valid indices are 0 to 15',
         ),
         (
             "vary: [{'vcm_plant:friction.node_weights[0]': [1.0]}]",
-            'friction.node_weights has no element 0; it has no elements',
+            'friction.node_weights has no element 0; the list is empty',
         ),
         (
             "vary: [{'vcm_plant:resonance.frequencies[-1]': [1.0]}]",
@@ -208,7 +211,7 @@ def test_without_vary_there_is_one_run():
         ),
         (
             "vary: [{'vcm_plant:resonance.frequency[0]': [1.0]}]",
-            'no run has such a parameter; did you mean vcm_plant:resonance.frequencies?',
+            'unknown parameter; did you mean vcm_plant:resonance.frequencies?',
         ),
         (
             "vary: [{'vcm_plant:resonance.numerators[0]': [1.0]}, {'vcm_plant:resonance.numerators': [[1.0]]}]",
@@ -217,34 +220,34 @@ def test_without_vary_there_is_one_run():
         (
             'controllers: [adaptive_nn, pid]\n'
             "vary: [{'adaptive_nn_controller:network.gain[0]': {values: [2.0], times_base: true}}]",
-            'times_base is not allowed: a controller of the campaign has no such value',
+            'times_base is invalid: a controller of the campaign lacks this parameter',
         ),
-        ('controllers: [pid, pid]', "controllers: two have the name 'pid'"),
+        ('controllers: [pid, pid]', "controllers: duplicate name 'pid'"),
         ('controllers: [{name: a b, controller: pid}, {name: a_b, controller: pid}]', "two have the name 'a_b'"),
-        ('controllers: [{name: x}]', 'has no controller'),
+        ('controllers: [{name: x}]', 'lacks the entry controller'),
         ('seeds: 0', 'seeds: 0 is not an integer of at least 1'),
-        ('seeds: [1, 1]', 'has a seed twice'),
-        ('keep: some', "keep: 'some' is not none, failed, all or {worst: COUNT, of: METRIC}"),
+        ('seeds: [1, 1]', 'has a duplicate seed'),
+        ('keep: some', "keep: 'some' is invalid; expected none, failed, all or {worst: COUNT, of: METRIC}"),
         ('keep: {worst: 0}', 'keep: worst: 0 is not an integer of at least 1'),
-        ('files: [nowhere.yaml]', "no parameter file 'nowhere.yaml'"),
+        ('files: [nowhere.yaml]', "unknown parameter file 'nowhere.yaml'"),
         ('name: a/b', "name: 'a/b' is not the name of a folder"),
         ('after: -1', 'after: -1 is not at least 0'),
         ('metrics: []', 'metrics: [] is not a list of at least one element'),
         ('after: .inf', 'after: inf is not a finite number'),
-        ('after: 0.5', 'after: 0.5 s is not allowed: the runs of adaptive_nn end at 0.01 s'),
+        ('after: 0.5', 'after: 0.5 s is invalid: the runs of adaptive_nn end at 0.01 s'),
         ('vary: {}', 'vary: a block has no parameter'),
         ('vary: [{vcm_plant:gain: [1.0]}, {}]', 'vary: a block has no parameter'),
-        ('vary: [{vcm_plant:gain: [50.0, fast]}]', "vcm_plant:gain: [50.0, 'fast'] holds a number and a text"),
-        ('vary: [{vcm_plant:gain: [50.0, true]}]', 'vcm_plant:gain: [50.0, True] holds a number and true or false'),
+        ('vary: [{vcm_plant:gain: [50.0, fast]}]', "vcm_plant:gain: [50.0, 'fast'] has a number and a string"),
+        ('vary: [{vcm_plant:gain: [50.0, true]}]', 'vcm_plant:gain: [50.0, True] has a number and true or false'),
         (
             'vary: [{vcm_plant:gain: [50.0, [1.0, 2.0]]}]',
-            'vcm_plant:gain: [50.0, (1.0, 2.0)] holds a number and a list',
+            'vcm_plant:gain: [50.0, (1.0, 2.0)] has a number and a list',
         ),
         ('seeds: [99999999999999999999]', 'seeds: 1e+20 is not an integer of at least 0'),
         ('seeds: 2147483648', 'seeds: 2147483648 is not an integer of at most 1000000'),
         (
             'vary: [{vcm_plant:gain: {linspace: [1, 2, 1000000000]}}]',
-            '1000000000 values are not allowed: a campaign has',
+            '1000000000 values are too many: a campaign has',
         ),
         ('vary: [{runs: 1000001, draw: {vcm_plant:gain: {uniform: [1, 2]}}}]', 'runs: 1000001 is not an integer of at'),
         (
@@ -252,7 +255,7 @@ def test_without_vary_there_is_one_run():
             '9000000 points x 1 controllers x 1 seeds are 9000000 runs; a campaign has at most 1000000',
         ),
         ('vary: [{rig:controller: [pid]}]', 'vary: rig:controller does not vary, but can be in `set` of an entry of'),
-        ('controllers: [{name: 3, controller: pid}]', 'controllers: name: 3 is not a text'),
+        ('controllers: [{name: 3, controller: pid}]', 'controllers: name: 3 is not a string'),
         ('metrics: [rms_error]\nkeep: {worst: 1, of: max_error}', "keep: of: 'max_error' is not among the metrics of"),
         ('keep: {worst: 1, of: 3}', 'keep: of: 3 is not the name of a metric'),
         (
@@ -271,10 +274,10 @@ def test_a_wrong_entry_is_named(text, message):
     [
         (
             {'vary': [{'vcm_plant:gain': [10**20]}]},
-            'gain: 100000000000000000000 is not allowed: an integer has 64 bits',
+            'gain: 100000000000000000000 is invalid; expected an integer of 64 bits',
         ),
         ({'seeds': [10**20]}, '100000000000000000000 is not an integer of at most 9223372036854775807'),
-        ({'controllers': [{'name': None, 'controller': 'pid'}]}, 'controllers: name: None is not a text'),
+        ({'controllers': [{'name': None, 'controller': 'pid'}]}, 'controllers: name: None is not a string'),
         ({'vary': [{'vcm_plant:gain': [None]}]}, 'vcm_plant:gain: None is not the value of a parameter'),
     ],
 )

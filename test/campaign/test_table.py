@@ -14,7 +14,7 @@ def test_an_index_gives_a_row_and_a_slice_a_table():
     assert TABLE[-1]['run'] == 2
     assert TABLE[1:].csv() == 'run,controller,rms\n1,pid,2.5\n2,seek,3.5\n'
     assert TABLE[0:2].units == {'rms': 'nm'}
-    with pytest.raises(IndexError, match='there is no row 3, only 0 to 2'):
+    with pytest.raises(IndexError, match='row 3 does not exist; expected 0 to 2'):
         TABLE[3]
 
 
@@ -23,7 +23,7 @@ def test_iterating_gives_the_rows():
 
 
 def test_a_misspelt_column_is_named_with_those_that_there_are():
-    message = "no column 'controler'; did you mean controller\\?; there are run, controller, rms"
+    message = "unknown column 'controler'; did you mean controller\\?; the columns are run, controller, rms"
     with pytest.raises(KeyError, match=message):
         TABLE.where(controler='pid')
     with pytest.raises(KeyError, match=message):

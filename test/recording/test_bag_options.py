@@ -151,6 +151,6 @@ def test_what_is_rejected(tmp_path, capsys, arguments, reason):
 def test_a_run_that_cannot_be_drawn(tmp_path, capsys):
     words = ('-p', 'duration:=0.01', '-p', f'run_dir:={tmp_path / "run"}', '-p', 'topics:=[clock]')
     assert simulate(['--ros-args', *words]) == 0
-    assert 'picture  none: nothing that it shows was recorded' in capsys.readouterr().out
+    assert 'plot  none: its topics were not recorded' in capsys.readouterr().out
     assert report([str(tmp_path / 'run'), '--output', str(tmp_path / 'report')]) == 3
     assert 'nothing to report' in capsys.readouterr().err

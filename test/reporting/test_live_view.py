@@ -48,11 +48,11 @@ def test_the_error_is_the_column_of_the_blocks():
     view.add(make_block(whole), Units())
     view.draw()
     found = labels(figure)
-    assert list(found) == ['position [µm]', 'error [nm]', 'control [V]', 'over largest magnitude']
+    assert list(found) == ['position [µm]', 'error [nm]', 'control [V]', 'normalized by the peak']
     error = found['error [nm]']['head - reference'].get_ydata()
     late = whole.error[whole.time >= whole.time[-1] - 1.0]
     assert np.abs(error).max() == 1e3 * np.abs(late).max()
-    assert list(found['over largest magnitude']) == ['m_hat (largest 1)']
+    assert list(found['normalized by the peak']) == ['m_hat (largest 1)']
     color = found['control [V]']['feedback part'].get_color()
     assert matplotlib.colors.same_color(color, COLORS[3])
 

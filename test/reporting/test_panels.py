@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from hdd_servo_ros.reporting.page import _figures
 from hdd_servo_ros.reporting.panel import CloseUp, Panel, Shade, Trace, fitted_range
-from hdd_servo_ros.reporting.picture import Stack, draw_panel, write_picture
+from hdd_servo_ros.reporting.plot import Stack, draw_panel, write_plot
 
 X = np.linspace(0.1, 1.0, 200)
 SMALL = Trace('small', X, 1.0 + 0.5 * np.sin(40.0 * X), '#ff0000')
@@ -54,7 +54,7 @@ TRACE_CHANGES = {
 
 
 def drawn(panel, path):
-    write_picture([panel], '', path)
+    write_plot([panel], '', path)
     return matplotlib.image.imread(path)
 
 
@@ -132,11 +132,11 @@ def test_shades_are_behind_their_parts_of_the_axis(tmp_path):
     ]
     assert [shape['showlegend'] for shape in found] == [True, False, False]
     plain = dataclasses.replace(PLAIN, over_time=True, traces=(SMALL,))
-    write_picture([dataclasses.replace(plain, shades=shades)], '', tmp_path / 'shaded.png')
+    write_plot([dataclasses.replace(plain, shades=shades)], '', tmp_path / 'shaded.png')
     # Green over white, half transparent; the legend shows it as well.
     found = pixels((0.5, 1.0, 0.5), tmp_path / 'shaded.png')
     assert len(found) > 100
-    write_picture([plain], '', tmp_path / 'plain.png')
+    write_plot([plain], '', tmp_path / 'plain.png')
     assert len(pixels((0.5, 1.0, 0.5), tmp_path / 'plain.png')) == 0
 
 
@@ -192,7 +192,7 @@ def test_a_logarithmic_axis_without_positive_values_is_linear(tmp_path):
     panel = Panel('name', '', '', '', (Trace('zero', X, 0.0 * X, '#ff0000'),), logarithmic=True)
     drawn(panel, tmp_path / 'zero.png')
     assert 'type' not in figure(panel)['layout']['yaxis']
-    with pytest.raises(ValueError, match='a logarithmic axis cannot begin at 0'):
+    with pytest.raises(ValueError, match='a logarithmic axis cannot start at 0'):
         changed(logarithmic=True, y_range=(0.0, 1.0))
 
 

@@ -64,7 +64,7 @@ def test_a_pause_does_not_count(capsys, clock):
         clock[0] += 0.05
     assert shown(capsys) == (2.0, pytest.approx(45.0, abs=5.0))
     clock[0] += 3600.0
-    progress.go_on(200)
+    progress.resume(200)
     for tick in range(201, 500):
         clock[0] += 0.05
         progress.show(tick)
@@ -86,7 +86,7 @@ def test_the_last_seconds_count(capsys, clock):
 def test_a_run_may_be_started_by_hand(capsys, clock):
     """It goes on before it has shown anything."""
     progress = Progress('run', 1000, 0.1)
-    progress.go_on(0)
+    progress.resume(0)
     for tick in range(200):
         progress.show(tick)
         clock[0] += 0.05

@@ -22,10 +22,10 @@ from hdd_servo_ros.messages.cdr import VectorCodec
 from hdd_servo_ros.messages.ticks import Ticks
 from hdd_servo_ros.messages.topics import CONTROL, HEAD, REFERENCE
 from hdd_servo_ros.recording.bag_writer import BagWriter
-from hdd_servo_ros.reporting import picture
+from hdd_servo_ros.reporting import plot
 from hdd_servo_ros.reporting.comparison_panels import comparison_panels
 from hdd_servo_ros.reporting.panel import Panel, Trace
-from hdd_servo_ros.reporting.picture import write_picture
+from hdd_servo_ros.reporting.plot import write_plot
 from hdd_servo_ros.reporting.reference_period import reference_period
 from hdd_servo_ros.reporting.run_metrics import left_out, run_metrics
 from hdd_servo_ros.reporting.run_panels import run_panels
@@ -71,7 +71,7 @@ def titles(monkeypatch):
         kept.append(title)
         path.touch()
 
-    monkeypatch.setattr(picture, 'write_picture', write_title)
+    monkeypatch.setattr(plot, 'write_plot', write_title)
     return kept
 
 
@@ -270,7 +270,9 @@ def test_a_bag_alone_tells_its_period(runs, titles, tmp_path, capsys):
     (tmp_path / 'alone').symlink_to(runs['nn'] / 'bag')
     assert main([str(tmp_path / 'alone'), '--output', str(tmp_path)]) == 0
     printed = capsys.readouterr().out
-    assert 'bag: there is no run.yaml: how the run ended, its controller, its parameters and saturation are' in printed
+    assert (
+        'bag: run.yaml is missing: the outcome of the run, its controller, its parameters and saturation are' in printed
+    )
     known, alone = Run.open(runs['nn']), Run.open(tmp_path / 'alone')
     assert alone.description == {}
     assert reference_period(alone) == pytest.approx(100.0, rel=1e-9)
@@ -283,9 +285,9 @@ def test_a_bag_alone_tells_its_period(runs, titles, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('topics', 'words'),
     [
-        ((REFERENCE, CONTROL), 'no tracking error and what follows from it: the bag holds no /head'),
-        ((CONTROL,), 'no tracking error and what follows from it: the bag holds no /head and no /reference'),
-        ((REFERENCE, HEAD), 'no figures of the control: the bag holds no /control'),
+        ((REFERENCE, CONTROL), 'no tracking error and no metrics based on it: the bag has no /head'),
+        ((CONTROL,), 'no tracking error and no metrics based on it: the bag has no /head and no /reference'),
+        ((REFERENCE, HEAD), 'no metrics of the command: the bag has no /control'),
     ],
 )
 def test_what_a_bag_lacks_is_told(titles, tmp_path, capsys, topics, words):
@@ -298,7 +300,8 @@ def test_what_a_bag_lacks_is_told(titles, tmp_path, capsys, topics, words):
 def test_a_part_too_short_for_repeatable_parts_is_told(runs):
     assert left_out(Run.open(runs['nn'])) == []
     assert left_out(Run.open(runs['nn']), after=0.985) == [
-        'no repeatable parts: 0.0151 s count, and the periods of the reference that make whole samples take 0.01 s'
+        'no repeatable parts: the window has 0.0151 s, and '
+        'periods of the reference that take an integer number of samples last 0.01 s'
     ]
 
 
@@ -326,7 +329,7 @@ def test_a_sweep_that_cannot_be_replayed_is_told(runs, titles, tmp_path, capsys)
     (tmp_path / 'bag').symlink_to(runs['sweep'] / 'bag')
     (tmp_path / 'run.yaml').write_text(yaml.safe_dump(description))
     assert main([str(tmp_path), '--output', str(tmp_path / 'out')]) == 0
-    assert re.search(r': no measured response: /estimates says .* at the end, /ldv gives', capsys.readouterr().out)
+    assert re.search(r': no measured response: /estimates has .* at the end, /ldv gives', capsys.readouterr().out)
 
 
 def test_no_line_of_a_comparison_is_hidden_by_a_larger_one(tmp_path):
@@ -338,7 +341,7 @@ def test_no_line_of_a_comparison_is_hidden_by_a_larger_one(tmp_path):
     shares = {}
     for largest_first in (True, False):
         panel = Panel('error', 'Error', 's', 'nm', (red, blue), over_time=True, largest_first=largest_first)
-        write_picture([panel], '', tmp_path / 'picture.png')
+        write_plot([panel], '', tmp_path / 'picture.png')
         red_, green, blue_ = np.moveaxis(matplotlib.image.imread(tmp_path / 'picture.png')[..., :3], -1, 0)
         shares[largest_first] = np.mean((red_ > 0.8) & (green < 0.3) & (blue_ < 0.3))
     assert shares[True] > 2.0 * shares[False]
@@ -358,7 +361,7 @@ def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, content):
     ('arguments', 'words'),
     [
         (['nowhere'], 'report: nowhere is neither a run folder nor a closed bag'),
-        (['{nn}', '--after', '3'], 'nothing after 3.0 s: the run ends at 1 s'),
+        (['{nn}', '--after', '3'], 'no samples after 3.0 s: the run ends at 1 s'),
         (['{nn}', '{study}'], 'runs in different units cannot be compared'),
         (['{nn}', '--output', '{file}'], 'report: '),
         (['{head_alone}'], 'nothing to report: the bag holds neither /control nor /reference with /head'),
@@ -408,7 +411,7 @@ def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_
             super().__init__(**options)
             drawn.append(self)
 
-    monkeypatch.setattr(picture, 'Figure', Kept)
+    monkeypatch.setattr(plot, 'Figure', Kept)
     for name in ('nn', 'open_loop'):
         draw_run(Run.open(runs[name]), tmp_path / f'{name}.png')
     rows, rows_of_open_loop = ([axis.get_ylabel() for axis in figure.axes[::2]] for figure in drawn)

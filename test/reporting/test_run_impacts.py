@@ -50,7 +50,7 @@ def test_stops_that_are_not_hit_and_a_drive_without_stops(simulated, tmp_path):
     ('arguments', 'why'),
     [
         (('-p', "deterministic_timer:schedule:=['0.01 vcm_plant gain 4e7']"), 'parameters of vcm_plant were changed'),
-        (('-p', "bag_recorder:topics:=['reference', 'head', 'ldv']"), 'the bag holds no /control'),
+        (('-p', "bag_recorder:topics:=['reference', 'head', 'ldv']"), 'the bag has no /control'),
     ],
 )
 def test_why_they_are_not_known(simulated, tmp_path, arguments, why):

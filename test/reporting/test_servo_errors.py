@@ -75,7 +75,7 @@ def test_with_the_vibrometer_the_error_stays_that_of_the_reference(tmp_path, sim
     assert not np.array_equal(ldv.position_error, ldv.track_error)
     assert {'error', 'track_error'} <= {panel.name for panel in run_panels(ldv)}
     (error, *_) = comparison_panels([run, ldv])
-    assert error.title == 'Position error, x - x_d, with the servo sensor less the track center'
+    assert error.title == 'Position error, x - x_d, with the servo sensor minus the track center'
 
 
 def test_shares_are_of_the_pitch_of_the_servo_sensor(run):

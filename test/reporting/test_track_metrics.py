@@ -79,7 +79,7 @@ def test_shocks_are_measured_and_drawn(run, monkeypatch):
     assert found['shocks'] == 2
     assert found['shock_peak'] == pytest.approx(error.max())
     assert found['shock_outside'] > 0.0
-    assert 'no least error of feedback: shocks have no stationary spectrum' in left_out(run)
+    assert 'no lower bound of the error: shocks have no stationary spectrum' in left_out(run)
     (panel,) = (panel for panel in track_panels.track_panels(run, 0) if panel.name == 'shocks')
     assert [trace.name for trace in panel.traces] == ['shock at 1 s', 'shock at 2 s']
     np.testing.assert_allclose(panel.traces[1].x[[0, -1]], [-1.0, 15.0], atol=0.1)
@@ -93,7 +93,7 @@ def test_another_pitch(tmp_path):
     found = metrics(run)
     assert track_pitch(run) == 0.254
     assert found['track_error_of_pitch'] == pytest.approx(found['track_error'] / 2.54)
-    assert any(line.startswith('no least error of feedback: 0.08') for line in left_out(run))
+    assert any(line.startswith('no lower bound of the error: 0.08') for line in left_out(run))
     assert 'least_error' not in found
 
 
@@ -109,7 +109,7 @@ def test_without_whole_revolutions_there_is_no_rpe(tmp_path, sectors, reason):
 
 def test_a_run_without_force_has_no_bound(tmp_path):
     run = shaken_run(tmp_path / 'run', TICKS, vibration=0.0, runout=0.0, flutter=0.0)
-    assert 'no least error of feedback: /disturbance is 0' in left_out(run)
+    assert 'no lower bound of the error: /disturbance is 0' in left_out(run)
 
 
 def test_the_report_shows_the_track(run, tmp_path, capsys):

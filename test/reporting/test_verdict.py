@@ -173,7 +173,7 @@ def test_a_summary_in_other_units():
 
 
 def test_no_sample_no_summary():
-    with pytest.raises(ValueError, match='a run without a sample'):
+    with pytest.raises(ValueError, match='a run without samples'):
         summary(RunSums(DESCRIPTION, 0.0), DESCRIPTION)
 
 

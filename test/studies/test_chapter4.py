@@ -32,7 +32,7 @@ def directory(tmp_path_factory):
     cases = [case for figure in figures('chapter4').values() for case in figure.CASES]
     again = {case.name for case in NN_COARSE.values()}
     cases = [case for case in cases if case.name not in again]
-    run_cases([FINE, *cases], path, without_ros=True, defaults=COARSE, say=lambda line: None)
+    run_cases([FINE, *cases], path, without_ros=True, defaults=COARSE, report=lambda line: None)
     for value, case in NN_COARSE.items():
         (path / case.name).symlink_to(NN_BY_LAMBDA[value].name)
     return path
@@ -65,7 +65,7 @@ def test_lambda_1(runs, case):
 
 def test_lambda_1_through_the_graph(bench, monkeypatch, directory, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
-    run_cases([NN], tmp_path, defaults=COARSE, say=lambda line: None)
+    run_cases([NN], tmp_path, defaults=COARSE, report=lambda line: None)
     assert_section_4_4(RecordedRuns(tmp_path), NN)
     assert compare_bags([str(tmp_path / NN.name), str(directory / NN.name)]) == 0
 

@@ -97,7 +97,7 @@ def directory(tmp_path_factory):
     kinds = {kind(case): name for name, case in judged.items()}
     others = {case.name: case for figure in drawn().values() for case in figure.CASES if case.name not in judged}
     shorts = [short(case) for case in others.values() if kind(case) not in kinds or case == PRINTED_SIGNS]
-    run_cases([*judged.values(), *shorts], path, without_ros=True, say=lambda line: None)
+    run_cases([*judged.values(), *shorts], path, without_ros=True, report=lambda line: None)
     for name, case in others.items():
         if not (path / name).exists():
             (path / name).symlink_to(kinds[kind(case)])
@@ -158,7 +158,7 @@ def test_sine_through_the_graph(bench, monkeypatch, directory, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
     """Its first seconds: from there on one run says as much as the other."""
     case = short(NN[100.0])
-    run_cases([case], tmp_path, say=lambda line: None)
+    run_cases([case], tmp_path, report=lambda line: None)
     assert RecordedRuns(tmp_path).metrics(case, TRANSIENT, NANOMETRES).rms_error < 8.0
     last_tick = round(SHORT / 1e-4)
     assert first_difference(tmp_path / case.name, directory / case.name, last_tick) is None

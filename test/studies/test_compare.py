@@ -134,13 +134,13 @@ def test_the_table_is_that_of_the_bags(capsys):
 
     # The same again makes no run; another file of the controller does.
     assert main(arguments) == 0
-    assert '4 of 4 runs are in out already' in capsys.readouterr().out
+    assert '4 of 4 runs with these parameters are in out already' in capsys.readouterr().out
     with Path('my_controller.py').open('a') as stream:
         stream.write('# another controller\n')
     assert main(arguments) == 0
     said = capsys.readouterr().out
-    assert '2 of 4 runs are in out already' in said
-    assert 'sine_100_hz-my_controller runs again: my_controller was another' in said
+    assert '2 of 4 runs with these parameters are in out already' in said
+    assert 'sine_100_hz-my_controller runs again: my_controller has changed' in said
 
 
 def test_a_controller_that_does_not_track_is_marked(capsys):
@@ -199,14 +199,17 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
         (['-p', 'bag_recorder:run_dir:=there'], '-p bag_recorder:run_dir is rejected'),
         (['-p', 'bogus:=1'], 'compare: invalid value for parameter bogus: 1; expected no such parameter'),
         (['--controllers', 'pid@'], '--controllers pid@: expected the name of a parameter file after the @'),
-        (['--controllers', 'pid@no_such.yaml'], "no parameter file 'no_such.yaml' among those of hdd_servo_ros"),
+        (
+            ['--controllers', 'pid@no_such.yaml'],
+            "unknown parameter file 'no_such.yaml'",
+        ),
         (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),
         (
             ['--output', '/proc/no_such'],
-            '/proc/no_such cannot be made: No such file or directory; --output says another',
+            'cannot create /proc/no_such: No such file or directory; choose another',
         ),
         (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
-        (['--output', 'my_controller.py'], 'my_controller.py cannot be a folder: a file stands there'),
+        (['--output', 'my_controller.py'], 'my_controller.py is a file, not a directory'),
     ],
 )
 def test_wrong_arguments(capsys, arguments, said):

@@ -30,7 +30,7 @@ def case(name='a', controller='pid', **overrides):
 
 def run(directory, *cases, defaults=SHORT):
     said: list[str] = []
-    run_cases(cases, directory, without_ros=True, defaults=defaults, say=said.append)
+    run_cases(cases, directory, without_ros=True, defaults=defaults, report=said.append)
     return said
 
 
@@ -55,7 +55,7 @@ def test_what_is_there_is_kept_and_what_differs_runs_again(tmp_path):
     written = {name: (tmp_path / name / 'run.yaml').stat().st_mtime_ns for name in 'ab'}
     said = run(tmp_path, case('a', pid_controller__proportional_gain=7.0), case('b', 'adaptive_nn'))
     assert 'a runs again: pid_controller:proportional_gain is 159.0, not 7.0' in said
-    assert any(line.startswith('1 of 2 runs are in') for line in said)
+    assert any(line.startswith('1 of 2 runs with these') for line in said)
     assert (tmp_path / 'b' / 'run.yaml').stat().st_mtime_ns == written['b']
     assert (tmp_path / 'a' / 'run.yaml').stat().st_mtime_ns > written['a']
     assert not list(tmp_path.glob('*.log'))
@@ -89,7 +89,7 @@ def test_a_folder_that_is_no_run_is_left_alone(tmp_path):
 def test_two_studies_keep_out_of_each_others_folder(tmp_path):
     descriptor = os.open(tmp_path, os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_EX)
-    with pytest.raises(StudyError, match='another study is at work'):
+    with pytest.raises(StudyError, match='another study is running'):
         run(tmp_path, case())
     os.close(descriptor)
     run(tmp_path, case())
@@ -131,9 +131,9 @@ def test_the_graph_gives_the_same_bits(tmp_path, monkeypatch, bench):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
     one = case('a', 'adaptive_nn')
     for directory, without_ros in (('graph', False), ('plain', True)):
-        run_cases([one], tmp_path / directory, without_ros=without_ros, defaults=SHORT, say=lambda line: None)
+        run_cases([one], tmp_path / directory, without_ros=without_ros, defaults=SHORT, report=lambda line: None)
     assert compare_bags([str(tmp_path / 'graph' / 'a'), str(tmp_path / 'plain' / 'a')]) == 0
-    run_cases([one], tmp_path / 'graph', without_ros=True, defaults=SHORT, say=lambda line: None)
+    run_cases([one], tmp_path / 'graph', without_ros=True, defaults=SHORT, report=lambda line: None)
     assert 'rig' not in (tmp_path / 'graph' / 'a' / 'log.txt').read_text()
 
 

@@ -167,7 +167,7 @@ def test_a_run_that_did_not_finish(tmp_path):
     (run.path / 'run.yaml').unlink()
     text, _ = failure(Run.open(bag.path).check.finished)
     bag.check.samples(11)
-    assert text.startswith('run.yaml is missing, which records how a run ended: finished() needs the directory of a run')
+    assert text.startswith('run.yaml is missing, which records how a run ended: finished() needs the directory')
 
 
 def test_the_first_tick_whose_samples_are_wrong(tmp_path):
@@ -236,7 +236,7 @@ def test_pictures_go_where_they_are_wanted(run, tmp_path, monkeypatch):
 
 
 def test_questions_that_make_no_sense(run):
-    with pytest.raises(LookupError, match=r"no signal 'm_cap'; there are error, .*m_hat"):
+    with pytest.raises(LookupError, match=r"unknown signal 'm_cap'; known signals include error, .*m_hat"):
         run.check.bounded('m_cap', at_most=1.0)
     with pytest.raises(ValueError, match='no tick between 1 s and '):
         run.check.rms_error(at_most=1.0, after=1.0)
@@ -263,5 +263,5 @@ def test_what_is_clipped(simulated, tmp_path):
     clipped = np.flatnonzero(np.abs(narrow.ldv[:, 0]) >= 0.125 * (1 - 2.0**-14))
     text, plot = failure(narrow.check.unsaturated)
     assert plot.is_file()
-    assert f'displacement output is clipped at {len(clipped)} of 501 samples from 0 s on' in text
+    assert f'displacement output is clipped at {len(clipped)} of 501 samples after 0 s' in text
     assert f'first at tick {clipped[0]} ' in text

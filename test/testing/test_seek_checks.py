@@ -107,7 +107,7 @@ def test_what_cannot_be_checked(run, simulated, tmp_path):
         run.check.no_return_to_an_earlier_mode()
     sine = Run.open(simulated(tmp_path / 'sine', '-p', 'controller:=pid', '-p', 'duration:=0.05'))
     for check in (sine.check.seek_time, sine.check.seek_overshoot, sine.check.residual_vibration):
-        with pytest.raises(ValueError, match='no seeks'):
+        with pytest.raises(ValueError, match='the run has no seeks'):
             check(at_most=1.0)
 
 

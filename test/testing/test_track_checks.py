@@ -81,5 +81,5 @@ def test_shocks(moved):
 
 
 def test_without_a_disturbance_there_is_no_least_error(moved):
-    with pytest.raises(ValueError, match='no least error: the run has no /disturbance'):
+    with pytest.raises(ValueError, match='unknown lower bound of the error: the run has no /disturbance'):
         moved(np.zeros(COUNT)).check.error_over_least(at_most=2.0)

@@ -1,4 +1,4 @@
-"""Diagrams drawn by matplotlib: as a picture in a file, and into a figure that is drawn again and again."""
+"""Plots with matplotlib: in an image file, and in a figure that is updated repeatedly."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from matplotlib.gridspec import GridSpec
 from hdd_servo_ros.reporting.panel import BAR_WIDTH, SHADE_OPACITY, Panel, Shade
 
 _COLUMNS = 6
-"""Of the grid: a close-up takes two of them, one of two panels in a row three."""
+"""Columns of the grid: a close-up takes two of them, one of two panels in a row takes three."""
 _CLOSE_UP_COLUMNS = 2
 _FULL_ROW, _HALVES_ROW = 2.5, 3.3
 """Heights of a row with one panel, and with two [inch]."""
@@ -22,21 +22,21 @@ _LEGEND_LINES = 9
 _LEGEND_COLUMNS = 3
 
 
-def write_picture(panels: Sequence[Panel], title: str, path: Path) -> None:
+def write_plot(panels: Sequence[Panel], title: str, path: Path) -> None:
     """
-    Draw diagrams into a PNG file.
+    Write plots to a PNG file.
 
-    Those over time and those with a close-up have a row of their own, the others two a row.
+    A time plot or a plot with a close-up takes a row; the others share rows in pairs.
     """
     rows = list(_rows(panels))
     heights = [_FULL_ROW if _needs_row(row[0]) else _HALVES_ROW for row in rows]
-    # Not pyplot: a picture into a file needs no display, and no choice of one for the whole process.
+    # Not pyplot: a file needs no display, and no backend for the whole process.
     figure = Figure(figsize=(13, sum(heights) + 0.4 + 0.2 * title.count('\n')), layout='constrained')
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(len(rows), _COLUMNS, height_ratios=heights)
     for index, row in enumerate(rows):
         below = rows[index + 1][0] if index + 1 < len(rows) else None
-        # Panels over time are stacked: the last one of a stack states what is on their axis.
+        # Time plots are stacked: only the last one of a stack has an axis label.
         _draw_row(figure, grid, index, row, shows_x=not (row[0].over_time and below is not None and below.over_time))
     figure.suptitle(title)
     figure.savefig(path, dpi=100)
@@ -47,7 +47,7 @@ def _needs_row(panel: Panel) -> bool:
 
 
 def _rows(panels: Sequence[Panel]) -> Iterator[list[Panel]]:
-    """Iterate over the panels of each row."""
+    """Yield the panels of each row."""
     waiting: list[Panel] = []
     for panel in panels:
         if waiting and (_needs_row(panel) or len(waiting) == 2):
@@ -69,7 +69,7 @@ def _draw_row(figure: Figure, grid: GridSpec, index: int, row: Sequence[Panel], 
         return
     (panel,) = row
     split = _COLUMNS if panel.close_up is None else _COLUMNS - _CLOSE_UP_COLUMNS
-    draw_panel(figure.add_subplot(grid[index, :split]), panel, shows_x=shows_x, title_beside_legend=True)
+    draw_panel(figure.add_subplot(grid[index, :split]), panel, shows_x=shows_x, title_next_to_legend=True)
     if panel.close_up is not None:
         draw_panel(figure.add_subplot(grid[index, split:]), panel, close_up=True, shows_x=shows_x)
 
@@ -80,27 +80,26 @@ def draw_panel(
     *,
     close_up: bool = False,
     shows_x: bool = True,
-    title_beside_legend: bool = False,
+    title_next_to_legend: bool = False,
     is_alone: bool = False,
 ) -> None:
     """
-    Draw one diagram.
+    Draw one plot.
 
     Parameters
     ----------
     axis
-        Where to draw.
+        Axes or figure.
     panel
-        What to draw.
+        The plot.
     close_up
-        Whether to draw its close-up instead of the whole.
+        Whether to draw the close-up instead of the whole.
     shows_x
-        Whether to write what is on the horizontal axis.
-    title_beside_legend
-        Whether there is room for title and legend on one line.
+        Whether to label the horizontal axis.
+    title_next_to_legend
+        Whether title and legend fit on one line.
     is_alone
-        Whether a close-up has a legend and what is on the vertical axis written at it, since the whole is not next to
-        it.
+        Whether the close-up has its own legend and vertical label, because the whole is not next to it.
     """
     traces = panel.in_close_up() if close_up else panel.traces
     handles: dict[int, Artist] = {}
@@ -144,15 +143,15 @@ def draw_panel(
             return
     axis.set_ylabel(panel.y_label, fontsize=9)
     named = 1 < len(traces) + len(shaded) <= _LEGEND_LINES and not panel.categories
-    # The legend is between title and frame, or next to the title, where it hides nothing.
-    columns = max(_LEGEND_COLUMNS, len(traces) + len(shaded)) if title_beside_legend else _LEGEND_COLUMNS
-    lines = -(-len(traces) // columns) if named and not title_beside_legend else 0
-    axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_beside_legend else 'center')
+    # The legend is between title and frame, or next to the title, where it covers nothing.
+    columns = max(_LEGEND_COLUMNS, len(traces) + len(shaded)) if title_next_to_legend else _LEGEND_COLUMNS
+    lines = -(-len(traces) // columns) if named and not title_next_to_legend else 0
+    axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_next_to_legend else 'center')
     if named:
         axis.legend(
             handles=[*(handles[index] for index in range(len(traces))), *shaded],
-            loc='lower right' if title_beside_legend else 'lower center',
-            bbox_to_anchor=(1.0 if title_beside_legend else 0.5, 1.0),
+            loc='lower right' if title_next_to_legend else 'lower center',
+            bbox_to_anchor=(1.0 if title_next_to_legend else 0.5, 1.0),
             borderaxespad=0.2,
             ncols=columns,
             fontsize=7,
@@ -161,7 +160,7 @@ def draw_panel(
 
 
 def _shade(axis: Axes, shade: Shade) -> Artist:
-    """Shade parts of the horizontal axis, from bottom to top, and return what the legend shows of it."""
+    """Shade intervals of the horizontal axis, and return the artist for the legend."""
     corners = [[(start, 0.0), (start, 1.0), (end, 1.0), (end, 0.0)] for start, end in shade.intervals.tolist()]
     collection = PolyCollection(
         corners,
@@ -172,19 +171,19 @@ def _shade(axis: Axes, shade: Shade) -> Artist:
         transform=axis.get_xaxis_transform(),
         zorder=0.5,
     )
-    # Not through the limits: lines alone scale the axes.
+    # The limits are unchanged: only lines scale the axes.
     axis.add_collection(collection, autolim=False)
     return collection
 
 
 class Stack:
     """
-    Diagrams over time below each other in a figure, without close-ups, which can be drawn again and again.
+    Stacked time plots in a figure, without close-ups, which can be updated repeatedly.
 
     Parameters
     ----------
     figure
-        Where to draw.
+        Axes or figure.
     """
 
     def __init__(self, figure: Figure) -> None:
@@ -193,11 +192,11 @@ class Stack:
         figure.set_layout_engine('constrained')
 
     def draw(self, panels: Sequence[Panel]) -> None:
-        """Draw panels in the stead of those before."""
+        """Draw panels in place of the previous ones."""
         if len(panels) != len(self._axes):
             self._figure.clear()
             column = self._figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
             self._axes = list(np.ravel(column))[: len(panels)]
         for axis, panel in zip(self._axes, panels, strict=True):
             axis.clear()
-            draw_panel(axis, panel, shows_x=axis is self._axes[-1], title_beside_legend=True)
+            draw_panel(axis, panel, shows_x=axis is self._axes[-1], title_next_to_legend=True)

@@ -1,4 +1,4 @@
-"""The picture of a campaign: how a metric is distributed, and how it depends on each parameter that varies."""
+"""The plot of a campaign: the distribution of a metric, and the metric over each varied parameter."""
 
 from pathlib import Path
 
@@ -8,21 +8,21 @@ from hdd_servo_ros.campaign.campaign import Campaign
 from hdd_servo_ros.campaign.table import Table
 
 _PARAMETERS = 3
-"""Parameters that are drawn, the first ones."""
+"""Number of varied parameters in the plot, the first ones."""
 
 
-def write_picture(campaign: Campaign, table: Table, folder: Path) -> Path | None:
+def write_plot(campaign: Campaign, table: Table, folder: Path) -> Path | None:
     """
-    Write ``campaign.png`` into the folder of a campaign, and return its path; None if no run has a metric.
+    Write ``campaign.png`` into the directory of a campaign, and return its path; None if no run has a metric.
 
     Parameters
     ----------
     campaign, table
-        The campaign and what it has found; the metric is that of the worst runs.
+        The campaign and its table; the metric is the one that ranks the worst runs.
     folder
-        Its folder.
+        Its directory.
     """
-    # Late: matplotlib is needed for the picture only.
+    # Imported late: only the plot needs matplotlib.
     from matplotlib.figure import Figure
 
     metric = campaign.worst_metric(table)
@@ -40,7 +40,7 @@ def write_picture(campaign: Campaign, table: Table, folder: Path) -> Path | None
         axes[0].step(found, np.arange(1, len(found) + 1) / len(values), where='post', label=controller)
         for ax, name in zip(axes[1:], parameters, strict=True):
             ax.plot(own[name], values, '.', markersize=3)
-    axes[0].set(xlabel=label, ylabel='share of the runs', ylim=(0.0, 1.02))
+    axes[0].set(xlabel=label, ylabel='fraction of the runs', ylim=(0.0, 1.02))
     axes[0].legend(fontsize='small')
     for ax, name in zip(axes[1:], parameters, strict=True):
         ax.set(xlabel=name.rpartition(':')[2], ylabel=label)
