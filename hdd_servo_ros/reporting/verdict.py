@@ -63,8 +63,8 @@ def verdict(sums: RunSums, reason: str = '') -> Verdict | None:
     A run that its controller ended with a fault, such as an overload, is judged only by its signals.
 
     In this order: a run that failed on a signal that is not finite, or whose error is not finite or above
-    :data:`DIVERGED_SPANS` times the span of the reference, diverged. A run with more than :data:`SATURATED_SHARE` of the
-    command or sensor samples clipped was saturated. A run whose rms error is not below
+    :data:`DIVERGED_SPANS` times the span of the reference, diverged. A run with more than :data:`SATURATED_SHARE` of
+    the command or sensor samples clipped was saturated. A run whose rms error is not below
     :data:`TRACKING_SHARE` times the rms of the reference about its mean does not track. If the reference is constant
     after the transient, its distance from the first head position replaces that rms.
 
