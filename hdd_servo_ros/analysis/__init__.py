@@ -1,4 +1,4 @@
-"""What signals and models show: metrics, stability margins, identified models."""
+"""Analysis of signals and models: metrics, stability margins, identified models."""
 
 from typing import TYPE_CHECKING
 

@@ -1,12 +1,13 @@
 """
-Bode's integral of the sensitivity in discrete time, of the loop as it is sampled.
+Bode's integral of the sensitivity of the sampled loop, in discrete time.
 
 For a stable closed loop with open-loop poles p_i outside the unit circle, Jensen's formula gives
 
     1/f_N int_0^f_N ln|S| df = sum ln|p_i| + ln|S(infinity)|,
 
-f_N the Nyquist frequency. As the drive has no direct feedthrough, the loop gain is 0 at z = infinity, S is 1 there and
-the last term is 0, whatever the relative degree. Sung and Hara, Int. J. Control 48(6), 1988, is the discrete form.
+where f_N is the Nyquist frequency. The drive has no direct feedthrough, so that the loop gain is 0 at z = infinity, S
+is 1 there and the last term is 0 for any relative degree. Source of the discrete form: Sung and Hara, Int. J. Control
+48(6), 1988.
 """
 
 import dataclasses
@@ -22,16 +23,16 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 @dataclasses.dataclass(frozen=True)
 class BodeIntegral:
     """
-    Means of ln|S| over frequency from 0 to Nyquist, so that a loop at another sample time compares.
+    Means of ``ln|S|`` over frequency from 0 to Nyquist, which can be compared between sample times.
 
     Attributes
     ----------
     attenuation
-        Mean of ln|S| where |S| < 1, 0 elsewhere; not positive.
+        Mean of ``ln|S|`` where ``|S| < 1``, 0 elsewhere; not positive.
     amplification
-        The same where |S| > 1; not negative.
+        The same where ``|S| > 1``; not negative.
     theory
-        What their sum must be: the sum of the logarithms of the open-loop poles outside the unit circle.
+        Theoretical value of their sum: the sum of the logarithms of the open-loop poles outside the unit circle.
     """
 
     attenuation: float
@@ -40,13 +41,13 @@ class BodeIntegral:
 
     @property
     def value(self) -> float:
-        """Mean of ln|S|."""
+        """Mean of ``ln|S|``."""
         return self.attenuation + self.amplification
 
 
 def bode_integrals(margins: LoopMargins, controller: LinearController) -> list[BodeIntegral]:
     """
-    Return Bode's integral of a controller around each linearisation of the drive, in the order of ``margins.drives``.
+    Return Bode's integral of a controller for each linearization of the drive, in the order of ``margins.drives``.
 
     Parameters
     ----------
@@ -58,14 +59,14 @@ def bode_integrals(margins: LoopMargins, controller: LinearController) -> list[B
     Raises
     ------
     ValueError
-        If a closed loop is unstable: its sensitivity has no such integral.
+        If a closed loop is unstable, since the integral is then undefined.
     """
     nyquist = 0.5 / margins.sample_time
     found: list[BodeIntegral] = []
     for drive in margins.drives:
         if not controller.closed_loop_radius(drive) < 1.0:
             raise ValueError('the closed loop is unstable, and its sensitivity has no Bode integral')
-        # What is 0 at f = 0 has a logarithm that can be integrated, over steps that shrink toward it.
+        # The logarithm of a zero at f = 0 is integrable over steps that shrink toward it.
         low = np.geomspace(1e-13, 1e-5, 60) * nyquist
         inner = margins.frequencies[(margins.frequencies > low[-1]) & (margins.frequencies < nyquist)]
         found.append(_integral(margins, controller, len(found), np.concatenate([low, inner, [nyquist]])))

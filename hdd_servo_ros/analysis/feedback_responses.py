@@ -1,9 +1,9 @@
 """
-All closed loops that stabilizing linear feedback can have around a sampled drive: affine in a stable Q (Youla).
+All closed loops of a sampled drive with stabilizing linear feedback, affine in a stable Q (Youla).
 
-The controller is a state observer with state feedback, to whose u a stable filter Q adds what it makes of the
-innovations, measured minus expected outputs. Every stabilizing controller has this form, and each closed-loop response
-is T1 + T2 Q T3. Boyd and Barratt, Linear Controller Design, 1991, chapters 7 and 10.
+The controller is a state observer with state feedback. A stable filter Q of the innovations (measured minus expected
+outputs) adds to its u. Every stabilizing controller has this form, and each closed-loop response is T1 + T2 Q T3. Boyd
+and Barratt, Linear Controller Design, 1991, chapters 7 and 10.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Response = NDArray[np.complex128]
 
 _BANDWIDTH = 0.08
-"""Times the sampling frequency: about where the initial controller's bandwidth is, which Q makes up for."""
+"""Bandwidth of the initial controller as a fraction of the sampling frequency; Q corrects it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,13 +31,13 @@ class MeasuredDrive:
     a, b
         Shapes (n, n) and (n, 1).
     position
-        Of the true head position, shape (n,).
+        Output row of the true head position, shape (n,).
     measured
         One row per measured signal, shape (m, n); the first is the position.
     sample_time
         T [s].
     is_relative
-        Whether the position is measured from the track center, as servo sectors do, or from the base, as a vibrometer.
+        Whether the position is relative to the track center (servo sectors) or to the base (vibrometer).
     """
 
     a: Array
@@ -58,18 +58,18 @@ class MeasuredDrive:
         is_relative: bool = True,
     ) -> 'MeasuredDrive':
         """
-        Return a drive as feedback sees it.
+        Return the model of a drive for feedback design.
 
         Parameters
         ----------
         drive
             The drive, with ideal outputs.
         delay
-            Samples by which u comes late. The disturbance is a stationary process, and may as well come late.
+            Delay of u [samples]. It also delays the disturbance, which does not matter for a stationary process.
         sensor
-            The vibrometer; ideal if not given.
+            The vibrometer; None for an ideal one.
         has_velocity
-            Whether the velocity is measured as well.
+            Whether the velocity is also measured.
         is_relative
             See the attribute.
         """
@@ -91,9 +91,9 @@ class MeasuredDrive:
 @dataclasses.dataclass(frozen=True)
 class Channel:
     """
-    The response to one input: ``at_zero`` + ``from_correction`` Q ``innovations``, on a grid of f frequencies.
+    Response to one input on a grid of f frequencies: ``at_zero`` + ``from_correction`` Q ``innovations``.
 
-    Shapes (f,), (f,) and (f, m).
+    The shapes are (f,), (f,) and (f, m).
     """
 
     at_zero: Response
@@ -108,20 +108,20 @@ class FeedbackResponses:
     Parameters
     ----------
     drive
-        The drive as feedback sees it.
+        The drive.
     frequencies
-        Grid [Hz], shape (f,).
+        Frequency grid [Hz], shape (f,).
 
     Attributes
     ----------
     sensitivity
-        S: from a voltage added to u, to the sum; it is 1/(1 + L) of the loop opened at u.
+        Sensitivity S = 1/(1 + L), from a voltage added to u to the sum, for the loop opened at u.
     error_of_force
-        From f [V] to position error [um].
+        Response of the position error [um] to the force f [V].
     error_of_track
-        From displacement of the track center to position error [um/um].
+        Response of the position error to the displacement of the track center [um/um].
     error_of_noise
-        From the noise on each measured signal to position error.
+        Response of the position error to the noise on each measured signal.
     """
 
     def __init__(self, drive: MeasuredDrive, frequencies: Array) -> None:
@@ -133,7 +133,7 @@ class FeedbackResponses:
             drive.a + drive.b @ self._feedback,
             drive.a - self._observer @ drive.measured,
         )
-        # From the correction, and from minus the estimation error, to the states.
+        # Responses of the states to the correction, and to minus the estimation error.
         self._of_correction = self._resolvent(self._controlled, drive.b)[:, :, 0]
         nothing, none = np.zeros((n, 1)), np.zeros(m)
         self.sensitivity = self._channel(drive.b, none, self._feedback[0], 1.0, is_voltage=True)
@@ -149,7 +149,7 @@ class FeedbackResponses:
     def _channel(
         self, into_states: Array, into_measured: Array, out: Array, direct: float, *, is_voltage: bool = False
     ) -> Channel:
-        """Return the response from an input to ``out`` of the states; u is out of the estimated states instead."""
+        """Return the response of the output ``out`` to an input; u is an output of the estimated states."""
         drive = self._drive
         kick = into_states - self._observer @ into_measured[:, None]
         error = self._resolvent(self._estimated, kick)

@@ -1,4 +1,4 @@
-"""The path from a feedforward to the tracking error, from a model of the drive and the very blocks of the loop."""
+"""The path from a feedforward to the tracking error, from a model of the drive and the blocks of the loop."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from hdd_servo_ros.control.runout_parameters import RunoutParameters
 from hdd_servo_ros.messages.controller_inputs import ControllerInputs, SensorScales
 
 _PULSE = 1e-3
-"""Height of the pulse [V]: small, so that what adapts in the controller hardly does."""
+"""Height of the pulse [V]: small, so that the controller hardly adapts."""
 
 
 def feedforward_knowledge(
@@ -31,22 +31,22 @@ def feedforward_knowledge(
     observer: Observer | None = None,
 ) -> tuple[NDArray[np.float64], AccelerometerScales]:
     """
-    Return what a feedforward has to know beside its parameters: the path, and how it reads the sensors.
+    Return the data of a feedforward in addition to its parameters: the path and the sensor scales.
 
     Parameters
     ----------
     parameters
-        The feedforward's; scales that they do not give are those of the sensors.
+        Parameters of the feedforward; unset scales are those of the sensors.
     controller
-        A controller at rest, made for this alone; it is stepped.
+        A controller at rest, created for this purpose; it is stepped.
     dsp, accelerometer
-        What lies behind the controller, and the sensors.
+        The DSP block after the controller, and the accelerometers.
     sample_time
         T [s].
     sensor
         Scales of the sensor, for a controller that reads its voltages.
     observer
-        What gives the controller its velocity, at rest and made for this alone; None for a sensor that does.
+        Velocity observer at rest, created for this purpose; None for a sensor that measures velocity.
     """
     model = parameters.model
     scales = AccelerometerScales(
@@ -76,9 +76,9 @@ def feedforward_path(
     Parameters
     ----------
     controller
-        A controller at rest, made for this alone; it is stepped.
+        A controller at rest, created for this purpose; it is stepped.
     dsp
-        What lies behind it; of this the computation delay counts.
+        The DSP block, of which only the computation delay is used.
     model
         The drive.
     sample_time
@@ -88,17 +88,17 @@ def feedforward_path(
     sensor
         Scales of the sensor, for a controller that reads its voltages.
     observer
-        What gives the controller its velocity, at rest; it is stepped. None for the drive's own velocity.
+        Velocity observer at rest; it is stepped. None to use the velocity of the drive.
     is_observed
-        Whether the observer gets the pulse with the command: in a run it does not get the feedforward against
-        vibration, which is to cancel a force that it does not know of either.
+        Whether the observer receives the pulse with the command. In a run it does not receive the vibration
+        feedforward, which cancels a force that is unknown to it too.
     resonances
-        b2, b1, b0 and a2, a1, a0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other.
+        b2, b1, b0 and a2, a1, a0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), concatenated.
 
     Returns
     -------
     ndarray of shape (p,)
-        Error per volt [um/V] at each sample from that of the pulse on; element 0 is 0.
+        Error per volt [um/V] at each sample, starting at the pulse; element 0 is 0.
     """
     delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=dsp.computation_delay), sample_time)
     drive = SampledModel(model, *resonances, sample_time)
@@ -128,12 +128,12 @@ def runout_path(
     observer: Observer | None = None,
 ) -> NDArray[np.float64]:
     """
-    Return the path that the cancellation of repeatable runout needs, shape (p,); see :func:`feedforward_path`.
+    Return the path for the cancellation of repeatable runout, shape (p,); see :func:`feedforward_path`.
 
     Raises
     ------
     ParameterError
-        If T [s] does not go with the parameters.
+        If the sample time T [s] does not match the parameters.
     """
     length = path_length(parameters, sample_time)
     model = parameters.model

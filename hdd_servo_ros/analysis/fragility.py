@@ -1,4 +1,4 @@
-"""Warnings of a low stability margin before a run, where the drive is known."""
+"""Warnings about a low stability margin before a run, if the drive is known."""
 
 import dataclasses
 import functools
@@ -19,15 +19,15 @@ from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 MAX_ADAPTED_SENSITIVITY = 2.2
 """
-Largest Ms with adapted estimates: :data:`MAX_SENSITIVITY` and a tenth for the effect of adaptation.
+Largest Ms with adapted estimates: :data:`MAX_SENSITIVITY` plus a tenth for the effect of adaptation.
 
-The gains are tuned for :data:`MAX_SENSITIVITY` at initial estimates. At 2.2 the gain may still grow by 1/(1 - 1/2.2),
-1.8 times, or the phase lag by another 26 degrees.
+The gains are tuned for :data:`MAX_SENSITIVITY` at initial estimates. At 2.2 the gain margin
+is still 1/(1 - 1/2.2) = 1.8, and the phase margin 26 degrees.
 """
 
 
 ROUNDING = 0.01
-"""By how much Ms may exceed :data:`MAX_SENSITIVITY` without a warning: tuned gains are rounded."""
+"""Tolerance of Ms above :data:`MAX_SENSITIVITY` without a warning, since tuned gains are rounded."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,25 +36,25 @@ class LoopSurroundings:
 
     plant: PlantParameters
     sample_time: float
-    """T [s]."""
+    """Sample time T [s]."""
     delay: int = 0
-    """Samples by which u comes late."""
+    """Delay of u [samples]."""
     sensor: LdvParameters | None = None
-    """The vibrometer; an ideal sensor if None."""
+    """The vibrometer; None for an ideal sensor."""
     scales: SensorScales | None = None
-    """By which the controller reads it; the sensor's own if None."""
+    """Sensor scales of the controller; None for those of the sensor."""
     observer: ObserverParameters | None = None
-    """With the servo sensor, what gives the controller its velocity."""
+    """Velocity observer of the controller, with the servo sensor."""
 
     @functools.cached_property
     def margins(self) -> LoopMargins:
-        """The linear loop around this drive."""
-        # No margin depends on the seed, which differs from run to run of a campaign.
+        """The linear loop with this drive."""
+        # The margins do not depend on the seed, which differs between the runs of a campaign.
         sensor = None if self.sensor is None else dataclasses.replace(self.sensor, seed=0)
         return _margins(self.plant, self.sample_time, sensor, self.scales, self.observer)
 
     def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:
-        """Return the loop with an adaptive NN controller whose estimates are frozen; ``delay`` replaces the own one."""
+        """Return the loop with an adaptive NN controller with frozen estimates; ``delay`` overrides the delay."""
         return FrozenLoop(self.margins, controller, self.delay if delay is None else delay)
 
 
@@ -66,22 +66,22 @@ def _margins(
     scales: SensorScales | None,
     observer: ObserverParameters | None,
 ) -> LoopMargins:
-    """Return the linear loop around a drive; runs that differ in the controller alone share it."""
+    """Return the linear loop with a drive, cached for runs that differ only in the controller."""
     return LoopMargins(plant, sample_time, sensor, scales, observer)
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:
     """
-    Return Ms with the initial estimates, in presliding or sliding, whichever is larger.
+    Return Ms with the initial estimates, the larger of presliding and sliding.
 
     Parameters
     ----------
     controller
-        The law and T.
+        The controller, with its sample time T.
     plant
         The drive.
     delay
-        Samples by which u comes late.
+        Delay of u [samples].
 
     Returns
     -------
@@ -93,17 +93,17 @@ def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int 
 
 
 UNCOMPUTABLE = (ArithmeticError, ValueError)
-"""What linear algebra raises for a loop whose numbers leave the range of numbers."""
+"""Exceptions of linear algebra for a loop whose values overflow."""
 UNKNOWN_MARGIN = 'the stability margin of this loop cannot be computed'
 
 
 def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
     """
-    Return the warnings of a controller before a run, one line each.
+    Return the warnings about a controller before a run, one line each.
 
-    For an adaptive NN controller, the loop around this drive is checked with the initial estimates and with all that
-    projection allows, instead of the gain on r against ``safe_gain``. For a PID controller its loop is checked. Others
-    return their own warnings.
+    For an adaptive NN controller the loop with this drive is checked with the initial estimates and with all estimates
+    that projection allows, instead of comparing the gain on r with ``safe_gain``. For a PID controller the loop is
+    checked. Other controllers return their own warnings.
     """
     try:
         with np.errstate(all='ignore'):
@@ -119,13 +119,13 @@ def warnings(controller: Controller, loop: LoopSurroundings) -> tuple[str, ...]:
 def _pid_warnings(controller: Pid, loop: LoopSurroundings) -> tuple[str, ...]:
     p = controller.parameters
     if p.proportional_gain == 0.0:
-        # It does not hold the position.
+        # The loop does not hold the position.
         return ()
     ms = loop.margins.peak_sensitivity(pid_law(p, loop.delay))
     if ms <= MAX_SENSITIVITY + ROUNDING:
         return ()
     return (
-        f'low stability margin: the loop around this drive, at T = {loop.sample_time:g} s, '
+        f'low stability margin: the loop with this drive, at T = {loop.sample_time:g} s, '
         f'{_in_words(ms, MAX_SENSITIVITY)}: tune it (ros2 run hdd_servo_ros tune)',
     )
 
@@ -138,25 +138,25 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
     if ms > MAX_SENSITIVITY + ROUNDING:
         at = f' with {named_estimates(initial, loop.plant)}' if any(initial) else ''
         lines.append(
-            f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} "
-            f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r, with which the loop around this drive, '
-            f'at T = {loop.sample_time:g} s,{at} {_in_words(ms, MAX_SENSITIVITY)}; it may track at first and burst '
+            f"low stability margin: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} "
+            f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r, with which the loop with this drive, '
+            f'at T = {loop.sample_time:g} s,{at} {_in_words(ms, MAX_SENSITIVITY)}; it may track at first and diverge '
             'after seconds: raise phi.leakage or network.leakage, lower feedback_gain or error_filter_lambda, or tune '
             'it (ros2 run hdd_servo_ros tune)'
         )
     if allowed.unbounded and not lines:
         ranges = (_safe_range(frozen, initial, name, loop.plant) for name in allowed.unbounded)
         lines.append(
-            f'no bounds for {" and ".join(allowed.unbounded)} (projection is false): the loop around this drive has a '
+            f'no bounds for {" and ".join(allowed.unbounded)} (projection is false): the loop with this drive has a '
             f'peak sensitivity of {ms:.3g} with {named_estimates(initial, loop.plant)}, and of at most '
-            f'{MAX_ADAPTED_SENSITIVITY:g} only with {", or with ".join(ranges)}; nothing keeps the estimates there'
+            f'{MAX_ADAPTED_SENSITIVITY:g} only with {", or with ".join(ranges)}; the estimates may leave this range'
         )
     if allowed.act_on_loop and not allowed.unbounded:
         worst, where = frozen.worst(allowed)
         if worst > MAX_ADAPTED_SENSITIVITY:
             lines.append(
-                f'fragile estimates: projection allows {named_estimates(where, loop.plant)}, with which the loop '
-                f'around this drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: '
+                f'low stability margin: projection allows {named_estimates(where, loop.plant)}, with which the loop '
+                f'with this drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: '
                 'narrow minimum and maximum of sigma and mass, or lower error_filter_lambda'
             )
     return *lines, *controller.sign_warnings()
@@ -177,6 +177,6 @@ def _unit(name: str, plant: PlantParameters) -> str:
 
 
 def _safe_range(loop: FrozenLoop, initial: FrozenEstimates, name: str, plant: PlantParameters) -> str:
-    """Return in words between which values an estimate keeps the loop's margin, the other being the initial one."""
+    """Return the range of an estimate that keeps the margin, with the other at its initial value, as text."""
     low, high = loop.safe_range(initial, name, MAX_ADAPTED_SENSITIVITY)
     return f'{name} from {low:.2g} to {high:.2g} {_unit(name, plant)}'

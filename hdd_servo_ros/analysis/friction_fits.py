@@ -1,4 +1,4 @@
-"""Least-squares fits of the models linear in their parameters: (2.11), (2.13)-(2.14), (2.25)-(2.27)."""
+"""Least-squares fits of the friction models that are linear in their parameters (thesis chapter 2)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ TERMS = (
     'drag_coefficient',
     'square_root_coefficient',
 )
-"""The parameters P = [f_t, f_c, f_v, f_d, f_r] of (2.14), by the names they have in :class:`FrictionParameters`."""
+"""The parameters P = [f_t, f_c, f_v, f_d, f_r] of (2.14), by their names in :class:`FrictionParameters`."""
 
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A least-squares fit: the coefficients by name, and what is left over."""
+    """A least-squares fit: coefficients by name, and the residual."""
 
     coefficients: dict[str, float]
     residual_rms: float
@@ -36,7 +36,7 @@ class LinearFit:
         Raises
         ------
         ParameterError
-            If a fitted coefficient is out of its range (a negative Coulomb level, say).
+            If a fitted coefficient is out of range, such as a negative Coulomb friction.
         """
         return replace(FrictionParameters(), model=model, **self.coefficients)  # type: ignore[arg-type]
 
@@ -45,23 +45,23 @@ def regressor(
     velocity: npt.ArrayLike, position: npt.ArrayLike = 0.0, dead_band_velocity: float = 0.0
 ) -> npt.NDArray[np.float64]:
     """
-    Return S(x, v) of (2.14), corrected: [x delta(v), sgn v, v, v|v|, sqrt|v| sgn v].
+    Return the regressor S(x, v) (thesis eq. 2.14, corrected): ``[x delta(v), sgn v, v, v|v|, sqrt|v| sgn v]``.
 
-    The first element is printed without x and the root without its absolute value.
+    The thesis prints the first element without x and the root without the absolute value.
 
     Parameters
     ----------
     velocity
         v [um/s], one-dimensional.
     position
-        x [um], away from equilibrium; broadcast against the velocity.
+        x [um] relative to equilibrium; broadcast with the velocity.
     dead_band_velocity
-        delta(v) is 1 where |v| is at most this [um/s].
+        delta(v) is 1 where ``|v|`` is at most this [um/s].
 
     Returns
     -------
     ndarray
-        One row a sample, one column a term of :data:`TERMS`.
+        One row per sample, one column per term of :data:`TERMS`.
     """
     v, x = np.broadcast_arrays(np.asarray(velocity, dtype=np.float64), np.asarray(position, dtype=np.float64))
     at_rest = np.abs(v) <= dead_band_velocity
@@ -76,14 +76,14 @@ def fit_linear(
     dead_band_velocity: float = 0.0,
 ) -> LinearFit:
     """
-    Fit F = S(x, v)'P of (2.14), or some of its terms, by least squares; the default terms are (2.11).
+    Fit F = S(x, v)'P (thesis eq. 2.14), or some of its terms, by least squares; default: eq. 2.11.
 
     Parameters
     ----------
     velocity, friction
         Measured v [um/s] and F [V], one-dimensional, of equal length.
     terms
-        Which of :data:`TERMS` to fit.
+        Terms of :data:`TERMS` to fit.
     position, dead_band_velocity
         See :func:`regressor`.
 
@@ -95,7 +95,7 @@ def fit_linear(
     """
     for term in terms:
         if term not in TERMS:
-            raise ValueError(f'unknown term {term!r}; there are {", ".join(TERMS)}')
+            raise ValueError(f'unknown term {term!r}; expected {", ".join(TERMS)}')
     force = checked_samples('friction', friction)
     checked_samples('velocity', velocity, force.size)
     if np.ndim(position) != 0:
@@ -110,7 +110,7 @@ def fit_network(
     position: npt.ArrayLike, velocity: npt.ArrayLike, friction: npt.ArrayLike, parameters: FrictionParameters
 ) -> tuple[FrictionParameters, float]:
     """
-    Fit the weights W of the network (2.26) to data by least squares, its centers and widths given.
+    Fit the weights W of the network (thesis eq. 2.26) by least squares, for given centers and widths.
 
     Parameters
     ----------
@@ -123,20 +123,20 @@ def fit_network(
     -------
     tuple
         The parameters with the fitted weights and the model ``rbf_network``; root mean square of the residual [V],
-        the epsilon of (2.27).
+        epsilon (thesis eq. 2.27).
 
     Raises
     ------
     ValueError
-        If the data do not determine the weights, or are not one-dimensional, of equal length and finite; if there are
-        no centers, or not as many of velocity as of position.
+        If the data do not determine the weights, or are not one-dimensional, of equal length and finite; or the centers
+        are missing or differ in number.
     """
     force = checked_samples('friction', friction)
     checked_samples('velocity', velocity, force.size)
     checked_samples('position', position, force.size)
     centers = len(parameters.node_positions)
     if centers == 0 or centers != len(parameters.node_velocities):
-        raise ValueError('node_positions and node_velocities need equally many numbers, at least one')
+        raise ValueError('node_positions and node_velocities need the same number of elements, at least one')
     matrix = network_basis(position, velocity, parameters)
     weights, rms = _least_squares(matrix, force, 'the weights')
     return replace(parameters, model='rbf_network', node_weights=tuple(weights.tolist())), rms
@@ -145,7 +145,7 @@ def fit_network(
 def network_basis(
     position: npt.ArrayLike, velocity: npt.ArrayLike, parameters: FrictionParameters
 ) -> npt.NDArray[np.float64]:
-    """Return S(x, v) of (2.25), one row a sample and one column a node."""
+    """Return S(x, v) (thesis eq. 2.25), one row per sample and one column per node."""
     x = np.asarray(position, dtype=np.float64)[..., np.newaxis] - np.asarray(parameters.node_positions)
     v = np.asarray(velocity, dtype=np.float64)[..., np.newaxis] - np.asarray(parameters.node_velocities)
     basis: Array = np.exp(-((x / parameters.position_width) ** 2) - (v / parameters.velocity_width) ** 2)
@@ -159,10 +159,10 @@ def lattice(positions: Sequence[float], velocities: Sequence[float]) -> tuple[tu
 
 
 def _least_squares(matrix: Array, target: Array, what: str) -> tuple[Array, float]:
-    # Columns differ by the size of the velocity's powers: scaled, the rank test means something.
+    # Columns scale with powers of the velocity; the rank test needs normalized columns.
     scale = np.sqrt(np.mean(matrix * matrix, axis=0))
     if np.any(scale == 0.0):
-        raise ValueError(f'the data do not determine {what}: a regressor is zero throughout')
+        raise ValueError(f'the data do not determine {what}: a regressor is zero in all rows')
     solution, _, rank, _ = np.linalg.lstsq(matrix / scale, target, rcond=1.0e-12)
     if rank < matrix.shape[1]:
         raise ValueError(f'the data do not determine {what}: the regressors have rank {rank} of {matrix.shape[1]}')

@@ -1,9 +1,9 @@
 """
-Identification of the LuGre model from data: first its static map, then its presliding.
+Identification of the LuGre model from data: first the static map, then presliding.
 
 The static map F(v) = [f_c + (f_s - f_c) exp(-(v/v_s)^2)] sgn v + sigma_2 v is linear in f_c, f_s - f_c and sigma_2
-once v_s is given, so that only v_s is searched for; none of the three is let below zero. With the map known, sigma_0
-and sigma_1 are fitted to the friction along a motion that reverses, of which the presliding parts tell them.
+for a given v_s, so that only v_s is searched for; the three are constrained to be at least zero. With the static map
+known, sigma_0 and sigma_1 are fitted to the friction during a motion that reverses, whose presliding determines them.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StaticMap:
-    """The static map of the LuGre model as fitted."""
+    """The fitted static map of the LuGre model."""
 
     coulomb_level: float
     static_level: float
@@ -32,12 +32,12 @@ class StaticMap:
 
 def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMap:
     """
-    Fit the LuGre model's curve of steady sliding.
+    Fit the steady sliding curve of the LuGre model.
 
     Parameters
     ----------
     velocity, friction
-        v [um/s] and F [V] of steady sliding, one-dimensional, of equal length; v of both signs or one, never 0.
+        v [um/s] and F [V] of steady sliding, one-dimensional, of equal length; v not 0, of one or both signs.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMa
     v = checked_samples('velocity', velocity)
     f = checked_samples('friction', friction, v.size)
     if v.size < 4 or np.any(v == 0.0):
-        raise ValueError('the static map needs at least four samples of steady sliding, none of them at rest')
+        raise ValueError('the static map needs at least four samples of steady sliding with nonzero velocity')
     speeds = np.abs(v)
 
     def solve(log_stribeck: float) -> tuple[Array, float]:
@@ -58,7 +58,7 @@ def fit_static_map(velocity: npt.ArrayLike, friction: npt.ArrayLike) -> StaticMa
         residual = matrix @ solution - f
         return solution, float(np.mean(residual * residual))
 
-    # The cost has local minima where v_s falls between samples: a coarse search first, then a bounded one.
+    # The cost has local minima for v_s between samples: a coarse search first, then a bounded one.
     grid = np.linspace(np.log(speeds.min()), np.log(speeds.max()), 101)
     costs = [solve(point)[1] for point in grid]
     best = int(np.argmin(costs))
@@ -90,26 +90,27 @@ def identify_lugre(
     Parameters
     ----------
     velocity, sliding_friction
-        Steady sliding, as of :func:`fit_static_map`.
+        Steady sliding, see :func:`fit_static_map`.
     position, friction
-        x [um] and F [V] along a motion that reverses, from an undeflected contact, one-dimensional, of equal length.
+        x [um] and F [V] during a motion that reverses, starting from an undeflected contact, one-dimensional, of equal
+        length.
     sample_time
         Time between the samples of the motion [s].
     motion_velocity
-        v [um/s] along the motion, if it was measured too; else it follows from the positions.
+        v [um/s] during the motion, if it was measured; otherwise it is computed from the positions.
 
     Returns
     -------
     tuple
-        The parameters, and the root mean square of the residual along the motion [V].
+        The parameters, and the root mean square of the residual during the motion [V].
 
     Raises
     ------
     ValueError
-        As of :func:`fit_static_map` and :func:`~hdd_servo_ros.drive.friction.curves.friction_along`, or if the motion
-        never moves.
+        For the reasons of :func:`fit_static_map` and :func:`~hdd_servo_ros.drive.friction.curves.friction_along`, or if
+        the position is constant.
     ParameterError
-        If the fitted static map is not that of a friction (no Coulomb level).
+        If the fitted static map has no Coulomb friction.
 
     Notes
     -----
@@ -117,7 +118,7 @@ def identify_lugre(
 
     Examples
     --------
-    The parameters of a LuGre contact are found again from a sliding curve and a motion that reverses:
+    Recover the parameters of a LuGre contact from a sliding curve and a motion that reverses:
 
     >>> import numpy as np
     >>> from hdd_servo_ros.analysis import identify_lugre
@@ -133,11 +134,11 @@ def identify_lugre(
     static = fit_static_map(velocity, sliding_friction)
     x = checked_samples('position', position)
     f = checked_samples('friction', friction, x.size)
-    # The steepest part of the friction over the position is the bristles' stiffness.
+    # The steepest slope of friction over position is the stiffness of the bristles.
     dx = np.diff(x)
     moving = np.abs(dx) > 1.0e-3 * np.abs(dx).max(initial=0.0)
     if not np.any(moving):
-        raise ValueError('the motion does not move: no presliding to identify')
+        raise ValueError('the position is constant: expected a motion that reverses')
     stiffness = float(np.percentile(np.abs(np.diff(f)[moving] / dx[moving]), 90.0))
     damping = 0.1 * stiffness * sample_time
     base = FrictionParameters(

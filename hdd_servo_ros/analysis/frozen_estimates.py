@@ -1,4 +1,4 @@
-"""The loop with the adaptive NN controller's estimates frozen, over all estimates that projection allows."""
+"""The adaptive NN loop with frozen estimates, over all estimates that projection allows."""
 
 import dataclasses
 import itertools
@@ -14,44 +14,44 @@ from hdd_servo_ros.control.adaptive_nn_parameters import MassParameters, SigmaPa
 
 PER_ESTIMATE = 9
 """
-Values per estimate, its bounds included, at which the peak sensitivity of a set is computed.
+Number of values per estimate, including its bounds, at which the peak sensitivity is computed.
 
-It is not monotone: too little damping raises it at the loop's bandwidth, too much at Nyquist.
+The peak is not monotone: low damping raises it at the bandwidth of the loop, high damping at Nyquist.
 """
 SAFE_STEPS = 8
-"""Steps to either side in which the ends of a safe range are searched for, before they are bisected."""
+"""Number of steps in each direction in the search for the ends of a safe range, before bisection."""
 
 
 @dataclasses.dataclass(frozen=True)
 class AllowedEstimates:
-    """The values that each estimate may take, smallest and largest; infinite where nothing bounds it."""
+    """The bounds of each estimate; infinite for an unbounded one."""
 
     sigma_hat: tuple[float, float]
     m_hat: tuple[float, float]
 
     @property
     def unbounded(self) -> tuple[str, ...]:
-        """Names of the estimates that nothing bounds."""
+        """Names of the unbounded estimates."""
         ranges = (('sigma_hat', self.sigma_hat), ('m_hat', self.m_hat))
         return tuple(name for name, bounds in ranges if not all(map(math.isfinite, bounds)))
 
     @property
     def act_on_loop(self) -> bool:
-        """Whether any of them may be other than zero, which is what one outside of the loop counts as."""
+        """Whether any estimate may differ from zero; estimates outside the loop count as zero."""
         return any((*self.sigma_hat, *self.m_hat))
 
 
 def initial_estimates(controller: AdaptiveNn) -> FrozenEstimates:
-    """Return the estimates at tick 0; zero for a part that does not act on the loop."""
+    """Return the initial estimates; zero for a term that does not act on the loop."""
     p = controller.parameters
     return FrozenEstimates(*(law.initial if acts_on_loop(controller, law) else 0.0 for law in (p.sigma, p.mass)))
 
 
 def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
     """
-    Return what sigma_hat and m_hat may come to: with projection their bounds, without it anything.
+    Return the ranges of sigma_hat and m_hat: their bounds with projection, otherwise unbounded.
 
-    Zero is all that matters of one that does not act on the loop.
+    The range is zero for an estimate that does not act on the loop.
     """
     p = controller.parameters
 
@@ -59,7 +59,7 @@ def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
         if not acts_on_loop(controller, law):
             return 0.0, 0.0
         if law.gain == 0.0:
-            # It stays where it is.
+            # A fixed estimate.
             return law.initial, law.initial
         return (law.minimum, law.maximum) if p.projection else (-math.inf, math.inf)
 
@@ -68,14 +68,14 @@ def allowed_estimates(controller: AdaptiveNn) -> AllowedEstimates:
 
 class FrozenLoop:
     """
-    The loop around a drive with the adaptive NN controller's estimates frozen.
+    The loop of a drive and the adaptive NN controller with frozen estimates.
 
     Parameters
     ----------
     margins
-        The drive, its sensor and T.
+        The drive, its sensor and the sample time.
     controller
-        The law; its parameters count as they are when a method is called.
+        The controller; each method uses its current parameters.
     delay
         Samples by which u comes late.
     """
@@ -86,20 +86,20 @@ class FrozenLoop:
         self._delay = delay
 
     def laws(self, estimates: Iterable[FrozenEstimates]) -> list[LinearController]:
-        """Return the linear controllers of these estimates."""
+        """Return the linear controllers for these estimates."""
         return frozen_laws(self._controller, estimates, self._delay)
 
     def peak_sensitivity(self, estimates: FrozenEstimates) -> float:
-        """Return Ms of these estimates, in presliding or sliding, whichever is larger; infinity if unstable."""
+        """Return Ms for these estimates, the larger of presliding and sliding; infinity if unstable."""
         return self._margins.peak_sensitivity(self.laws([estimates])[0])
 
     def worst(self, allowed: AllowedEstimates) -> tuple[float, FrozenEstimates]:
         """
-        Return the largest Ms over a bounded set of estimates, and where.
+        Return the largest Ms over a bounded set of estimates, and the estimates.
 
-        It is computed on a grid that includes the corners, or, where the estimates act on the gain on velocity alone,
-        on the line between its smallest and its largest value. Of several estimates that make the loop unstable, those
-        nearest to zero are returned, on the scale of the set.
+        It is computed on a grid that includes the corners or, if the estimates act only on the velocity gain, on the
+        line between its smallest and its largest value. If several estimates make the loop unstable, those nearest to
+        zero are returned, on the scale of the set.
 
         Raises
         ------
@@ -107,10 +107,10 @@ class FrozenLoop:
             If the set is not bounded.
         """
         if allowed.unbounded:
-            raise ValueError(f'no bounds for {" and ".join(allowed.unbounded)}')
+            raise ValueError(f'unbounded estimates: {" and ".join(allowed.unbounded)}')
         bounds = allowed.sigma_hat, allowed.m_hat
         if self._controller.parameters.integral_gain == 0.0:
-            # Both estimates change the gain on velocity alone, which takes all its values on this diagonal.
+            # Both estimates change only the velocity gain, which takes all its values on this diagonal.
             sigma_hat, m_hat = (np.linspace(*ends, 2 * PER_ESTIMATE).tolist() for ends in bounds)
             pairs = list(zip(reversed(sigma_hat), m_hat, strict=True))
         else:
@@ -119,7 +119,7 @@ class FrozenLoop:
         return self.worst_of([FrozenEstimates(*pair) for pair in pairs])
 
     def worst_of(self, points: list[FrozenEstimates]) -> tuple[float, FrozenEstimates]:
-        """Return the largest Ms of some estimates, and of which; raises ValueError if there are none."""
+        """Return the largest Ms of some estimates, and the estimates; raises ValueError for an empty list."""
         peaks = self._margins.peak_sensitivities(self.laws(points))
         scales = [max(abs(point[i]) for point in points) or 1.0 for i in (0, 1)]
         sizes = [abs(point.sigma_hat) / scales[0] + abs(point.m_hat) / scales[1] for point in points]
@@ -130,12 +130,12 @@ class FrozenLoop:
 
     def safe_range(self, start: FrozenEstimates, name: str, limit: float) -> tuple[float, float]:
         """
-        Return between which values of one estimate Ms keeps a limit; the other stays.
+        Return the range of one estimate that keeps Ms below a limit, with the other estimate fixed.
 
         Parameters
         ----------
         start
-            Estimates with which it does.
+            Estimates that keep the limit.
         name
             ``'sigma_hat'`` or ``'m_hat'``.
         limit
@@ -144,11 +144,11 @@ class FrozenLoop:
         Returns
         -------
         tuple
-            Ends of the range around ``start``, each to a four-hundredth of the gain on r; infinities for an estimate
-            that does not act on the loop.
+            Ends of the range around ``start``, to a resolution of 1/400 of the gain on r; infinite for an estimate that
+            does not act on the loop.
         """
         p = self._controller.parameters
-        # sigma_hat changes the gain on velocity by as much, m_hat by lambda times as much.
+        # sigma_hat changes the velocity gain by the same amount, m_hat by lambda times that amount.
         per_gain = 1.0 if name == 'sigma_hat' else p.error_filter_lambda
         if per_gain == 0.0:
             return -math.inf, math.inf

@@ -1,8 +1,8 @@
 """
-Identification of section 3.3: a transfer function from a measured frequency response.
+Identification of a transfer function from a measured frequency response (thesis section 3.3).
 
-The fit itself is :mod:`~hdd_servo_ros.analysis.rational_fit`. Here it gets what is known of the measurement: the
-weight of each point, the hold, and what sampling folds back.
+The fit itself is in :mod:`~hdd_servo_ros.analysis.rational_fit`. This module accounts for the measurement: the weight
+of each point, the hold, and aliasing.
 """
 
 import numpy as np
@@ -17,20 +17,20 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 SMALLEST_DEVIATION = 2e-3
-"""Relative deviation below which a point is not believed: what is not noise (friction, folding) is about as large."""
+"""Smallest relative deviation of a point: errors other than noise (friction, aliasing) are about as large."""
 _NEIGHBORS = 9
 _IMAGES = 3
 _FOLDING_ROUNDS = 4
 _LARGEST_ERROR = 2.0
-"""Weighted rms error above which the deviations cannot be those of the points about the model."""
+"""Weighted rms error above which the deviations do not explain the residuals."""
 
 
-def believed_deviation(measured: FrequencyResponse, smallest: float = SMALLEST_DEVIATION) -> Array | None:
+def weighting_deviation(measured: FrequencyResponse, smallest: float = SMALLEST_DEVIATION) -> Array | None:
     """
-    Return the standard deviation of each point for the weight, None if none was measured.
+    Return the standard deviation of each point for weighting; None if it was not measured.
 
-    A deviation from a few records is itself uncertain, and a point whose records agree by chance would outweigh all
-    others: so it is the median over nine neighbors, and at least ``smallest`` times the magnitude.
+    A deviation from a few records is uncertain, and a point whose records agree by chance would outweigh all others.
+    Therefore it is the median over nine neighbors, and at least ``smallest`` times the magnitude.
     """
     relative = measured.relative_deviation()
     if relative is None:
@@ -51,20 +51,20 @@ def identify_measured(
     method: str = SANATHANAN_KOERNER,
 ) -> Model:
     """
-    Fit a measured response, weighted by its measured variance if it has one, with what sampling did to it taken out.
+    Fit a measured response, weighted by its measured variance if available, with the effects of sampling removed.
 
-    That is the hold, which divides, and what is folded back from beyond half the sampling rate: the fitted model says
-    how much that is, it is subtracted, and the rest fitted again.
+    These effects are the hold, by which the response is divided, and aliasing from above half the sampling rate, which
+    is computed from the fitted model and subtracted before the next fit.
 
     Parameters
     ----------
     measured
-        The measurement.
+        The measured response.
     poles, zeros, integrators, method
-        See :func:`~hdd_servo_ros.analysis.rational_fit.identify`; with None for the poles both numbers are selected by
+        See :func:`~hdd_servo_ros.analysis.rational_fit.identify`; if ``poles`` is None, both numbers are selected by
         :func:`~hdd_servo_ros.analysis.order_selection.select_order`.
     delay
-        Of the loop's computation, before the hold [s].
+        Computation delay of the loop, before the hold [s].
 
     Notes
     -----
@@ -82,7 +82,7 @@ def identify_measured(
     """
     dynamics = held(measured.frequency, measured.hold, delay)
     response = measured.response
-    deviation = believed_deviation(measured)
+    deviation = weighting_deviation(measured)
     if deviation is not None:
         deviation = deviation / np.abs(dynamics)
 
@@ -103,8 +103,8 @@ def identify_measured(
                 break
             best = model
             if measured.hold == 0.0 or zeros > poles - 2 or method == LEVY:
-                break  # nothing is folded, or the model does not fall off or is too poor to say how
-            folded = _folded_back(model, measured, delay)
+                break  # no aliasing, or the model does not roll off or is too poor to estimate it
+            folded = _aliased(model, measured, delay)
         assert best is not None
         return best
 
@@ -113,13 +113,13 @@ def identify_measured(
     return best_order(fit, measured.frequency, integrators, MOST_POLES, known_deviation=deviation is not None)
 
 
-def _folded_back(model: Model, measured: FrequencyResponse, delay: float) -> ComplexArray:
-    """Return what a sampled response of the model has from the images of each frequency about the sampling rate."""
+def _aliased(model: Model, measured: FrequencyResponse, delay: float) -> ComplexArray:
+    """Return the aliased part of the sampled response of the model at each frequency."""
     folded: ComplexArray = np.zeros(len(measured.frequency), dtype=np.complex128)
     for image in range(-_IMAGES, _IMAGES + 1):
         if image != 0:
             frequency = measured.frequency + image / measured.hold
-            # A velocity that was read and divided by j 2 pi f has each image's own frequency in it.
+            # For a measured velocity divided by j 2 pi f, each image has its own frequency.
             factor = np.where(measured.by_velocity, frequency / measured.frequency, 1.0)
             folded += factor * model.response(frequency) * held(frequency, measured.hold, delay)
     return folded
@@ -127,24 +127,24 @@ def _folded_back(model: Model, measured: FrequencyResponse, delay: float) -> Com
 
 def doubts(model: Model, measured: FrequencyResponse, rigid_order: int = 2) -> list[str]:
     """
-    Return what makes a fitted model doubtful, a line each.
+    Return reasons to doubt a fitted model, one line each.
 
     Parameters
     ----------
     model
-        From :func:`identify_measured`.
+        Result of :func:`identify_measured`.
     measured
-        What it was fitted to.
+        The measured response.
     rigid_order
-        How many poles of least magnitude are the rigid body's: those may lie below the band, where no point says
-        whether they are stable.
+        Number of the smallest poles that belong to the rigid body; they may be below the band, where the points do not
+        determine their stability.
     """
     lines = []
     gain = model.rigid_gain(rigid_order)
     if not gain > 0.0:
         lines.append(
-            f'the gain of the rigid body is {gain:.6g}, not above 0: the band or the order does not show it, or the '
-            "output's sign is reversed"
+            f'the gain of the rigid body is {gain:.6g}, expected above 0: the band or the order does not cover it, or '
+            'the sign of the output is reversed'
         )
     lowest, highest = float(measured.frequency.min()), float(measured.frequency.max())
     rigid = model.poles[np.argsort(np.abs(model.poles), kind='stable')][:rigid_order]
@@ -154,12 +154,12 @@ def doubts(model: Model, measured: FrequencyResponse, rigid_order: int = 2) -> l
             lines.append(f'the mode at {mode.frequency:.6g} Hz is unstable: its damping is {mode.damping:.3g}')
         if not lowest <= mode.frequency <= highest and not of_rigid_body:
             lines.append(
-                f'the mode at {mode.frequency:.6g} Hz lies outside the band of the points, {lowest:.6g} to '
+                f'the mode at {mode.frequency:.6g} Hz is outside the band of the points, {lowest:.6g} to '
                 f'{highest:.6g} Hz'
             )
-    if believed_deviation(measured) is not None and model.error > _LARGEST_ERROR:
+    if weighting_deviation(measured) is not None and model.error > _LARGEST_ERROR:
         lines.append(
-            f'the weighted rms error is {model.error:.3g}: the model misses the points by that many of the standard '
-            'deviations that their coherence says, which should be about 1'
+            f'the weighted rms error is {model.error:.3g}: the distance of the points from the model in standard '
+            'deviations from their coherence, expected about 1'
         )
     return lines

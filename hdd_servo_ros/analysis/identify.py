@@ -1,5 +1,5 @@
 """
-The command that identifies a transfer function from the CSV file of a measured frequency response.
+`identify`: identification of a transfer function from the CSV file of a measured frequency response.
 
     ros2 run hdd_servo_ros identify FILE.csv [--poles 10 --zeros 4]
 """
@@ -21,34 +21,34 @@ from hdd_servo_ros.messages.exit_codes import UNREADABLE, command, reading
 
 
 def _count(text: str) -> int:
-    """Return a number of zeros or integrators; argparse tells what is none."""
+    """Parse a non-negative integer; raise ArgumentTypeError otherwise."""
     number = int(text)
     if number < 0:
-        raise argparse.ArgumentTypeError(f'{number} is negative')
+        raise argparse.ArgumentTypeError(f'{number} is invalid; expected at least 0')
     return number
 
 
 def _positive_count(text: str) -> int:
-    """Return a number of poles; argparse tells what is none."""
+    """Parse a positive integer; raise ArgumentTypeError otherwise."""
     number = int(text)
     if number < 1:
-        raise argparse.ArgumentTypeError(f'{number} is not above 0')
+        raise argparse.ArgumentTypeError(f'{number} is invalid; expected at least 1')
     return number
 
 
 def _time(text: str) -> float:
-    """Return a time [s]; argparse tells what is none."""
+    """Parse a non-negative time [s]; raise ArgumentTypeError otherwise."""
     number = float(text)
     if not 0.0 <= number < np.inf:
-        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
+        raise argparse.ArgumentTypeError(f'{text} is not a time; expected a finite number at least 0 [s]')
     return number
 
 
 def _frequency(text: str) -> float:
-    """Return a limit of the band [Hz]; argparse tells what is none."""
+    """Parse a non-negative frequency [Hz]; raise ArgumentTypeError otherwise."""
     number = float(text)
     if not number >= 0.0:
-        raise argparse.ArgumentTypeError(f'{text} is no frequency: it must not be negative [Hz]')
+        raise argparse.ArgumentTypeError(f'{text} is not a frequency; expected a number at least 0 [Hz]')
     return number
 
 
@@ -56,13 +56,13 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='identify',
-        description='Fit a transfer function to a CSV of frequency, magnitude and phase (section 3.3).',
-        epilog='Exit code: 0 a model was found, 2 wrong arguments, 3 the file cannot be read or identified.',
+        description='Fit a transfer function to a CSV file of frequency, magnitude and phase (thesis section 3.3).',
+        epilog='Exit code: 0 success, 2 invalid arguments, 3 the file cannot be read or identified.',
     )
-    parser.add_argument('file', type=Path, help='columns named with units, as of signal_analyzer; or Hz, linear, deg')
-    parser.add_argument('--poles', type=_positive_count, help='number of poles; without it the residual selects')
+    parser.add_argument('file', type=Path, help='CSV with named units, as from signal_analyzer, or Hz, linear, deg')
+    parser.add_argument('--poles', type=_positive_count, help='number of poles (default: selected by the residual)')
     parser.add_argument('--zeros', type=_count, help='number of zeros, with --poles (default: 0)')
-    parser.add_argument('--integrators', type=_count, default=0, help='how many of the poles are known to be at 0')
+    parser.add_argument('--integrators', type=_count, default=0, help='number of poles known to be at 0')
     parser.add_argument(
         '--rigid-order', type=int, choices=(2, 0), default=2, help='poles of the rigid body: 2, or 0 for a static gain'
     )
@@ -72,7 +72,7 @@ def command_line() -> CommandParser:
     parser.add_argument(
         '--to', type=_frequency, default=np.inf, dest='highest', metavar='HZ', help='highest frequency used'
     )
-    parser.add_argument('--hold', type=_time, help="hold in the response [s], instead of the file's; 0 for none")
+    parser.add_argument('--hold', type=_time, help='hold in the response [s], overrides the file; 0 for none')
     parser.add_argument('--delay', type=_time, default=0.0, help='computation delay in the response [s]')
     parser.add_argument('--method', choices=METHODS, default=SANATHANAN_KOERNER)
     return parser
@@ -80,17 +80,17 @@ def command_line() -> CommandParser:
 
 @command('identify', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify the response of a CSV file and print gain and modes; exit code 3 for a file that cannot be."""
+    """Identify the response in a CSV file and print gain and modes; exit code 3 if that fails."""
     parser = command_line()
     given = parser.parse_args(arguments)
     if given.method == LEVY and given.poles is None:
-        parser.error('--method levy wants --poles: the order is selected among iterated fits')
+        parser.error('--method levy needs --poles: the order selection uses iterated fits')
     if given.zeros is not None and given.poles is None:
-        parser.error('--zeros wants --poles: without it the residual selects both numbers')
+        parser.error('--zeros needs --poles: without it both numbers are selected by the residual')
     if given.integrators > given.rigid_order:
-        parser.error(f'--integrators {given.integrators} is more than --rigid-order, which is {given.rigid_order}')
+        parser.error(f'--integrators {given.integrators} exceeds --rigid-order {given.rigid_order}')
     if given.lowest > given.highest:
-        parser.error(f'--from {given.lowest:g} lies above --to {given.highest:g}')
+        parser.error(f'--from {given.lowest:g} is above --to {given.highest:g}')
     zeros = given.zeros or 0
     with reading(given.file):
         measured = _used(given, zeros)
@@ -109,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
-    """Return the points of the file that the options leave; raises ValueError if those are too few."""
+    """Return the points of the file within the options; raises ValueError if they are too few."""
     recorded = read_csv(given.file)
     measured = recorded.between(given.lowest, given.highest)
     least = least_points(given.poles, zeros, given.integrators)
@@ -121,7 +121,7 @@ def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
         first, last = recorded.frequency[[0, -1]]
         raise ValueError(
             f'{given.file}: {leaves}{len(measured.frequency)} of {len(recorded.frequency)} points '
-            f'from {first:.6g} to {last:.6g} Hz, and it takes at least {least} {wanted}'
+            f'from {first:.6g} to {last:.6g} Hz, expected at least {least} {wanted}'
         )
     if given.hold is None:
         return measured
@@ -131,7 +131,7 @@ def _used(given: argparse.Namespace, zeros: int) -> FrequencyResponse:
 
 def table(model: Model, rigid_order: int = 2, unit: str = '') -> str:
     """
-    Return gain and modes in words.
+    Return gain and modes as text.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def table(model: Model, rigid_order: int = 2, unit: str = '') -> str:
     rigid_order
         See :meth:`Model.rigid_gain`.
     unit
-        Of the response; empty where it is not known.
+        Unit of the response; empty if it is unknown.
     """
     unit = unit or 'magnitude'
     residue_unit = f'{unit} rad/s'

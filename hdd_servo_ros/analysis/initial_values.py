@@ -1,16 +1,15 @@
 """
-Initial value compensation: what a following controller starts with when it takes over from a seek.
+Initial value compensation of the following controller when it takes over from a seek.
 
-A controller that takes over with an error e_0 and a velocity v_0 left over answers with a transient, and its u jumps.
-Yamaguchi, Shishida, Tohyama and Hirai (IEEE Trans. Industrial Electronics 43(1), 1996, pp. 65-73) set its initial
-states such that the transient is least. The states of a custom controller cannot be set from outside, so the
-compensation here is added to the controller's output instead:
+A controller that takes over with an error e_0 and a velocity v_0 has a transient and a step in u. Yamaguchi, Shishida,
+Tohyama and Hirai (IEEE Trans. Industrial Electronics 43(1), 1996, pp. 65-73) choose its initial states to minimize the
+transient. The states of a custom controller cannot be set, so that the compensation is added to its output instead:
 
     u = u_follow + b + m d^k,    b + m = gap,    d = exp(-T/tau),
 
-k ticks after the switch. The gap is u of the seek's law less u_follow at the switch, so that u has no step there. The
-constant b takes the place of a preset integral, and m fades. With the responses r_e, r_v, r_b and r_m of the error to
-e_0, v_0, b and m, the error is e_0 r_e + v_0 r_v + gap r_m + b (r_b - r_m), and the sum of its squares is least for
+k ticks after the switch. The gap is u of the seek law minus u_follow at the switch, so that u has no step. The constant
+b replaces a preset integrator, and m decays. With the responses r_e, r_v, r_b and r_m of the error to
+e_0, v_0, b and m, the error is e_0 r_e + v_0 r_v + gap r_m + b (r_b - r_m), and the sum of its squares is smallest for
 
     b = K_0 e_0 + K_1 v_0 + K_2 gap,    K = -<r_b - r_m, (r_e, r_v, r_m)>/<r_b - r_m, r_b - r_m>.
 """
@@ -34,18 +33,18 @@ from hdd_servo_ros.parameters import ParameterError
 Array = NDArray[np.float64]
 
 _ERROR, _VELOCITY, _VOLTAGE = 1e-3, 1.0, 1e-3
-"""Sizes of the initial values [um, um/s, V]: small, so that what adapts in the controller hardly does."""
+"""Initial values for the responses [um, um/s, V]: small, so that the controller hardly adapts."""
 
 
 class RigidDrive(NamedTuple):
     """A drive without resonances, x'' = a (u - s x - c x')."""
 
     gain: float
-    """a [um/s^2/V]."""
+    """Gain a [um/s^2/V]."""
     stiffness: float = 0.0
-    """s [V/um]: that of the pivot's friction in presliding; 0 in sliding."""
+    """Stiffness s of the pivot friction in presliding [V/um]; 0 in sliding."""
     viscous_coefficient: float = 0.0
-    """c [V s/um]."""
+    """Viscous coefficient c [V s/um]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,11 +55,11 @@ class InitialValueGains:
     Attributes
     ----------
     error
-        K_0, on the target less the position at the switch [V/um].
+        K_0 on the target minus the position at the switch [V/um].
     velocity
-        K_1, on the velocity of the head at the switch [V s/um].
+        K_1 on the velocity of the head at the switch [V s/um].
     gap
-        K_2, on u of the seek's law less u of the following controller at the switch.
+        K_2 on u of the seek law minus u of the following controller at the switch.
     """
 
     error: float
@@ -68,7 +67,7 @@ class InitialValueGains:
     gap: float
 
     def constant(self, error: float, velocity: float, gap: float) -> float:
-        """Return b [V] for the values at the switch [um, um/s, V]; m is ``gap`` less b."""
+        """Return b [V] for the values at the switch [um, um/s, V]; m is ``gap`` minus b."""
         return self.error * error + self.velocity * velocity + self.gap * gap
 
 
@@ -82,34 +81,34 @@ def initial_value_gains(
     sensor: SensorScales = NO_SCALES,
 ) -> InitialValueGains:
     """
-    Return the gains with which the transient after a switch has the least sum of squared errors.
+    Return the gains that minimize the sum of squared errors after a switch.
 
     Parameters
     ----------
     make_controller
-        Returns the following controller at rest, as it is at a switch; called four times.
+        Returns the following controller at rest, in its state at a switch; called four times.
     drive
-        The drive that it controls.
+        The drive.
     time_constant
-        tau with which m fades, above 0 [s].
+        Time constant tau of the decay of m, above 0 [s].
     sample_time
         T [s].
     horizon
-        How long after the switch errors count, at least two samples [s].
+        Time after the switch in which errors count, at least two samples [s].
     dsp
-        What follows the controller; of this the computation delay counts. None for no delay.
+        The DSP block, of which only the computation delay is used; None for no delay.
     sensor
         Scales of the sensor, for a controller that reads its voltages.
 
     Returns
     -------
     InitialValueGains
-        Rounded to 12 digits, so that they do not depend on the machine.
+        Gains, rounded to 12 digits so that they do not depend on the machine.
 
     Raises
     ------
     ParameterError
-        If the time constant is not positive, or the horizon shorter than two samples.
+        If the time constant is not positive, or the horizon is shorter than two samples.
     """
     if not 0.0 < time_constant < math.inf:
         raise ParameterError('time_constant', time_constant, 'a finite number above 0 [s]')
@@ -120,7 +119,7 @@ def initial_value_gains(
         make_controller, drive, time_constant, sample_time, ticks, dsp, sensor
     )
     effect = of_constant - of_fading
-    # Exact sums: numpy's depend on the machine's vector length.
+    # Exact sums: those of numpy depend on the vector length of the machine.
     scale = math.fsum(effect * effect)
     found = (-math.fsum(effect * response) / scale for response in (of_error, of_velocity, of_fading))
     return InitialValueGains(*(float(f'{gain:.{DIGITS - 1}e}') for gain in found))
@@ -138,7 +137,7 @@ def initial_value_responses(
     """
     Return the responses r_e [um/um], r_v [um/(um/s)], r_b and r_m [um/V] of the error, shape (4, ticks).
 
-    Element 0 is at the switch. Arguments as of :func:`initial_value_gains`.
+    Element 0 is at the switch. For the arguments see :func:`initial_value_gains`.
     """
     decay = exp(-sample_time / time_constant)
     kicks = (

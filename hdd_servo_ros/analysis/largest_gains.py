@@ -1,4 +1,4 @@
-"""The largest gains, and the largest lambda, with which the loop around a drive keeps its peak sensitivity."""
+"""Largest gains and largest lambda that keep the peak sensitivity of a loop."""
 
 import dataclasses
 import math
@@ -10,19 +10,19 @@ from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LinearController
 from hdd_servo_ros.parameters import ParameterError
 
 LEAST_LAMBDA = 5.0
-"""Below this lambda the search for a gain starts no lower [1/s]."""
+"""Smallest lambda for the start of the search for a gain [1/s]."""
 DAMPING_RATIO = 0.5**0.5
-"""Least damping ratio of the rigid head in the loop: with less the loop rings for want of gain."""
+"""Smallest damping ratio of the rigid head in the loop, below which the loop rings because of low gain."""
 EDGE = 0.01
-"""By what part a peak between two frequencies of the grid may lower the largest k_p."""
+"""Relative reduction of the largest k_p by a peak between two frequencies of the grid."""
 ACCURACY = 1e-6
-"""Of the largest k_p, relative."""
+"""Relative tolerance of the largest k_p."""
 _SECANTS = 5
-"""At most so many are drawn to find it."""
+"""Largest number of secants in the search."""
 
 
 def round_down(value: float, digits: int = 3) -> float:
-    """Return ``value`` > 0 rounded toward zero to significant digits, so that a bound it keeps stays kept."""
+    """Return ``value`` > 0 rounded toward zero to significant digits, which keeps an upper bound."""
     scale = digits - 1 - math.floor(math.log10(value))
     return float(f'{math.floor(value * 10**scale + 1e-9) / 10**scale:.{digits}g}')
 
@@ -34,7 +34,7 @@ def round_up(value: float, digits: int = 3) -> float:
 
 
 def largest(allowed: Callable[[float], bool], start: float, factor: float = 1.1) -> float:
-    """Return the largest value up to which ``allowed`` holds on a walk up from ``start``, 0 if not even there."""
+    """Return the largest value up to which ``allowed`` holds, stepping up from ``start``; 0 if it fails there."""
     if not allowed(start):
         return 0.0
     while allowed(start * factor):
@@ -59,18 +59,18 @@ def largest_gain_on_r(
     Parameters
     ----------
     margins
-        The drive and T.
+        The drive and the sample time.
     error_filter_lambda, integral_gain
         lambda [1/s] and lambda_i [1/s^2] of r.
     delay
         Samples by which u comes late.
     damping_ratio
-        Least damping ratio of the rigid head in the loop.
+        Smallest damping ratio of the rigid head in the loop.
 
     Raises
     ------
     ParameterError
-        If no gain keeps it: lambda is too large for this drive and sample time.
+        If no gain does, because lambda is too large for this drive and sample time.
     """
 
     def allowed(g: float) -> bool:
@@ -92,10 +92,10 @@ def largest_lambda(
     damping_ratio: float = DAMPING_RATIO,
 ) -> float:
     """
-    Return the largest lambda [1/s] up to a given one with which some gain on r keeps Ms <= 2.
+    Return the largest lambda [1/s] up to a given one for which some gain on r keeps Ms <= 2.
 
-    lambda_i shrinks with its square, so that the poles of r's filter keep their damping. A reduced lambda is rounded
-    down to three digits.
+    lambda_i scales with its square, so that the poles of the error filter keep their damping. A reduced lambda is
+    rounded down to three digits.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def largest_lambda(
     Raises
     ------
     ParameterError
-        If no lambda does: T is too long for this drive.
+        If no lambda does, because the sample time is too long for this drive.
     """
 
     def allowed(value: float) -> bool:
@@ -130,7 +130,7 @@ def largest_lambda(
 
 
 def scaled_integral_gain(integral_gain: float, given_lambda: float, used_lambda: float) -> float:
-    """Return lambda_i [1/s^2] for another lambda [1/s] such that the poles of r's filter keep their damping."""
+    """Return lambda_i [1/s^2] for another lambda [1/s] that keeps the damping of the error filter."""
     return integral_gain * (used_lambda / given_lambda) ** 2
 
 
@@ -142,23 +142,23 @@ def _keeps_the_rule(
 
 
 def _least_gain_on_r(margins: LoopMargins, error_filter_lambda: float, damping_ratio: float) -> float:
-    """Return 4 zeta^2 lambda m, with which the rigid head in the loop, s^2 + g s/m + g lambda/m, has damping zeta."""
+    """Return 4 zeta^2 lambda m, which gives the loop s^2 + g s/m + g lambda/m of the rigid head damping zeta."""
     return 4.0 * damping_ratio**2 * max(error_filter_lambda, LEAST_LAMBDA) / margins.rigid_gain
 
 
 def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> float:
     """
-    Return the largest k_p [V/um] that keeps Ms <= 2 beside the rest of ``law``, 0 if there is none.
+    Return the largest k_p [V/um] that keeps Ms <= 2 with the other gains of ``law``; 0 if no k_p does.
 
-    At each frequency |1 + L| >= 1/Ms is a quadratic inequality in k_p, and forbids what lies between its roots. What no
-    frequency forbids is a set of intervals, in each of which the loop is stable throughout or nowhere.
+    At each frequency ``|1 + L| >= 1/Ms`` is a quadratic inequality in k_p, which excludes the interval between its
+    roots. The remaining k_p form intervals, in each of which the loop is either always or never stable.
 
     Parameters
     ----------
     margins
-        The drive and T.
+        The drive and the sample time.
     law
-        k_d, its filter, k_i and the delay.
+        The controller with k_d, its filter, k_i and the delay.
     """
     unit = LinearController(1.0, 0.0, delay=law.delay).response_at(margins.on_circle, margins.sample_time)
     rest = dataclasses.replace(law, proportional=0.0).response_at(margins.on_circle, margins.sample_time)
@@ -174,7 +174,7 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
     order = np.argsort(low)
     low, covered = low[order], np.maximum.accumulate(high[order])
     ends = low[np.concatenate([[True], low[1:] > covered[:-1]])]
-    # Of each interval that is left, from the highest on, the end.
+    # Try the upper end of each remaining interval, starting with the highest.
     for end in ends[ends > 0.0][::-1]:
         proportional = _last_below(
             lambda value, limit: margins.peak_sensitivity(dataclasses.replace(law, proportional=value), limit),
@@ -187,11 +187,11 @@ def largest_proportional_gain(margins: LoopMargins, law: LinearController) -> fl
 
 def _last_below(peak: Callable[[float, float], float], end: float) -> float:
     """
-    Return the largest k_p close below ``end`` with Ms <= 2, 0 if there is none.
+    Return the largest k_p just below ``end`` with Ms <= 2; 0 if no k_p has it.
 
-    ``peak`` returns Ms of a k_p, or some value above a limit where Ms is above it.
+    ``peak`` returns Ms for a k_p, or any value above a limit if Ms is above that limit.
     """
-    # The end is that of the grid of frequencies; a peak between two of them allows a little less.
+    # The end follows from the frequency grid; a peak between two frequencies reduces it slightly.
     for gap in (1e-9, EDGE):
         below = peak(end * (1.0 - gap), MAX_SENSITIVITY)
         if below <= MAX_SENSITIVITY:
@@ -210,10 +210,10 @@ def _last_below(peak: Callable[[float, float], float], end: float) -> float:
 
 class _Crossing:
     """
-    Says whether a k_p has Ms <= 2, in a range at whose lower end it has, at whose upper end not.
+    Test of Ms <= 2 for a k_p in a range that includes the crossing.
 
-    Ms rises in the range, so that what is known of one k_p holds for all lower or all higher ones. First the crossing
-    is found by secants, which takes fewer values of Ms than a bisection; the last two of them are next to it.
+    Ms rises over the range, so that a result for one k_p also holds for all lower or all higher ones. The crossing is
+    found first by secants, which need fewer values of Ms than bisection; the last two values are next to it.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ class _Crossing:
     def __init__(self, peak: Callable[[float, float], float], low: float, below: float, high: float) -> None:
         self._peak = peak
         self._low, self._high = low, high
-        # The least distance of L to -1, which is 1/Ms, is about linear in k_p.
+        # The smallest distance of L from -1, which is 1/Ms, is nearly linear in k_p.
         before, after = (low, 1.0 / below), (high, 1.0 / peak(high, math.inf))
         next_to_it = 0.5 * ACCURACY * high
         for _ in range(_SECANTS):

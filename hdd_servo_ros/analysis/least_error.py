@@ -1,10 +1,10 @@
 """
-The least position error that linear feedback can have at a limited peak sensitivity, from the spectra of what disturbs.
+Lower bound of the position error under linear feedback with a limited peak sensitivity, from disturbance spectra.
 
 Variance and sensitivity are a quadratic and an affine function of the taps of an FIR filter Q (see
-:mod:`hdd_servo_ros.analysis.feedback_responses`). So the least variance with |S| <= Ms is a convex problem, solved here
-by a logarithmic barrier with Newton's steps, whose distance from the optimum is known. Boyd and Vandenberghe, Convex
-Optimization, 2004, chapter 11.
+:mod:`hdd_servo_ros.analysis.feedback_responses`). The smallest variance with ``|S| <= Ms`` is therefore a convex
+problem. It is solved by a logarithmic barrier method with Newton steps, whose distance from the optimum is known. Boyd
+and Vandenberghe, Convex Optimization, 2004, chapter 11.
 """
 
 import dataclasses
@@ -20,28 +20,28 @@ Array = NDArray[np.float64]
 TAPS = 128
 """Taps of Q for each measured signal."""
 LINES = 4096
-"""Lines up to Nyquist on which spectra are integrated."""
+"""Number of lines up to Nyquist for the integration of spectra."""
 _LIMITS_PER_TAP = 3
-"""Frequencies at which |S| is limited, per tap; in between it exceeds the limit by less than a hundredth."""
+"""Constrained frequencies of ``|S|`` per tap; between them it exceeds the limit by less than 1 %."""
 _GAP = 5e-3
-"""Largest relative distance of the variance from that of the best taps."""
+"""Largest relative distance of the variance from the optimum."""
 
 
 @dataclasses.dataclass(frozen=True)
 class DisturbanceSpectra:
     """
-    One-sided power spectral densities of what disturbs, on lines from 0 to Nyquist; 0 beyond the lines given.
+    One-sided power spectral densities of the disturbances, on lines from 0 to Nyquist; 0 beyond the given lines.
 
     Attributes
     ----------
     frequencies
         Lines [Hz], increasing, shape (f,).
     force
-        Of the force against u [V^2/Hz], shape (f,).
+        Disturbance force against u [V^2/Hz], shape (f,).
     track
-        Of the displacement of the track center [um^2/Hz], shape (f,).
+        Displacement of the track center [um^2/Hz], shape (f,).
     noise
-        Of each measured signal [unit^2/Hz]: an array of shape (f,), or one number for white noise.
+        Noise of each measured signal [unit^2/Hz]: an array of shape (f,), or one number for white noise.
     """
 
     frequencies: Array
@@ -53,16 +53,16 @@ class DisturbanceSpectra:
 @dataclasses.dataclass(frozen=True)
 class LeastError:
     """
-    The least position error of feedback.
+    Lower bound of the position error under feedback.
 
     Attributes
     ----------
     three_sigma
         3 sigma of the best feedback found [um].
     floor
-        What no taps of this number go below [um]; the two differ by the solver's tolerance.
+        Lower bound for this number of taps [um]; it differs from ``three_sigma`` by the tolerance of the solver.
     peak_sensitivity
-        Ms of that feedback; below the limit where the limit does not matter.
+        Ms of that feedback; below the limit if the limit is not active.
     """
 
     three_sigma: float
@@ -82,35 +82,35 @@ def least_error(
     taps: int = TAPS,
 ) -> LeastError:
     """
-    Return the least 3 sigma of the position error that linear feedback with a limited peak sensitivity can have.
+    Return the smallest 3 sigma position error of linear feedback with a limited peak sensitivity.
 
-    The drive is linear; the feedback may be of any order and knows drive and spectra. More taps find a little less:
-    twice as many 0 to 8 %, the more the narrower the features of the spectra.
+    The drive is linear; the feedback may have any order and knows the drive and the spectra. More taps lower the result
+    slightly: twice as many by 0 to 8 %, most for spectra with narrow features.
 
     Parameters
     ----------
     drive
-        The drive as feedback sees it.
+        The drive.
     spectra
-        What disturbs.
+        Disturbance spectra.
     max_sensitivity
-        Largest |S| at any frequency, above 1.
+        Largest ``|S|`` at any frequency, above 1.
     taps
         Taps of Q for each measured signal.
 
     Raises
     ------
     ValueError
-        If the limit is not above 1, the noise does not fit the measured signals, nothing disturbs, or no feedback with
-        that peak sensitivity is found.
+        If the limit is not above 1, the noise does not match the measured signals, all spectra are zero, or no feedback
+        with that peak sensitivity is found.
     """
     if not max_sensitivity > 1.0:
-        raise ValueError(f'max_sensitivity = {max_sensitivity!r}: must be above 1')
+        raise ValueError(f'max_sensitivity = {max_sensitivity!r} is invalid; expected above 1')
     if len(spectra.noise) != len(drive.measured):
         raise ValueError(f'{len(spectra.noise)} densities of noise for {len(drive.measured)} measured signals')
     problem = _Problem(drive, spectra, taps)
     if not problem.constant > 0.0:
-        raise ValueError('nothing disturbs: all spectra are 0')
+        raise ValueError('all disturbance spectra are 0')
     limited = problem.limits(_LIMITS_PER_TAP * taps)
     q, distance = _minimized(problem, *limited, max_sensitivity)
     variance = problem.variance(q)
@@ -122,11 +122,11 @@ def least_error(
 
 
 class _Problem:
-    """Variance q'Pq + 2 c'q + constant, and S on the lines, of the taps q of all measured signals one after another."""
+    """Variance q'Pq + 2 c'q + constant, and S on the lines, as functions of the concatenated taps q."""
 
     def __init__(self, drive: MeasuredDrive, spectra: DisturbanceSpectra, taps: int) -> None:
         nyquist = 0.5 / drive.sample_time
-        # In the middle between lines k f_N/N, so that neither an integrator nor the Nyquist frequency is met.
+        # Midway between lines k f_N/N, which avoids integrators and the Nyquist frequency.
         self._frequencies = (np.arange(LINES) + 0.5) / LINES * nyquist
         self._sample_time, self._taps, self._signals = drive.sample_time, taps, len(drive.measured)
         responses = FeedbackResponses(drive, self._frequencies)
@@ -144,7 +144,7 @@ class _Problem:
         return np.interp(self._frequencies, frequencies, density, left=0.0, right=0.0)
 
     def _add(self, channel: Channel, power: Array) -> None:
-        """Add the variance that an input with this power on each line has."""
+        """Add the variance due to an input with this power on each line."""
         from scipy.linalg import toeplitz
 
         if not power.any():
@@ -193,7 +193,7 @@ def _minimized(
     gradient: NDArray[np.complex128],
     max_sensitivity: float,
 ) -> tuple[Array, float]:
-    """Return the taps of the least variance with |S| <= Ms on the limited lines, and how far it may be from that."""
+    """Return the taps with the smallest variance for ``|S| <= Ms``, and a bound of the distance from it."""
     real, imaginary = np.ascontiguousarray(gradient.real), np.ascontiguousarray(gradient.imag)
 
     def sensitivity(q: Array) -> NDArray[np.complex128]:
@@ -204,7 +204,7 @@ def _minimized(
         return weight * problem.variance(q) - float(np.log(slack).sum()) if slack.min() > 0.0 else np.inf
 
     def centered(q: Array, weight: float, limit: float, steps: int) -> Array:
-        """Return the taps with the least of weight x variance - sum ln(limit^2 - |S|^2), after some Newton steps."""
+        """Return the taps that minimize weight x variance - sum ``ln(limit^2 - |S|^2)``, after some Newton steps."""
         for _ in range(steps):
             s = sensitivity(q)
             slack = (limit**2 - np.abs(s) ** 2)[:, None]
@@ -234,8 +234,8 @@ def _minimized(
         tighter = max(max_sensitivity, 1.001 * float(np.abs(sensitivity(q)).max()))
         if tighter > 0.999 * limit and tighter > max_sensitivity:
             if weight < 1e-9 * count / problem.constant:
-                raise ValueError(f'no feedback found whose peak sensitivity is at most {max_sensitivity:g}')
-            # The variance holds the sensitivity up.
+                raise ValueError(f'no feedback found with a peak sensitivity of at most {max_sensitivity:g}')
+            # The variance term dominates the sensitivity constraint.
             weight *= 0.1
         limit = tighter
     weight = count / problem.variance(q)

@@ -13,36 +13,36 @@ class FrozenEstimates(NamedTuple):
     """The estimates that act on the linear loop."""
 
     sigma_hat: float
-    """[V s/um]."""
+    """sigma_hat [V s/um]."""
     m_hat: float
-    """[V s^2/um]."""
+    """m_hat [V s^2/um]."""
 
 
 def acts_on_loop(controller: AdaptiveNn, part: SigmaParameters | MassParameters) -> bool:
-    """Return whether the estimate of a part multiplies a measured signal: it is on, without desired compensation."""
+    """Return whether an estimate multiplies a measured signal (enabled, without desired compensation)."""
     return part.enabled and not controller.parameters.desired.enabled
 
 
 def frozen_law(controller: AdaptiveNn, estimates: FrozenEstimates, delay: int = 0) -> LinearController:
-    """Return the linear controller that a law is with frozen estimates; see :func:`frozen_laws`."""
+    """Return the linear controller of a law with frozen estimates; see :func:`frozen_laws`."""
     return frozen_laws(controller, [estimates], delay)[0]
 
 
 def frozen_laws(controller: AdaptiveNn, estimates: Iterable[FrozenEstimates], delay: int = 0) -> list[LinearController]:
     """
-    Return the linear controllers that a law is with frozen estimates.
+    Return the linear controllers of a law with frozen estimates.
 
     Its gain on r is g = k + 1/sigma_phi + max(S'S)/sigma_w. As a_r = x_d'' - lambda e' - lambda_i e, m_hat a_r adds
-    m_hat lambda to the gain on velocity and m_hat lambda_i to that on position; sigma_hat v takes sigma_hat off the
-    former. With desired compensation both multiply signals of the reference instead, and like the bristles and the
-    compensator, which read the reference alone, they are not part of the loop.
+    m_hat lambda to the velocity gain and m_hat lambda_i to the position gain; sigma_hat v subtracts sigma_hat from the
+    velocity gain. With desired compensation both multiply signals of the reference instead. They are then not part of
+    the loop, like the bristles and the compensator, which read only the reference.
 
     Parameters
     ----------
     controller
-        The law.
+        The controller.
     estimates
-        sigma_hat and m_hat of each; those of a part that :func:`acts_on_loop` denies do not count.
+        sigma_hat and m_hat of each law; estimates that do not act on the loop (:func:`acts_on_loop`) are ignored.
     delay
         Samples by which u comes late.
     """
@@ -64,7 +64,7 @@ def frozen_laws(controller: AdaptiveNn, estimates: Iterable[FrozenEstimates], de
 
 def pid_law(parameters: PidParameters, delay: int = 0) -> LinearController:
     """
-    Return the linear controller that a PID controller is inside its limit.
+    Return the linear controller of a PID controller without saturation.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Metrics of a run, from its arrays alone; each in the unit of what it is given, unless it says otherwise."""
+"""Metrics of a run, from its arrays; each in the unit of its inputs, unless stated otherwise."""
 
 import dataclasses
 from fractions import Fraction
@@ -10,7 +10,7 @@ from hdd_servo_ros.analysis.misregistration import misregistration
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 
 NANOMETRES = 1e3
-"""nm a um."""
+"""nm per um."""
 
 
 def rms(values: ArrayLike) -> float:
@@ -20,7 +20,7 @@ def rms(values: ArrayLike) -> float:
     Parameters
     ----------
     values
-        Of any shape and unit.
+        Values of any shape and unit.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def rms(values: ArrayLike) -> float:
 @dataclasses.dataclass(frozen=True)
 class TrackingMetrics:
     """
-    How well a run tracked: errors [nm] of the head's true position after the transient, peak control [V].
+    Tracking of a run: errors [nm] of the true head position after the transient, and command [V].
 
     Examples
     --------
@@ -50,19 +50,19 @@ class TrackingMetrics:
     """
 
     transient: float
-    """Time before which nothing counts for the error [s]."""
+    """End of the transient, from which errors count [s]."""
     samples: int
     """Number of ticks after the transient."""
     rms_error: float
     """Root of the mean squared x - x_d [nm]."""
     max_error: float
-    """Largest magnitude of x - x_d [nm]."""
+    """Peak of x - x_d [nm]."""
     mean_error: float
     """Mean of x - x_d [nm]."""
     tmr: float
-    """Track misregistration (1.1), which is three standard deviations of x - x_d [nm]."""
+    """Track misregistration (thesis eq. 1.1): three standard deviations of x - x_d [nm]."""
     peak_control: float
-    """Largest magnitude of u over the whole run, the transient included [V]."""
+    """Peak of u over the whole run, including the transient [V]."""
     rms_control: float
     """Root of the mean squared u after the transient [V]."""
 
@@ -83,14 +83,14 @@ def tracking_metrics(
     time, reference, position, control
         Time [s], x_d [um], head position [um] and u [V] of the ticks, each of shape (n,).
     transient
-        Ticks before this time [s] count for the peak control only.
+        End of the transient [s]; earlier ticks are used only for the peak of u.
     unit
-        Factor from the run's unit of length to the unit of the errors; 1000 from um to nm.
+        Factor from the unit of length of the run to the unit of the errors; 1000 from um to nm.
 
     Raises
     ------
     ValueError
-        If the lengths differ or no tick lies after the transient.
+        If the lengths differ, or no tick is after the transient.
 
     Notes
     -----
@@ -109,7 +109,7 @@ def tracking_metrics(
     t, x_d, x, u = (np.asarray(values, dtype=np.float64) for values in (time, reference, position, control))
     if not t.shape == x_d.shape == x.shape == u.shape or t.ndim != 1:
         raise ValueError(f'arrays of different shape: {t.shape}, {x_d.shape}, {x.shape}, {u.shape}')
-    # Half a microsecond lets a tick at the very end of the transient count, whatever its last bit.
+    # Half a microsecond includes a tick at the end of the transient despite rounding.
     late = t >= transient - HALF_MICROSECOND
     if not late.any():
         raise ValueError(f'no tick after the transient of {transient:g} s')
@@ -137,10 +137,11 @@ def power_spectral_density(
     signal
         Equally spaced samples, shape (n,).
     sample_time
-        T [s].
+        Sample time T [s].
     segment
-        Samples of each of Welch's half-overlapping Hann segments. None for the periodogram of the whole record: its
-        integral is the record's variance but for the bias N/(N-1) of (1.2), so that both TMR of (1.1) agree.
+        Samples per segment for Welch's method with half-overlapping Hann windows. None for the periodogram of the whole
+        record, whose integral is the variance up to the factor N/(N-1) (thesis eq. 1.2), so that both forms of the TMR
+        (thesis eq. 1.1) agree.
 
     Notes
     -----
@@ -157,7 +158,7 @@ def power_spectral_density(
     >>> f'{density.sum() * frequency[1]:.3f}'
     '4.500'
     """
-    # Late: scipy.signal takes longer to import than all else here takes to run.
+    # Imported late: scipy.signal takes longer to import than the other functions here to run.
     from scipy.signal import periodogram, welch
 
     y = np.asarray(signal, dtype=np.float64)
@@ -172,18 +173,18 @@ def amplitude_spectrum(
     signal: ArrayLike, sample_time: float, resolution: float = 1.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Return frequencies [Hz] and the amplitude that a sine at each would have [unit], about the signal's mean.
+    Return frequencies [Hz] and the amplitude of a sine at each of them [unit], without the mean of the signal.
 
-    Welch's half-overlapping segments with a flat-top window: a peak reads the amplitude of a sine within 0.2 %, also
-    between two lines. It is up to five lines wide on either side, so sines closer than ten lines merge, and noise reads
-    as that of a band of 3.8 lines.
+    The method is Welch's with half-overlapping flat-top windows. A peak shows the amplitude of a sine within 0.2 %,
+    also between two lines. It extends up to five lines to each side, so that sines closer than ten lines merge, and
+    noise appears as in a band of 3.8 lines.
 
     Parameters
     ----------
     signal, sample_time
         See :func:`power_spectral_density`.
     resolution
-        Distance of the lines [Hz]; a record shorter than its inverse has the lines that it can have.
+        Distance of the lines [Hz]; a record shorter than its inverse has a coarser resolution.
 
     Examples
     --------
@@ -200,14 +201,14 @@ def amplitude_spectrum(
 
 
 def amplitude_segment(samples: int, sample_time: float, resolution: float = 1.0) -> int:
-    """Return the samples of a segment of :func:`amplitude_spectrum`, in a record of some samples."""
+    """Return the samples per segment of :func:`amplitude_spectrum` for a record of given length."""
     return min(samples, max(2, round(1.0 / (resolution * sample_time))))
 
 
 def amplitude_power(
     signal: NDArray[np.float64], sample_time: float, segment: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return frequencies [Hz] and half the square of what :func:`amplitude_spectrum` gives, by segments of a length."""
+    """Return frequencies [Hz] and half the squared amplitudes of :func:`amplitude_spectrum`, for a segment length."""
     from scipy.signal import welch
 
     frequencies, power = welch(
@@ -231,33 +232,33 @@ class RepeatableParts:
     period: int
     """Samples of the averaged period."""
     cycles: int
-    """How many of them were averaged."""
+    """Number of averaged periods."""
     waveform: NDArray[np.float64]
-    """One period of the repeatable part, shape (period,); the mean belongs to it."""
+    """One period of the repeatable part, including the mean, shape (period,)."""
     repeatable_rms: float
     """Root mean square of the repeatable part."""
     non_repeatable_rms: float
-    """Root mean square of what is left; the squares of the two add up to the signal's."""
+    """Root mean square of the non-repeatable part; the two mean squares add up to that of the signal."""
 
 
 def repeatable_parts(signal: ArrayLike, period: float) -> RepeatableParts:
     """
-    Split a signal into what repeats with the reference and what does not.
+    Split a signal into the part that repeats with the reference and the rest.
 
     Averaging K periods leaves 1/K of the variance of the non-repeatable part in the repeatable one.
 
     Parameters
     ----------
     signal
-        Shape (n,); its last whole periods are used.
+        Signal, shape (n,); its last complete periods are used.
     period
-        Period of the reference in samples. Where it is no whole number, the fewest periods that are one (up to 1000 of
-        them) are averaged together.
+        Period of the reference in samples. If it is not an integer, the smallest number of periods (up to 1000) that
+        is an integer number of samples is averaged as one.
 
     Raises
     ------
     ValueError
-        If the signal does not hold two of them.
+        If the signal has fewer than two of them.
 
     Examples
     --------
@@ -270,10 +271,10 @@ def repeatable_parts(signal: ArrayLike, period: float) -> RepeatableParts:
     samples = Fraction(period).limit_denominator(1000).numerator
     cycles = len(y) // samples if samples > 0 else 0
     if cycles < 2:
-        raise ValueError(f'two periods of {samples} samples are needed, and there are {len(y)} samples')
+        raise ValueError(f'expected at least two periods of {samples} samples; the signal has {len(y)} samples')
     folded = y[len(y) - cycles * samples :].reshape(cycles, samples)
     waveform = folded.mean(axis=0)
-    # In the phase of the whole signal: its first sample is the waveform's, whatever was left out before.
+    # In phase with the whole signal: its first sample is that of the waveform.
     return RepeatableParts(
         period=samples,
         cycles=cycles,
@@ -286,7 +287,7 @@ def repeatable_parts(signal: ArrayLike, period: float) -> RepeatableParts:
 @dataclasses.dataclass(frozen=True)
 class StepResponse:
     """
-    The answers to all edges of a step or square reference; one element an edge.
+    Responses to all edges of a step or square reference; one element per edge.
 
     Examples
     --------
@@ -302,11 +303,11 @@ class StepResponse:
     height: NDArray[np.float64]
     """New reference minus old one."""
     overshoot: NDArray[np.float64]
-    """How far the head went beyond the new reference [% of the height]; 0 if it did not."""
+    """Overshoot beyond the new reference [% of the height], at least 0."""
     settling_time: NDArray[np.float64]
-    """Time after which the head stays within the band about the new reference [s]; infinite if it does not."""
+    """Time after which the head stays within the band around the new reference [s]; infinite if it does not."""
     steady_error: NDArray[np.float64]
-    """Mean of x - x_d over the last half of what follows the edge, or over what the caller asked for."""
+    """Mean of x - x_d over the second half of the interval after the edge, or over a given part."""
 
     def __len__(self) -> int:
         return len(self.row)
@@ -328,7 +329,7 @@ class StepResponse:
 
 
 def is_stepwise(reference: ArrayLike) -> bool:
-    """Return whether a reference stands still but for a few jumps, the first one perhaps before its first row."""
+    """Return whether a reference is constant except for a few steps, the first perhaps before its first row."""
     x_d = np.asarray(reference, dtype=np.float64)
     jumps = np.flatnonzero(np.diff(x_d))
     return len(jumps) <= len(x_d) / 10 and (len(jumps) < 2 or int(np.diff(jumps).min()) > 1)
@@ -338,18 +339,18 @@ def step_response(
     time: ArrayLike, reference: ArrayLike, position: ArrayLike, band: float = 0.02, steady_part: float = 0.5
 ) -> StepResponse:
     """
-    Return how the head answers the edges of a step or square reference.
+    Return the responses of the head to the edges of a step or square reference.
 
-    A last edge of several is left out where the record ends before half the time between edges is over.
+    The last of several edges is omitted if the record ends within half of the time between edges.
 
     Parameters
     ----------
     time, reference, position
         Time [s], x_d and head position of the ticks, each of shape (n,).
     band
-        Half width of the settling band, as a fraction of the edge's height.
+        Half width of the settling band, as a fraction of the height of the edge.
     steady_part
-        Over which last part of what follows an edge the steady error is averaged.
+        Last fraction of the interval after an edge over which the steady error is averaged.
 
     Raises
     ------
@@ -358,7 +359,7 @@ def step_response(
 
     Examples
     --------
-    A step of 10 um that overshoots by 1 um, settles after 3 ms and keeps an error of 0.1 um:
+    A step of 10 µm with an overshoot of 1 µm, a settling time of 3 ms and a steady error of 0.1 µm:
 
     >>> import numpy as np
     >>> from hdd_servo_ros.analysis import step_response
@@ -377,7 +378,7 @@ def step_response(
     overshoot, settling, steady = (np.empty(len(rows)) for _ in range(3))
     for step, (row, end, height) in enumerate(zip(rows, ends, heights, strict=True)):
         error = x[row:end] - x_d[row]
-        # Both such that what is not a number shows: as an overshoot that is none, and as outside of the band.
+        # Both expressions propagate nan: to the overshoot, and as outside the band.
         overshoot[step] = 100.0 * np.maximum(0.0, (error / height).max())
         outside = np.flatnonzero(~(np.abs(error) <= band * abs(height)))
         inside = row + (int(outside[-1]) + 1 if len(outside) else 0)
@@ -390,27 +391,27 @@ def counted_edges(
     rows: NDArray[np.int64], heights: NDArray[np.float64], samples: int, first_offset: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
     """
-    Return the edges of a reference that :func:`step_response` counts: first row, height, and the row behind the last.
+    Return the edges that :func:`step_response` uses: first row, height, and the row after the last.
 
     Parameters
     ----------
     rows, heights
-        Of all edges, shape (m,).
+        Rows and heights of all edges, shape (m,).
     samples
-        Rows of the record.
+        Number of rows of the record.
     first_offset
-        x_d less x at the first row.
+        x_d - x at the first row.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If the reference has no edge.
     """
-    # A reference that has stepped by its first row is an edge as well, from where the head stands.
+    # A reference that differs from the head position at its first row is an edge too.
     if abs(first_offset) > 0.1 * np.abs(heights).max(initial=0.0):
         rows, heights = np.append(0, rows), np.append(first_offset, heights)
     ends = np.append(rows[1:], samples)
-    # The record may end just behind an edge, as a whole number of periods does.
+    # A record of an integer number of periods ends just after an edge.
     if len(rows) > 1 and samples - rows[-1] < 0.5 * (rows[-1] - rows[-2]):
         rows, heights, ends = rows[:-1], heights[:-1], ends[:-1]
     if not len(rows):
@@ -420,14 +421,14 @@ def counted_edges(
 
 @dataclasses.dataclass(frozen=True)
 class ControlEffort:
-    """What a controller asks of the actuator."""
+    """Effort of a controller."""
 
     rms: float
     """Root mean square."""
     peak: float
-    """Largest magnitude."""
+    """Peak magnitude."""
     total_variation: float
-    """Sum of the magnitudes of all changes from tick to tick."""
+    """Total variation: sum of the magnitudes of all changes per tick."""
 
 
 def control_effort(control: ArrayLike) -> ControlEffort:
@@ -438,21 +439,21 @@ def control_effort(control: ArrayLike) -> ControlEffort:
 
 def loop_area(displacement: ArrayLike, force: ArrayLike, cycles: int = 1) -> float:
     """
-    Return the area that a closed curve encloses in the plane of displacement and force: the work lost in a cycle.
+    Return the area of a closed curve of force over displacement, which is the work lost per cycle.
 
     Parameters
     ----------
     displacement, force
-        Points of the curve, shape (n,), over a whole number of cycles, without the repeated first point.
+        Points of the curve, shape (n,), over an integer number of cycles, without the repeated first point.
     cycles
-        How often the points go round.
+        Number of cycles.
 
     Returns
     -------
     float
-        Closed integral of force over displacement, a cycle's mean; positive for a force that has the sign of the
-        velocity, as the friction has that an actuator overcomes.
+        Mean closed integral of force over displacement per cycle; positive for a force with the sign of the velocity,
+        such as the force that overcomes friction.
     """
     x, f = (np.asarray(values, dtype=np.float64) for values in (displacement, force))
-    # By trapezoids; the last point joins the first.
+    # Trapezoidal rule; the last point connects to the first.
     return float(np.sum(0.5 * (f + np.roll(f, -1)) * (np.roll(x, -1) - x)) / cycles)

@@ -1,7 +1,7 @@
 """
-Track misregistration (1.1), (1.2): three times the standard deviation of the position error signal.
+Track misregistration (thesis eqs. 1.1, 1.2): three times the standard deviation of the position error signal.
 
-(1.1) is printed with a cube root and is a square root; (1.2) as printed holds for a zero-mean signal only.
+The thesis prints eq. 1.1 with a cube root instead of a square root; eq. 1.2 as printed holds only for zero mean.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 
 def standard_deviation(position_error: npt.ArrayLike) -> float:
-    """Return sigma_pes of (1.2), corrected: the root of sum (y - mean)^2 / (N - 1), in the unit of the signal."""
+    """Return sigma_pes (thesis eq. 1.2, corrected): the root of sum (y - mean)^2 / (N - 1), in the signal unit."""
     return float(np.std(np.asarray(position_error, dtype=np.float64), ddof=1))
 
 
@@ -20,14 +20,14 @@ def misregistration(position_error: npt.ArrayLike) -> float:
 
 def misregistration_from_spectrum(frequencies: npt.ArrayLike, density: npt.ArrayLike) -> float:
     """
-    Return TMR of (1.1), corrected: 3 times the root of the integral of the one-sided power spectral density.
+    Return the TMR (thesis eq. 1.1, corrected): 3 times the root of the integral of the one-sided density.
 
     Parameters
     ----------
     frequencies
         Frequencies [Hz], increasing.
     density
-        One-sided power spectral density there, in the signal's unit squared per Hz.
+        One-sided power spectral density [squared unit of the signal per Hz].
     """
     f = np.asarray(frequencies, dtype=np.float64)
     p = np.asarray(density, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Time off track, and the response to shocks: how far the head leaves the track, and for how long."""
+"""Time off track, and the response of the head to shocks."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 from hdd_servo_ros.messages.ticks import HALF_MICROSECOND
 
 WRITE_LIMIT = 0.10
-"""Largest position error before a write, as a fraction of the track pitch (Mamun, Guo, Bi: Hard Disk Drive)."""
+"""Largest position error for writing, as a fraction of the track pitch (Mamun, Guo, Bi: Hard Disk Drive)."""
 READ_LIMIT = 0.15
-"""The same before a read."""
+"""The same for reading."""
 SHOCK_LEVEL = 50.0
-"""Linear acceleration of the base from which on it counts as a shock [m/s^2]: 5 g, above vibration."""
+"""Smallest linear acceleration of a shock of the base [m/s^2]: 5 g, above vibration."""
 QUIET_TIME = 0.02
-"""Time below that level after which another shock may begin [s]; a half-sine of 11 ms with its rebound is shorter."""
+"""Time below that level before another shock [s]; a half-sine of 11 ms with its rebound is shorter."""
 
 
 @dataclasses.dataclass(frozen=True)
 class OffTrack:
-    """How much of a record is off track: share of its samples, and the longest stretch of consecutive ones [s]."""
+    """Off-track part of a record: fraction of its samples, and longest consecutive time [s]."""
 
     fraction: float
     longest: float
@@ -28,26 +28,26 @@ class OffTrack:
 
 def off_track(error: ArrayLike, limit: float, sample_time: float) -> OffTrack:
     """
-    Return how long a position error is beyond a limit.
+    Return the time that a position error exceeds a limit.
 
     Parameters
     ----------
     error
         Position error, shape (n,), n at least 1.
     limit
-        Largest magnitude on track, in the unit of the error.
+        Largest error on track, in the unit of the error.
     sample_time
-        T [s].
+        Sample time T [s].
 
     Raises
     ------
     ValueError
-        If there is no sample.
+        If the error has no samples.
     """
-    # What is not a number is beyond any limit.
+    # nan exceeds any limit.
     beyond = ~(np.abs(np.asarray(error, dtype=np.float64)) <= limit)
     if not len(beyond):
-        raise ValueError('no sample after the transient')
+        raise ValueError('no samples after the transient')
     edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(np.int8)))
     longest = int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
     return OffTrack(float(beyond.mean()), longest * sample_time)
@@ -61,14 +61,14 @@ class ShockResponse:
     Attributes
     ----------
     time
-        Begin of the shock [s].
+        Start of the shock [s].
     peak
-        Largest magnitude of the position error until the next shock, in its unit.
+        Peak of the position error until the next shock, in its unit.
     outside
         Time for which the magnitude exceeds the band [s].
     recovery
-        Time from the begin of the shock until the error stays within the band [s]; 0 if it never leaves it, infinite
-        if it is outside at the last sample.
+        Time from the start of the shock until the error stays within the band [s]; 0 if it never leaves the band,
+        infinite if it is outside at the last sample.
     """
 
     time: float
@@ -79,18 +79,18 @@ class ShockResponse:
 
 def shock_times(acceleration: ArrayLike, sample_time: float, level: float = SHOCK_LEVEL) -> NDArray[np.float64]:
     """
-    Return when shocks begin [s], from the first sample on.
+    Return the start times of shocks [s], relative to the first sample.
 
-    A shock begins where the magnitude first exceeds the level after :data:`QUIET_TIME` below it.
+    A shock starts when the magnitude first exceeds the level after :data:`QUIET_TIME` below it.
 
     Parameters
     ----------
     acceleration
-        Of the base [m/s^2], shape (n,).
+        Acceleration of the base [m/s^2], shape (n,).
     sample_time
-        T [s].
+        Sample time T [s].
     level
-        From which magnitude on it counts as a shock [m/s^2].
+        Smallest magnitude of a shock [m/s^2].
     """
     rows = np.flatnonzero(np.abs(np.asarray(acceleration, dtype=np.float64)) > level)
     apart = np.diff(rows, prepend=-np.inf) * sample_time > QUIET_TIME
@@ -106,25 +106,25 @@ def shock_responses(time: ArrayLike, error: ArrayLike, shocks: Sequence[float], 
     time, error
         Time [s] and position error of the samples, equally spaced, shape (n,).
     shocks
-        When the shocks begin [s], ascending.
+        Start times of the shocks [s], ascending.
     band
-        Half width of the band in which the head counts as recovered, in the unit of the error.
+        Half width of the recovery band, in the unit of the error.
 
     Raises
     ------
     ValueError
-        If a shock is not within the record, or they are not in ascending order.
+        If a shock is not within the record, or the times are not ascending.
     """
     t, magnitude = np.asarray(time, dtype=np.float64), np.abs(np.asarray(error, dtype=np.float64))
     if t.shape != magnitude.shape or len(t) < 2:
-        raise ValueError(f'time and error of one shape (n,), n at least 2, are needed: {t.shape}, {magnitude.shape}')
+        raise ValueError(f'expected time and error of the same shape (n,), n at least 2: {t.shape}, {magnitude.shape}')
     sample_time = float(t[-1] - t[0]) / (len(t) - 1)
     rows = np.searchsorted(t, np.asarray(shocks, dtype=np.float64) - HALF_MICROSECOND)
     for shock, row in zip(shocks, rows, strict=True):
         if row >= len(t) or shock < t[0] - HALF_MICROSECOND:
-            raise ValueError(f'no shock response at {shock:g} s: the record goes from {t[0]:g} to {t[-1]:g} s')
+            raise ValueError(f'no shock response at {shock:g} s: the record spans {t[0]:g} to {t[-1]:g} s')
     if np.any(np.diff(rows) <= 0):
-        raise ValueError(f'shock times must be ascending, each on a sample of its own: {list(shocks)}')
+        raise ValueError(f'shock times must be ascending, at most one per sample: {list(shocks)}')
     found = []
     for row, end in zip(rows, [*rows[1:], len(t)], strict=True):
         part = magnitude[row:end]

@@ -1,4 +1,4 @@
-"""The number of poles and zeros whose residual earns its unknowns: an information criterion over all fits."""
+"""Selection of the number of poles and zeros by an information criterion over all fits."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 MOST_POLES = 12
 _ROUNDING = 1e-10
-"""Relative error below which a smaller one is no better fit."""
+"""Relative error below which smaller errors do not count as a better fit."""
 
 
 def select_order(
@@ -24,15 +24,15 @@ def select_order(
     most_poles: int = MOST_POLES,
 ) -> Model:
     """
-    Fit every order up to ``most_poles`` and return the one whose residual earns its unknowns.
+    Fit every order up to ``most_poles`` and return the one with the smallest information criterion.
 
-    That is the least of Chen and Chen's extension (Biometrika 95, 2008) of Schwarz's criterion: with known deviations
-    chi^2/v + 2 p ln 2n, without them 2n ln chi^2 + 2 p ln 2n, for p unknowns and n points (2n real numbers). The second
-    p ln 2n is for the choice that a mode has: it settles wherever in the band the noise looks most like one. v is 1, or
-    the least chi^2/(2n - p) of all orders where that is more: the deviations are then too small.
+    The criterion is Chen and Chen's extension (Biometrika 95, 2008) of Schwarz's criterion: chi^2/v + 2 p ln 2n with
+    known deviations, 2n ln chi^2 + 2 p ln 2n without them, for p unknowns and n points (2n real numbers). The second
+    p ln 2n accounts for the freedom of a mode to fit noise anywhere in the band. v is 1, or the smallest chi^2/(2n - p)
+    of all orders if that is larger, which means that the deviations are too small.
 
-    A model with a doubtful mode (unstable, unless below the band as the rigid body's poles may come out; or oscillating
-    beyond the band) must besides halve chi^2.
+    A model with a doubtful mode (unstable, except for rigid-body poles below the band, or oscillating beyond the band)
+    must also halve chi^2.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ def select_order(
 def best_order(
     fit: Callable[[int, int], Model], frequency: Array, integrators: int, most_poles: int, *, known_deviation: bool
 ) -> Model:
-    """Return the best of the models that ``fit`` makes for numbers of poles and zeros; see :func:`select_order`."""
+    """Return the best model of ``fit`` over the numbers of poles and zeros; see :func:`select_order`."""
     if integrators > most_poles:
-        raise ValueError(f'{integrators} integrators are more than the {most_poles} poles there may be')
+        raise ValueError(f'{integrators} integrators exceed the limit of {most_poles} poles')
     fewest = max(integrators, 1)
     if len(frequency) < least_points(None, 0, integrators):
         raise ValueError(f'{len(frequency)} points are too few to select an order')
@@ -84,7 +84,7 @@ def best_order(
 
 
 def _doubtful(model: Model, lowest: float, highest: float) -> list[Mode]:
-    """Return the modes of the band [Hz] that are unstable, and those beyond it that oscillate."""
+    """Return the unstable modes in the band [Hz], and the oscillating modes beyond it."""
     return [
         mode
         for mode in model.modes()

@@ -1,4 +1,4 @@
-"""Trial of parameters: whether a node's block can be made and stepped with them, before they are accepted."""
+"""Trial of parameters before they are accepted: construct and step the block of a node with them."""
 
 import copy
 import dataclasses
@@ -27,12 +27,12 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping,
 Sets = Mapping[type[Any], Any]
 """All parameters of a node: an instance of each of its dataclasses."""
 Attempt = Callable[[Sets], object]
-"""Makes and steps a node's blocks; raises an exception of any kind if that cannot be done."""
+"""Constructs and steps the blocks of a node; raises any exception on failure."""
 
 TICKS = 4
-"""Steps of a trial."""
+"""Number of steps of a trial."""
 ORDINARY = (1e-30, 1e30)
-"""Magnitudes of which a few multiplied or divided are numbers still."""
+"""Magnitudes whose products and quotients of a few stay finite."""
 _FEW_TICKS = 2**53
 
 
@@ -45,7 +45,7 @@ class NotFiniteInTrialError(ArithmeticError):
 
 def reject_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> None:
     """
-    Reject parameters for which an attempt fails, whatever it raises.
+    Reject parameters for which an attempt raises any exception.
 
     Parameters
     ----------
@@ -54,21 +54,21 @@ def reject_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> N
     sets
         The parameters.
     accepted
-        Parameters with which it does not fail: those of before, or the defaults.
+        Parameters with which it succeeds: the previous ones, or the defaults.
     attempt
-        What to try.
+        The attempt.
 
     Raises
     ------
     ParameterError
-        Names the parameter that is to blame, of those that differ from ``accepted``.
+        With the parameter that causes the failure, among those that differ from ``accepted``.
     """
     error = _failure(sets, attempt)
     if error is None:
         return
     if isinstance(error, ParameterError):
         raise error
-    name, value = _to_blame(sets, accepted, attempt)
+    name, value = _cause(sets, accepted, attempt)
     text = ' '.join(str(error).split())
     reason = text if isinstance(error, NotFiniteInTrialError) else f'{type(error).__name__}{": " if text else ""}{text}'
     raise ParameterError(
@@ -80,13 +80,13 @@ def _failure(sets: Sets, attempt: Attempt) -> Exception | None:
     try:
         with np.errstate(all='ignore'):
             attempt(sets)
-    except Exception as error:  # whatever a block makes of a number that it cannot use
+    except Exception as error:  # a block may raise anything for an unusable value
         return error
     return None
 
 
-def _to_blame(sets: Sets, accepted: Sets, attempt: Attempt) -> tuple[str, object]:
-    """Return name and value of the parameter without whose change the attempt does not fail, else of the first."""
+def _cause(sets: Sets, accepted: Sets, attempt: Attempt) -> tuple[str, object]:
+    """Return name and value of the parameter whose change makes the attempt fail, otherwise of the first."""
     changed = [
         (kind, name, value)
         for kind, values in sets.items()
@@ -98,16 +98,16 @@ def _to_blame(sets: Sets, accepted: Sets, attempt: Attempt) -> tuple[str, object
         try:
             others: Sets = {**sets, kind: from_mapping(kind, before)}
         except ParameterError:
-            # They go together only.
+            # The parameters are valid only together.
             continue
         if _failure(others, attempt) is None:
             return name, value
-    # Without a change the rest of the run is to blame, which this node cannot name.
+    # Without a change the cause is elsewhere in the run, which this node cannot name.
     return changed[0][1:] if changed else ('', None)
 
 
 def has_extremes(sets: Iterable[ParameterSet]) -> bool:
-    """Return whether a number is so large or so small that computing with it may leave the range of numbers."""
+    """Return whether a value is so large or so small that computations may overflow or underflow."""
     return any(
         isinstance(number, float) and number != 0.0 and not ORDINARY[0] <= abs(number) <= ORDINARY[1]
         for values in sets
@@ -118,17 +118,17 @@ def has_extremes(sets: Iterable[ParameterSet]) -> bool:
 
 def attempt_block(node: str, sample_time: float, *, is_change: bool) -> Attempt:
     """
-    Return the attempt for a node that is not a controller: make its block, and step it.
+    Return the attempt for a node that is not a controller: construct and step its block.
 
     Parameters
     ----------
     node
-        Its row in the catalog, which has a block.
+        Name of a node in the catalog that has a block.
     sample_time
         T [s].
     is_change
-        Whether they are to change in a run; outputs that are not finite then count as a failure too. A run that begins
-        with them ends at once and says where.
+        Whether it is a change during a run; outputs that are not finite are then failures too. A run that starts with
+        such parameters ends at once and reports the topic.
     """
     kind = NODES[node].block_parameters
 
@@ -139,7 +139,7 @@ def attempt_block(node: str, sample_time: float, *, is_change: bool) -> Attempt:
 
 
 def attempt_change(node: str, block: Any, *, is_change: bool) -> Attempt:
-    """Return the attempt to update a copy of a block of this package, as :func:`attempt_block` does a new one."""
+    """Return the attempt to update a copy of a block of this package; see :func:`attempt_block`."""
     kind = NODES[node].block_parameters
 
     def attempt(sets: Sets) -> None:
@@ -152,7 +152,7 @@ def attempt_change(node: str, block: Any, *, is_change: bool) -> Attempt:
 
 def _step(node: str, block: Any, is_change: bool) -> None:
     if node not in _STEPS:
-        # Made, at least.
+        # Only constructed.
         return
     numbers = [number for tick in _ticks(node, block) for number in _flat(_STEPS[node](block, tick))]
     if is_change and not all(map(math.isfinite, numbers)):
@@ -162,7 +162,7 @@ def _step(node: str, block: Any, is_change: bool) -> None:
 def _ticks(node: str, block: Any) -> Iterator[int]:
     yield from range(TICKS)
     if node == 'reference_generator':
-        # What is constant before its start tells nothing.
+        # A signal that is constant before its start proves nothing.
         start = math.ceil(block.parameters.start_time / block.sample_time)
         yield from range(start, start + TICKS) if start < _FEW_TICKS else ()
 
@@ -183,7 +183,7 @@ _STEPS: dict[str, Callable[[Any, int], Any]] = {
     'accelerometer': lambda block, tick: block.step(tick, 1.0, 1.0, 1.0),
     DISTURBANCE_GENERATOR: lambda block, tick: block.step(tick),
 }
-"""A step of each block, with inputs of the size of a common run's."""
+"""A step of each block, with inputs of typical size."""
 
 
 def attempt_for(
@@ -196,22 +196,22 @@ def attempt_for(
     is_change: bool,
 ) -> Attempt | None:
     """
-    Return the attempt for a node in its run; None if it has no block.
+    Return the attempt for a node in its run; None without a block.
 
     Parameters
     ----------
     node
-        Its row in the catalog.
+        Name of the node in the catalog.
     sample_time
         T [s].
     sets
-        Its parameters; of these the scales count by which a controller reads its sensor.
+        Its parameters, of which the sensor scales of a controller are used.
     block_of
-        Gives the parameters of another node's block by the node's name, None if it is not in the run.
+        Returns the block parameters of another node by name; None if it is not in the run.
     make
-        Makes the law of a controller that is not of this package.
+        Constructs a custom controller.
     is_change
-        As of :func:`attempt_block`.
+        See :func:`attempt_block`.
     """
     row = NODES[node]
     if row.role != CONTROLLER:
@@ -240,26 +240,26 @@ def attempt_for(
 @dataclasses.dataclass(frozen=True)
 class ControllerTrial:
     """
-    What a controller is tried with.
+    The surroundings of a controller in a trial.
 
     Attributes
     ----------
     node
-        Its row in the catalog.
+        Name of the node in the catalog.
     make
-        Makes the law from its parameters and T [s].
+        Constructs the controller from its parameters and T [s].
     sample_time
-        T [s].
+        Sample time T [s].
     drive
-        Parameters of the drive, None if it is not known.
+        Parameters of the drive; None if it is unknown.
     scales
-        By which it reads the sensor's outputs.
+        Scales of the sensor outputs.
     has_observer
-        Whether an observer gives it the velocity.
+        Whether an observer provides the velocity.
     accelerometer
-        Parameters of the accelerometers; None if there are none, so that a feedforward is not tried.
+        Parameters of the accelerometers; None without accelerometers, so that the feedforward is not tried.
     is_custom
-        Whether the law is not of this package; it is then stepped with zeros alone.
+        Whether it is a custom controller, which is stepped only with zeros.
     """
 
     node: str
@@ -272,7 +272,7 @@ class ControllerTrial:
     is_custom: bool = False
 
     def attempt(self, *, is_change: bool) -> Attempt:
-        """Return the attempt: make and step law and DSP, and the blocks around the law."""
+        """Return the attempt: construct and step controller and DSP, and the blocks around the controller."""
 
         def attempt(sets: Sets) -> None:
             numbers = list(self._outputs(sets, is_change))
@@ -311,7 +311,7 @@ class ControllerTrial:
         parameters = sets[NODES[self.node].block_parameters]
         law: Any = self.make(parameters, self.sample_time)
         if is_updated:
-            # A law that is not of this package may have no use for other parameters.
+            # A custom controller may not support a parameter change.
             law.update(parameters)
         made: Controller = law
         return made

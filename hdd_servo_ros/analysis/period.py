@@ -1,22 +1,22 @@
-"""The period of a reference, from its samples alone."""
+"""The period of a reference, estimated from its samples."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 _TOLERANCE = 1e-6
-"""By how much of its span a reference may differ from what it is taken for: stamps and messages carry float64."""
+"""Tolerance as a fraction of the span of a reference: stamps and messages have float64 precision."""
 
 
 def sine_period(position: ArrayLike, acceleration: ArrayLike) -> float | None:
     """
-    Return the period of a sine [s], None if the reference is none.
+    Return the period of a sine [s]; None if the reference is not a sine.
 
-    Its acceleration is -omega^2 (x - c), a straight line over x, whatever its phase and offset c.
+    The acceleration of a sine is -omega^2 (x - c), a straight line over x for any phase and offset c.
 
     Parameters
     ----------
     position, acceleration
-        Of the reference, shape (n,), the latter per s^2.
+        Position and acceleration of the reference, shape (n,).
     """
     x, a = (np.asarray(values, dtype=np.float64) for values in (position, acceleration))
     x = x - 0.5 * (x.max() + x.min())
@@ -30,18 +30,18 @@ def sine_period(position: ArrayLike, acceleration: ArrayLike) -> float | None:
 
 def repeat(position: ArrayLike) -> int | None:
     """
-    Return after how many samples a reference repeats, None if it does not twice at least, or stands still.
+    Return the period of a reference in samples; None if it has fewer than two periods, or is constant.
 
     Parameters
     ----------
     position
-        Of the reference, shape (n,).
+        Position of the reference, shape (n,).
     """
     x = np.asarray(position, dtype=np.float64)
     span = float(x.max() - x.min())
     if span == 0.0:
         return None
-    # By how much the first half differs from what comes a lag later, from sums of squares and one correlation.
+    # Difference of the first half from the same samples a lag later, from sums of squares and one correlation.
     half = len(x) // 2
     x = (x - x.min()) / span
     head = x[:half]

@@ -1,14 +1,14 @@
 """
-Least-squares fit of a transfer function of given order to a frequency response, (3.21) to (3.26).
+Least-squares fit of a transfer function of given order to a frequency response (thesis eqs. 3.21 to 3.26).
 
-Levy's least squares on the complex plane weighs every point with |D|^2, which over a wide band means by the resonances
-and the highest frequencies alone. :func:`identify` offers it as it stands in the thesis, and the iteration of
-Sanathanan and Koerner (IEEE Transactions on Automatic Control 8, 1963), which divides by the |D| of the round before.
+Levy's least squares on the complex plane weights every point with ``|D|^2``: over a wide band the resonances and the
+highest frequencies dominate. :func:`identify` has this method as printed in the thesis, and the iteration of Sanathanan
+and Koerner (IEEE Transactions on Automatic Control 8, 1963), which divides by ``|D|`` of the previous iteration.
 
-Powers of s over three decades span 10^30 at order ten, so neither polynomial is ever written in them: numerator and
-denominator are sums of polynomials that are orthonormal on the weighted points, made by the Arnoldi process (Brubeck,
-Nakatsukasa and Trefethen, "Vandermonde with Arnoldi", SIAM Review 63, 2021). Their roots are eigenvalues of the
-process's Hessenberg matrix with one column changed. The frequency is normalized by the highest one.
+Powers of s over three decades span 10^30 at order ten. Numerator and denominator are therefore sums of polynomials that
+are orthonormal on the weighted points, from the Arnoldi process (Brubeck, Nakatsukasa and Trefethen, "Vandermonde with
+Arnoldi", SIAM Review 63, 2021). Their roots are eigenvalues of the Hessenberg matrix of the process with one column
+changed. Frequencies are normalized by the highest one.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ LEVY = 'levy'
 SANATHANAN_KOERNER = 'sanathanan-koerner'
 METHODS = (SANATHANAN_KOERNER, LEVY)
 ITERATIONS = 20
-"""Rounds of the iteration at most; it settles in about five."""
+"""Largest number of iterations; about five are enough."""
 _SETTLED = 1e-6
 _LEAST_WEIGHED = 1e-15
 
@@ -43,24 +43,26 @@ def identify(
     method: str = SANATHANAN_KOERNER,
 ) -> Model:
     """
-    Fit a transfer function with so many poles and zeros.
+    Fit a transfer function with given numbers of poles and zeros.
 
     Parameters
     ----------
     frequency
-        [Hz], shape (n,).
+        Frequencies [Hz], shape (n,).
     response
-        Complex, shape (n,), of a continuous system: divide a sampled one by :func:`~hdd_servo_ros.bench.response.held`.
+        Complex response of a continuous system, shape (n,); divide a sampled response by
+        :func:`~hdd_servo_ros.bench.response.held`.
     poles, zeros
-        n and m of (3.21), with zeros <= poles; integrators count among the poles.
+        Orders n and m (thesis eq. 3.21), with zeros <= poles; integrators count as poles.
     integrators
-        How many of the poles are known to be at 0.
+        Number of poles known to be at 0.
     deviation
-        Standard deviation of each point, shape (n,), whose inverse is the weight of W_k = 1/deviation^2 in (3.23); by
-        default the magnitude, so that every point counts by its relative error.
+        Standard deviation of each point, shape (n,), for the weights W_k = 1/deviation^2 (thesis eq. 3.23); by default
+        the magnitude, which weights relative errors equally.
     method
-        ``'levy'``: the least squares (3.25), once, without any weight, as printed. ``'sanathanan-koerner'``: weighted,
-        and iterated with ``1/|D|^2`` of the round before; the round with the least error (3.23) is returned.
+        ``'levy'``: least squares (thesis eq. 3.25), once and without weights, as printed. ``'sanathanan-koerner'``:
+        weighted, and iterated with ``1/|D|^2`` of the previous iteration; the result with the smallest error (thesis
+        eq. 3.23) is returned.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def identify(
 
     Examples
     --------
-    A double integrator with one mode at 4 kHz is found again from 60 points:
+    Recover a double integrator with one mode at 4 kHz from 60 points:
 
     >>> import numpy as np
     >>> from hdd_servo_ros.analysis.rational_fit import identify
@@ -89,11 +91,11 @@ def identify(
     _check(f, measured, poles, zeros, integrators, method)
     sigma = np.abs(measured) if deviation is None else np.asarray(deviation, dtype=np.float64)
     if sigma.shape != f.shape or not np.all(sigma > 0.0) or not np.all(np.isfinite(sigma)):
-        raise ValueError('deviation must hold one positive number a point')
+        raise ValueError('deviation must have one positive number per point')
     unit = 2.0 * np.pi * float(f.max())
     s: ComplexArray = np.asarray(2j * np.pi * f / unit, dtype=np.complex128)
     factor = s**integrators
-    # Everything below is about G s^integrators, whose scale is taken out as well.
+    # The following uses G s^integrators, normalized by its scale.
     scale = float(np.median(np.abs(measured * factor)))
     target: ComplexArray = np.asarray(measured * factor / scale, dtype=np.complex128)
     inverse = scale / (sigma * np.abs(factor))
@@ -118,25 +120,25 @@ def identify(
             break
         last = error
         magnitude = np.abs(denominator)
-        # A denominator that a poor start leaves at nothing somewhere must not make that point the only one.
+        # A denominator near zero after a poor start must not give all the weight to one point.
         weight = start / np.maximum(magnitude, _LEAST_WEIGHED * magnitude.max())
     assert best is not None
     return best
 
 
 def least_points(poles: int | None, zeros: int, integrators: int = 0) -> int:
-    """Return how many points :func:`identify` takes at least, or, with None for the poles, a selection of the order."""
+    """Return the smallest number of points for :func:`identify`, or for order selection if ``poles`` is None."""
     if poles is None:
-        # Of two real numbers a point, half are to tell a good fit from an exact one.
+        # Each point has two real numbers; half of them distinguish a good fit from an exact one.
         return max(integrators, 1) - integrators + 1
     return -(-(poles - integrators + zeros + 1) // 2)
 
 
 def _check(f: Array, response: ComplexArray, poles: int, zeros: int, integrators: int, method: str) -> None:
     if method not in METHODS:
-        raise ValueError(f'method is {method!r}; there are {", ".join(METHODS)}')
+        raise ValueError(f'unknown method {method!r}; expected {", ".join(METHODS)}')
     if not 0 <= integrators <= poles or not 0 <= zeros <= poles:
-        raise ValueError(f'{poles} poles, {zeros} zeros, {integrators} integrators: neither may exceed the poles')
+        raise ValueError(f'{zeros} zeros or {integrators} integrators exceed the {poles} poles')
     if f.ndim != 1 or f.shape != response.shape:
         raise ValueError(f'frequency and response must have one shape, not {f.shape} and {response.shape}')
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(response)) and np.all(f > 0.0) and np.all(response != 0.0)):
@@ -149,7 +151,7 @@ def _check(f: Array, response: ComplexArray, poles: int, zeros: int, integrators
 def _linear_fit(
     s: ComplexArray, target: ComplexArray, weight: Array, poles: int, zeros: int
 ) -> tuple[ComplexArray, ComplexArray, Model]:
-    """Minimize sum |weight (N - D target)|^2, (3.25), with the leading coefficient of D fixed; return N/D, D, model."""
+    """Minimize sum ``|weight (N - D target)|^2`` (thesis eq. 3.25) for a fixed leading coefficient of D."""
     numerator = _orthonormal(s, weight, zeros)
     denominator = _orthonormal(s, weight * target, poles)
     columns = np.hstack((numerator.values, -denominator.values[:, :poles]))
@@ -159,20 +161,20 @@ def _linear_fit(
     )[0]
     b, a = solution[: zeros + 1], np.append(solution[zeros + 1 :], 1.0)
     n_values = numerator.values @ b / weight
-    # Data without noise may leave a coefficient at exactly nothing: there are as many zeros fewer.
+    # Data without noise may give a coefficient of exactly 0, and so fewer zeros.
     significant = np.flatnonzero(np.abs(b) > np.finfo(np.float64).tiny * np.abs(b).max())
     b = b[: 1 + int(significant.max(initial=0))]
     d_values = denominator.values @ a / (weight * target)
     leading = numerator.leading(b) / denominator.leading(a)
     model = Model(numerator.roots(b), denominator.roots(a), leading, np.nan)
-    with np.errstate(divide='ignore', invalid='ignore'):  # the caller sees to what is not finite
+    with np.errstate(divide='ignore', invalid='ignore'):  # the caller handles values that are not finite
         fitted = n_values / d_values
     return fitted, d_values, model
 
 
 @dataclasses.dataclass(frozen=True)
 class _Basis:
-    """Polynomials that are orthonormal under a weight: their weighted values, their recurrence, and the constant."""
+    """Polynomials that are orthonormal under a weight: weighted values, recurrence, and constant."""
 
     values: ComplexArray
     recurrence: Array
@@ -205,7 +207,7 @@ def _orthonormal(s: ComplexArray, weight: ComplexArray | Array, degree: int) -> 
     weight
         Factor of each point's value, shape (n,); it may be complex.
     degree
-        Of the last polynomial.
+        Degree of the last polynomial.
     """
     values = np.empty((len(s), degree + 1), dtype=np.complex128)
     recurrence = np.zeros((degree + 1, max(degree, 1)))
@@ -213,7 +215,7 @@ def _orthonormal(s: ComplexArray, weight: ComplexArray | Array, degree: int) -> 
     values[:, 0] = constant * weight
     for i in range(degree):
         new = s * values[:, i]
-        for _ in range(2):  # once more, against the rounding of the first time
+        for _ in range(2):  # repeated against rounding
             parts = (values[:, : i + 1].conj().T @ new).real
             new = new - values[:, : i + 1] @ parts
             recurrence[: i + 1, i] += parts

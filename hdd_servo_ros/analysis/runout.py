@@ -1,4 +1,4 @@
-"""Repeatable and non-repeatable position error: the mean over revolutions of each servo sector, and the rest."""
+"""Repeatable and non-repeatable position error: the mean over revolutions per servo sector, and the rest."""
 
 import dataclasses
 
@@ -17,15 +17,15 @@ class RunoutParts:
     Attributes
     ----------
     sectors, revolutions
-        Samples per revolution, and the number of whole revolutions that count.
+        Samples per revolution, and number of complete revolutions.
     repeatable
-        RPE: mean over the revolutions of each sector, shape (sectors,); index 0 is the sector of the first sample of
-        the signal. Averaging K revolutions leaves 1/K of the variance of the NRPE in it.
+        Repeatable position error (RPE): mean over the revolutions per sector, shape (sectors,). Index 0 is the sector
+        of the first sample. Averaging K revolutions leaves 1/K of the variance of the NRPE in it.
     repeatable_peak_to_peak, repeatable_three_sigma
-        Of the RPE.
+        Peak to peak, and 3 sigma, of the RPE.
     non_repeatable_peak_to_peak, non_repeatable_three_sigma
-        Of the NRPE, what remains of the error. Its sigma is corrected for the sectors' means taken from the same
-        samples: root of the sum of squares over sectors (revolutions - 1).
+        Peak to peak, and 3 sigma, of the non-repeatable position error (NRPE), the rest. Sigma accounts for the means
+        taken from the same samples: root of the sum of squares over sectors (revolutions - 1).
     """
 
     sectors: int
@@ -37,7 +37,7 @@ class RunoutParts:
     non_repeatable_three_sigma: float
 
     def scaled(self, factor: float) -> 'RunoutParts':
-        """Return the same in another unit, by the factor to it."""
+        """Return the parts multiplied by a factor, for another unit."""
         return RunoutParts(
             self.sectors,
             self.revolutions,
@@ -56,22 +56,23 @@ def runout_parts(error: ArrayLike, sectors: int) -> RunoutParts:
     Parameters
     ----------
     error
-        Position error after the transient, one sample per servo sector, shape (n,); the last whole revolutions count.
+        Position error after the transient, one sample per servo sector, shape (n,); the last complete revolutions are
+        used.
     sectors
-        Servo sectors, and thus samples, per revolution.
+        Servo sectors (samples) per revolution.
 
     Raises
     ------
     ValueError
-        If there are less than two sectors, or less than two whole revolutions.
+        If the number of sectors or of complete revolutions is below two.
     """
     y = np.asarray(error, dtype=np.float64)
     if sectors < 2:
-        raise ValueError(f'sectors = {sectors}: a revolution has at least 2 servo sectors')
+        raise ValueError(f'sectors = {sectors} is invalid; expected at least 2 servo sectors per revolution')
     revolutions = len(y) // sectors
     if revolutions < 2:
         raise ValueError(
-            f'RPE and NRPE need two whole revolutions of {sectors} samples after the transient, and there are '
+            f'RPE and NRPE need two complete revolutions of {sectors} samples after the transient; the signal has '
             f'{len(y)} samples'
         )
     mean = repeatable_parts(y, float(sectors)).waveform

@@ -1,4 +1,4 @@
-"""Peak sensitivity and stability of a loop with the cancellation of repeatable runout, at its steady gain."""
+"""Peak sensitivity and stability of a loop with runout cancellation, at its steady gain."""
 
 import dataclasses
 import math
@@ -19,26 +19,26 @@ from hdd_servo_ros.control.runout_parameters import RunoutParameters
 from hdd_servo_ros.disturbance.parameters import DisturbanceParameters
 
 MAX_RUNOUT_SENSITIVITY = 2.2
-"""Largest peak sensitivity with the cancellation: a tenth more than without."""
+"""Largest peak sensitivity with the cancellation: 10 % above that without it."""
 _PHASES = 64
-"""Of exp(-2 pi j f T N), at which the worst sensitivity between two harmonics is searched for."""
+"""Number of phases of exp(-2 pi j f T N) in the search for the worst sensitivity between two harmonics."""
 _BESIDE = np.concatenate([-np.geomspace(0.5, 1e-3, 60), np.geomspace(1e-3, 0.5, 60)])
 """Frequencies next to a harmonic, in revolutions per second over the speed."""
 
 
 class RunoutMargin(NamedTuple):
-    """What the cancellation does to a loop."""
+    """Effect of the cancellation on a loop."""
 
     peak: float
     """Peak sensitivity, infinite if the loop is unstable."""
     slowest: float
-    """Largest factor by which what an order has still to learn changes in a revolution; from 1 on it diverges."""
+    """Largest factor per revolution of the remaining error of an order; it diverges from 1 on."""
     worst_order: int
-    """The order of that."""
+    """The order with that factor."""
 
 
 def linear_law(controller: Controller, delay: int) -> LinearController | None:
-    """Return a controller of this package as a linear one, estimates being the initial ones; None for another."""
+    """Return the linear form of a controller of this package with initial estimates; None for a custom one."""
     if isinstance(controller, Pid):
         return pid_law(controller.parameters, delay)
     if isinstance(controller, AdaptiveNn):
@@ -50,18 +50,18 @@ def runout_margin(
     margins: LoopMargins, law: LinearController, runout: RunoutParameters, path: NDArray[np.float64]
 ) -> RunoutMargin:
     """
-    Return the margin of a loop with the cancellation, in presliding or sliding, whichever is worse.
+    Return the margin of a loop with the cancellation, the worse of presliding and sliding.
 
     With S of the loop without it, H the response of the error to the voltage and the steady gain g, the sensitivity is
-    S/(1 + H C). For ``harmonics``, C is a sum of resonators at the orders: e -> u_rro is linear and does not depend on
-    time (Bodson, Sacks and Khosla, 1994), and the poles of the loop are computed. For ``repetitive``, with H_m the
-    model's response and
+    S/(1 + H C). For ``harmonics``, C is a sum of resonators at the orders: e -> u_rro is linear and time-invariant
+    (Bodson, Sacks and Khosla, 1994), and the poles of the loop are computed. For ``repetitive``, with H_m the model's
+    response and
 
         W = (Q/H_m) g z^-N/(1 - (1 - g) z^-N),    1 + H C = (1 + W (H - H_m))/(1 - W H_m),
 
-    each order k changes from revolution to revolution by the factor 1 - g (1 + Q (H/H_m - 1)), and the peak is that
-    over all frequencies and all phases of z^-N. Both hold for an order that changes slowly: that the filter begins anew
-    in each revolution, and that the path remembers the last one, is left out.
+    each order k changes per revolution by the factor 1 - g (1 + Q (H/H_m - 1)), and the peak is taken over all
+    frequencies and all phases of z^-N. Both hold for slowly changing orders: the restart of the filter in each
+    revolution and the memory of the path are neglected.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def runout_margin(
     runout
         The cancellation.
     path
-        The pulse response that the cancellation has, from :func:`~hdd_servo_ros.analysis.feedforward_path.runout_path`.
+        Pulse response used by the cancellation, from :func:`~hdd_servo_ros.analysis.feedforward_path.runout_path`.
     """
     makes = _harmonics if runout.method == 'harmonics' else _repetitive
     found = [makes(margins, law, runout, path, index) for index in range(len(margins.drives))]
@@ -85,7 +85,7 @@ def runout_margin(
 def _diverges_at_first(
     margins: LoopMargins, law: LinearController, runout: RunoutParameters, path: NDArray[np.float64]
 ) -> bool:
-    """Return whether harmonics is unstable with the larger gain at the beginning."""
+    """Return whether ``harmonics`` is unstable with its larger initial gain."""
     if runout.method != 'harmonics' or runout.initial_gain <= runout.gain:
         return False
     first = dataclasses.replace(runout, gain=runout.initial_gain)
@@ -98,7 +98,7 @@ def _turns(runout: RunoutParameters, sample_time: float) -> float:
 
 
 def _model(path: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the response of a pulse response at frequencies in turns per sample."""
+    """Return the response of a pulse response at frequencies in cycles per sample."""
     return np.asarray(np.exp(-2j * np.pi * np.outer(turns, np.arange(len(path)))) @ path)
 
 
@@ -121,7 +121,7 @@ def _harmonics(
         entered[: len(drive.a)] = drive.b[:, 0]
     position = np.zeros(size)
     position[: len(drive.a)] = drive.c[0]
-    # The states of an order are a - j b in the frame that stands still.
+    # The states of an order are a - j b in the fixed frame.
     whole = np.zeros((size + 2 * count, size + 2 * count))
     whole[:size, :size] = loop - np.outer(entered, position) * float(np.sum(gains * phases.real))
     for i in range(count):
@@ -160,7 +160,7 @@ def _repetitive(
     if factors[worst] >= 1.0:
         return RunoutMargin(math.inf, float(factors[worst]), int(orders[worst]))
     frequencies = np.unique(np.concatenate([margins.frequencies, orders / (samples * sample_time)]))
-    # Beyond the highest order there is no learning.
+    # No learning above the highest order.
     frequencies = frequencies[frequencies <= orders[-1] / (samples * sample_time)]
     low_pass = _low_pass(runout, frequencies)[:, None]
     ratio = (margins.path(law, index, frequencies) / _model(path, frequencies * sample_time))[:, None]
@@ -179,7 +179,7 @@ def _low_pass(runout: RunoutParameters, frequencies: NDArray[np.float64]) -> NDA
 
 
 def speed_warnings(runout: RunoutParameters, disturbance: DisturbanceParameters | None) -> tuple[str, ...]:
-    """Return a line if the cancellation takes another speed than that of the spindle with the runout; else none."""
+    """Return a warning if the speed of the cancellation differs from that of the spindle."""
     if disturbance is None or not disturbance.runout.repeatable.enabled:
         return ()
     own, spindle = runout.revolutions_per_minute, disturbance.spindle.revolutions_per_minute
@@ -187,7 +187,7 @@ def speed_warnings(runout: RunoutParameters, disturbance: DisturbanceParameters 
         return ()
     return (
         f'cancellation of runout: runout.revolutions_per_minute is {own:g}, but the spindle of disturbance_generator '
-        f'turns at {spindle:g} 1/min: nothing repeats at the other speed',
+        f'turns at {spindle:g} 1/min: the runout does not repeat at the other speed',
     )
 
 
@@ -195,9 +195,9 @@ def runout_warnings(
     controller: Controller, loop: LoopSurroundings, runout: RunoutParameters, path: NDArray[np.float64]
 ) -> tuple[str, ...]:
     """
-    Return a line if the cancellation makes the loop around this drive unstable, or its margin too low; else none.
+    Return a warning if the cancellation makes the loop unstable, or its margin too low.
 
-    A loop that is so without it has the warning of :func:`~hdd_servo_ros.analysis.fragility.warnings`.
+    A loop that is so without the cancellation has the warning of :func:`~hdd_servo_ros.analysis.fragility.warnings`.
     """
     law = linear_law(controller, loop.delay)
     if law is None:
@@ -215,7 +215,7 @@ def runout_warnings(
     if found.peak <= max(MAX_RUNOUT_SENSITIVITY + ROUNDING, MAX_RUNOUT_SENSITIVITY / MAX_SENSITIVITY * without):
         return ()
     if found.slowest >= 1.0:
-        remedy = 'leave the order out' if runout.method == 'harmonics' else 'lower runout.cutoff'
+        remedy = 'remove the order' if runout.method == 'harmonics' else 'lower runout.cutoff'
         return (
             f'cancellation of runout: order {found.worst_order} diverges ({where}), since the model is wrong there: '
             f'correct runout.model, or {remedy}',

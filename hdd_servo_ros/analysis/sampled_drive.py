@@ -1,8 +1,8 @@
 """
-The drive linearized and sampled: a state space between two ticks, and its frequency response.
+The linearized and sampled drive: a discrete state-space model, and its frequency response.
 
-It is obtained from the plant's own step by a small change of each state and of u, so that everything that the step
-computes is included.
+It is computed from the step of the plant by small changes of each state and of u, so that it includes everything that
+the step computes.
 """
 
 import dataclasses
@@ -20,17 +20,17 @@ Array = NDArray[np.float64]
 
 _INDEX = {name: field[1] // 8 for name, field in (PLANT_STATE.fields or {}).items()}
 _BODY = [_INDEX[name] for name in ('position', 'velocity', 'amplifier', 'coil', 'mean_friction')]
-"""Where the states of body, driver and contact are among the numbers of ``PLANT_STATE``."""
+"""Indices of the states of body, driver and contact in ``PLANT_STATE``."""
 
 SPRING_MODELS = ('tangential_stiffness', 'complete', 'dahl', 'lugre', 'lugre_position', 'rbf_network')
-"""Friction models whose contact yields at rest; the others hold the body at rest, or have no friction there."""
+"""Friction models with an elastic contact at rest; the others lock the body, or have no friction there."""
 NOT_VISCOUS_MODELS = ('none', 'stiction', 'tangential_stiffness', 'coulomb', 'drag', 'dahl', 'rbf_network')
-"""Friction models of which no damping is left in fast sliding, or, with drag, in slow sliding."""
+"""Friction models without damping in fast sliding or, with drag, in slow sliding."""
 SMALL = 1e-7
 """
-Change of a state with which the step is linearized, relative to the deflection at which friction breaks away.
+Change of a state for the linearization, relative to the breakaway deflection of the friction.
 
-The contact's nonlinearity changes a coefficient by about as much, and rounding by a hundredth of it.
+The nonlinearity of the contact changes a coefficient by about the same fraction, rounding by a hundredth of it.
 """
 
 
@@ -39,7 +39,7 @@ class SampledDrive:
     """
     x_{k+1} = A x_k + B u_k, (position, velocity)_k = C x_k: the drive with hold and sampler, u_k held from tick k on.
 
-    There is no further delay: as in the loop, u_k answers the measurement of tick k and acts from then on.
+    No further delay is included: as in the loop, u_k depends on the measurement of tick k and acts from then on.
     """
 
     a: Array
@@ -57,9 +57,9 @@ class SampledDrive:
 
     @functools.cached_property
     def _partial_fractions(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        """Poles, and residues of shape (2, poles); None for these where A has no full set of eigenvectors."""
+        """Return poles, and residues of shape (2, poles), or None if A has no full set of eigenvectors."""
         poles, vectors = np.linalg.eig(self.a)
-        # A free body has a double pole at z = 1, and a delay as many at 0.
+        # A free body has a double pole at z = 1, a delay of n samples n poles at 0.
         if not np.linalg.cond(vectors) < 1e10:
             return poles, None
         return poles, (self.c @ vectors) * np.linalg.solve(vectors, self.b.astype(np.complex128))[:, 0]
@@ -72,9 +72,9 @@ class SampledDrive:
 
 def has_presliding_spring(friction: FrictionParameters) -> bool:
     """
-    Return whether the friction is a spring at rest.
+    Return whether the friction acts as a spring at rest.
 
-    Without one there is a loop in sliding only: at rest, static friction holds the body against any small u.
+    Otherwise the loop is linear only in sliding: at rest, static friction locks the body against any small u.
     """
     return friction.model in SPRING_MODELS
 
@@ -82,28 +82,28 @@ def has_presliding_spring(friction: FrictionParameters) -> bool:
 @functools.lru_cache(16)
 def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) -> SampledDrive:
     """
-    Linearise the drive as it is integrated from tick to tick.
+    Return the linearized drive with the integration of a run.
 
-    Those of the last few drives are kept: the runs of a campaign, and the parts of one run, share them.
+    The results for the last few drives are cached, for the runs of a campaign and the parts of a run.
 
     Parameters
     ----------
     plant
-        The drive; its saturation, its disturbance and its initial state do not count.
+        The drive; its saturation, disturbance and initial state are ignored.
     sample_time
-        T [s].
+        Sample time T [s].
     presliding
-        True: around rest, where the friction is a spring, as for the smallest motion. False: in sliding, where the
-        viscous coefficient alone is left of the friction.
+        True: at rest, where the friction is a spring, as for the smallest motion. False: in sliding, where only the
+        viscous part of the friction remains.
 
     Raises
     ------
     ValueError
-        If ``presliding`` is true and the friction is not a spring at rest.
+        If ``presliding`` is true and the friction does not act as a spring at rest.
     """
     friction = plant.friction
     if presliding and not has_presliding_spring(friction):
-        raise ValueError(f'friction model {friction.model} is not a spring at rest: {", ".join(SPRING_MODELS)} are')
+        raise ValueError(f'friction model {friction.model} has no spring at rest; expected {", ".join(SPRING_MODELS)}')
     block = Plant(
         dataclasses.replace(
             plant,
@@ -120,12 +120,12 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
 
 def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
     """
-    Return what is left of a friction in sliding: its viscous part.
+    Return the viscous part of a friction, which remains in sliding.
 
-    Of the falling level nothing is left in fast sliding; drag grows with the speed and is least in slow sliding.
+    The Stribeck term vanishes in fast sliding; drag grows with speed and is smallest in slow sliding.
     """
     viscous = 0.0 if friction.model in NOT_VISCOUS_MODELS else friction.viscous_coefficient
-    # LuGre with a contact that carries nothing: a damper without a kink at rest, integrated as in the run.
+    # LuGre with a contact that carries no load: a damper without a kink at rest, integrated as in the run.
     return FrictionParameters(
         model='lugre',
         stiffness=1e-200,
@@ -137,23 +137,23 @@ def sliding_friction(friction: FrictionParameters) -> FrictionParameters:
 
 
 def _steps(plant: PlantParameters, sample_time: float) -> tuple[float, float, float]:
-    """Return the changes of positions [um], velocities [um/s] and voltages [V] with which the step is linearized."""
+    """Return the changes of positions [um], velocities [um/s] and voltages [V] for the linearization."""
     friction = plant.friction
     breakaway = friction.coulomb_level / friction.stiffness
     if friction.model == 'rbf_network':
         breakaway = min(friction.position_width, sample_time * friction.velocity_width)
     position = SMALL * breakaway
-    # What moves the body by about as much within a sample, as far as the drive takes it.
+    # A voltage that moves the body by about the same distance per sample, within the limits of the drive.
     voltage = min(position / (plant.rigid_gain * sample_time**2), 0.5 * plant.control_limit)
     return position, position / sample_time, voltage
 
 
 def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive:
-    """Return the derivatives of the plant's step around rest, for changes as of :func:`_steps`."""
+    """Return the derivatives of the step of the plant at rest, for the changes of :func:`_steps`."""
     position_step, velocity_step, voltage_step = steps
     rest = plant.state.copy()
     at_rest = record(rest, PLANT_STATE)
-    # A network of nodes may hold a force at rest, which u and the driver balance.
+    # A network of contacts may hold a force at rest, which u and the driver balance.
     held = float(at_rest.friction)
     at_rest.mean_friction = at_rest.coil = held
     actuator = plant.parameters.actuator
@@ -170,7 +170,7 @@ def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
         for name in names:
             kick[_INDEX[name]] = step
         kicks.append((kick, np.zeros_like(plant.motion), 0.0, step))
-    # The modes are linear, so the size of their step does not matter.
+    # The modes are linear, so that the size of their change does not matter.
     for index in np.ndindex(plant.motion.shape):
         motion = np.zeros_like(plant.motion)
         motion[index] = 1.0
@@ -182,7 +182,7 @@ def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
         plant.state[:], plant.motion[:] = state, motion
         now = np.array(plant.output()[:2])
         plant.step(1, u)
-        # A record of each state would take longer than the step.
+        # A record per state would take longer than the step.
         return now, np.concatenate([plant.state[_BODY], plant.motion.ravel()])
 
     columns, shown = [], []
@@ -195,7 +195,7 @@ def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
 
 
 def _reduced(drive: SampledDrive) -> SampledDrive:
-    """Return a drive without the states that u does not reach, or that reach no output."""
+    """Return a drive without the states that are not controllable or not observable."""
     linked = drive.a != 0.0
     reached, shown = (drive.b != 0.0).any(axis=1), (drive.c != 0.0).any(axis=0)
     for _ in range(len(linked)):

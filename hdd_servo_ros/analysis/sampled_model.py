@@ -1,4 +1,4 @@
-"""A drive and a sensor for the constants of a run: a sampled model, and a vibrometer without a fault."""
+"""A sampled model of the drive and an ideal sensor, for constants that are computed before a run."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -7,7 +7,7 @@ from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.numerics.transition import held_input_transition
 
 NO_SCALES = SensorScales(0.0, 0.0)
-"""Of a sensor without voltages, or where no controller reads them."""
+"""Scales of a sensor without voltages, or without a controller that reads them."""
 
 
 class RigidModel(Protocol):
@@ -19,16 +19,16 @@ class RigidModel(Protocol):
 
     @property
     def stiffness(self) -> float:
-        """Of the pivot's friction [V/um]."""
+        """Stiffness of the pivot friction [V/um]."""
 
     @property
     def viscous_coefficient(self) -> float:
-        """Of the pivot's friction [V s/um]."""
+        """Viscous coefficient of the pivot friction [V s/um]."""
 
 
 class SampledModel:
     """
-    A model of the drive with u held over each sample, at rest at 0, by plain arithmetic in a fixed order.
+    A model of the drive with u held over each sample, initially at rest at 0, with a fixed order of operations.
 
     The states are position and velocity times T of the rigid body, then two per resonance: with (b2 s^2 + b1 s + b0)/
     (s^2 + a1 s + a0) = b2 + ((b1 - b2 a1) s + b0 - b2 a0)/(s^2 + a1 s + a0), the response q of the last fraction with a
@@ -39,9 +39,9 @@ class SampledModel:
     model
         The rigid body.
     numerators, denominators
-        Of the resonances in series: b2, b1, b0 and a2, a1, a0 of each, one after the other.
+        Coefficients b2, b1, b0 and a2, a1, a0 of the resonances in series, concatenated.
     sample_time
-        T [s].
+        Sample time T [s].
     """
 
     def __init__(
@@ -69,14 +69,14 @@ class SampledModel:
             shown[q] += (b0 - b2 * a0) * sample_time * sample_time
             shown[rate_of_q] += (b1 - b2 * a1) * sample_time
         self._position = shown
-        # The velocity times T; no voltage reaches it, as it passes the velocity of the body first.
+        # The velocity times T; it has no direct term of the voltage, which first changes the velocity of the body.
         columns = zip(*dynamics, strict=True)
         self._travel = [0.0, 1.0] if size == 2 else [_product(shown, column) * sample_time for column in columns]
         self._transition, self._response = held_input_transition(dynamics, inputs, sample_time)
         self._states = [0.0] * size
 
     def start(self, position: float, velocity: float) -> None:
-        """Let the rigid body be at a position [um] with a velocity [um/s], its resonances at rest."""
+        """Set position [um] and velocity [um/s] of the rigid body, with its resonances at rest."""
         self._states[:2] = position, velocity * self._sample_time
 
     def output(self) -> tuple[float, float]:
@@ -84,7 +84,7 @@ class SampledModel:
         return _product(self._position, self._states), _product(self._travel, self._states) / self._sample_time
 
     def step(self, control: float) -> None:
-        """Advance by a sample over which a voltage is held."""
+        """Advance by one sample with a held voltage."""
         self._states = [
             _product(row, self._states) + response * control
             for row, response in zip(self._transition, self._response, strict=True)
@@ -99,7 +99,7 @@ def _product(row: Sequence[float], states: Sequence[float]) -> float:
 
 
 def ideal_outputs(sensor: SensorScales, position: float, velocity: float) -> tuple[float, float]:
-    """Return the outputs of an ideal sensor [V], 0 of one without scales."""
+    """Return the outputs of an ideal sensor [V]; 0 for a sensor without scales."""
     return (
         position / sensor.displacement if sensor.displacement else 0.0,
         velocity / sensor.velocity if sensor.velocity else 0.0,

@@ -1,4 +1,4 @@
-"""The servo sensor and its observer in the loop, as a linear filter of the head's position and the command."""
+"""Servo sensor and velocity observer in the loop, as a linear filter of position and command."""
 
 import dataclasses
 
@@ -13,16 +13,16 @@ Array = NDArray[np.float64]
 
 class SampledObserver:
     """
-    What a controller takes for the velocity, as a linear filter of measured position and held command.
+    The velocity estimate of a controller, as a linear filter of measured position and held command.
 
-    The position is the true one: noise, quantization and nonlinearity of the sensor and missing sectors are left out.
+    The position is the true one: noise, quantization and nonlinearity of the sensor and missing sectors are neglected.
 
     Parameters
     ----------
     parameters
         The observer.
     sample_time
-        T [s].
+        Sample time T [s].
     """
 
     def __init__(self, parameters: ObserverParameters, sample_time: float) -> None:
@@ -33,12 +33,12 @@ class SampledObserver:
 
     def responses(self, frequencies: ArrayLike) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """
-        Return the velocity over the position [1/s], and over the command that is held from its tick on [um/s/V].
+        Return the responses of the velocity to the position [1/s] and to the command held from its tick on [um/s/V].
 
         Parameters
         ----------
         frequencies
-            Where [Hz].
+            Frequencies [Hz].
         """
         z = np.exp(2j * np.pi * np.asarray(frequencies, float) * self.sample_time)[:, None, None]
         remembered = np.eye(2) - self._kept @ self._transition / z
@@ -47,7 +47,7 @@ class SampledObserver:
         return velocity[:, 0], velocity[:, 1]
 
     def after(self, drive: SampledDrive) -> SampledDrive:
-        """Return a drive with this observer: its outputs are position and velocity as the controller takes them."""
+        """Return a drive with this observer, whose outputs are position and velocity for the controller."""
         n = len(drive.a)
         position = drive.c[:1]
         corrected = np.hstack([self._gains[:, None] @ position, self._kept])

@@ -1,4 +1,4 @@
-"""The vibrometer in the loop as a linear filter, obtained from its own step, and the noise of what is measured."""
+"""The vibrometer in the loop as a linear filter, computed from its step, and the measurement noise."""
 
 import dataclasses
 
@@ -16,18 +16,18 @@ Array = NDArray[np.float64]
 
 class SampledSensor:
     """
-    What a controller measures of the head's position and velocity, as a linear filter.
+    The measured position and velocity of a controller, as a linear filter.
 
-    Noise, range, converter and drop-outs are left out: they are not linear.
+    Noise, output range, ADC and drop-outs are neglected, since they are not linear.
 
     Parameters
     ----------
     sensor
         The vibrometer.
     sample_time
-        T [s].
+        Sample time T [s].
     scales
-        By which the controller reads it; its own if not given.
+        Sensor scales of the controller; None for those of the sensor.
     """
 
     def __init__(self, sensor: LdvParameters, sample_time: float, scales: SensorScales | None = None) -> None:
@@ -35,7 +35,7 @@ class SampledSensor:
         used = scales or SensorScales(sensor.displacement_scale, sensor.velocity_scale)
         gains = np.array([used.displacement / sensor.displacement_scale, used.velocity / sensor.velocity_scale])
         self._taps = _taps(sensor, sample_time) * gains[:, None]
-        # Of the low pass y_k = decay y_{k-1} + last x_{k-1} + now x_k; the block has zeros for none.
+        # Coefficients of the low pass y_k = decay y_{k-1} + last x_{k-1} + now x_k; zeros without a low pass.
         c = record(Ldv(sensor, sample_time).arrays[0], LDV)
         has_filter = c.filter_decay > 0.0
         self._decay, self._last = float(c.filter_decay), float(c.filter_last)
@@ -43,22 +43,22 @@ class SampledSensor:
 
     @property
     def is_ideal(self) -> bool:
-        """Whether position and velocity come as they are."""
+        """Whether position and velocity are unchanged."""
         return len(self._taps) == 1 and bool(np.all(self._taps[0] == np.eye(2))) and self._decay == 0.0
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """Return measured over true position and velocity at ``frequencies`` [Hz], shape (len(frequencies), 2, 2)."""
+        """Return the response of measured to true position and velocity [Hz], shape (len(frequencies), 2, 2)."""
         z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
         powers = z[:, None] ** -np.arange(len(self._taps))
         low_pass = (self._now + self._last / z) / (1.0 - self._decay / z)
         return np.asarray(np.einsum('fk,kij->fij', powers, self._taps) * low_pass[:, None, None])
 
     def after(self, drive: SampledDrive) -> SampledDrive:
-        """Return a drive with this sensor: its outputs are what the controller measures."""
+        """Return a drive with this sensor, whose outputs are the measured signals of the controller."""
         if self.is_ideal:
             return drive
         n, past = len(drive.a), len(self._taps) - 1
-        # States: the drive, the motion of the ticks before, and the low pass of both outputs.
+        # States: the drive, the motion of the previous ticks, and the low pass of both outputs.
         low_pass = n + 2 * past
         size = low_pass + 2 * (self._decay > 0.0)
         a, b, seen = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((2, size))
@@ -80,12 +80,12 @@ class SampledSensor:
 
 def noise_densities(sensor: LdvParameters, sample_time: float, frequencies: ArrayLike) -> Array:
     """
-    Return the one-sided spectral densities of the noise on what a controller reads of position and velocity.
+    Return the one-sided spectral densities of the noise on measured position and velocity.
 
     Parameters
     ----------
     sensor
-        The vibrometer; the steps of its converter count as white noise of 1/12 of their square.
+        The vibrometer; quantization by its ADC counts as white noise with 1/12 of the squared step.
     sample_time
         T [s].
     frequencies
@@ -106,17 +106,16 @@ def noise_densities(sensor: LdvParameters, sample_time: float, frequencies: Arra
 
 def servo_noise_density(sensor: ServoSensorParameters, sample_time: float) -> float:
     """
-    Return the one-sided spectral density of the noise on the position that a servo sensor decodes [um^2/Hz]; white.
+    Return the one-sided density of the white noise on the position of a servo sensor [um^2/Hz].
 
-    The steps of its resolution count as white noise of 1/12 of their square. Nonlinearity and missing sectors are left
-    out.
+    Quantization counts as white noise with 1/12 of the squared step. Nonlinearity and missing sectors are neglected.
     """
     step = sensor.track_pitch / 2.0**sensor.bits if sensor.bits else 0.0
     return 2.0 * sample_time * (sensor.noise**2 + step**2 / 12.0)
 
 
 def _taps(sensor: LdvParameters, sample_time: float) -> Array:
-    """Return the response to position and velocity of k ticks ago, the low pass apart, shape (k, 2, 2)."""
+    """Return the response to position and velocity k ticks ago, without the low pass, shape (k, 2, 2)."""
     plain = dataclasses.replace(
         sensor,
         displacement_scale=1.0,

@@ -1,7 +1,7 @@
 """
-Bounds of a seek's time: the time-optimal seek of the rigid body, and the fastest seek of the sampled drive with modes.
+Lower bounds of the seek time: time-optimal seek of the rigid body, and fastest seek of the sampled drive with modes.
 
-Both go from rest to rest against sliding friction, a constant level and a viscous part, and keep abs(u) <= u_max.
+Both are from rest to rest with Coulomb and viscous friction, and with abs(u) <= u_max.
 """
 
 import dataclasses
@@ -18,30 +18,30 @@ from hdd_servo_ros.drive.resonance import ResonanceParameters
 Array = NDArray[np.float64]
 
 NO_LEVEL_MODELS = ('none', 'stiction', 'tangential_stiffness', 'viscous', 'drag', 'rbf_network')
-"""Friction models that have no constant level in fast sliding; the others have ``coulomb_level``."""
+"""Friction models without Coulomb friction in fast sliding; the others have ``coulomb_level``."""
 TOLERANCE = 0.1
-"""Position error within which a seek has arrived, for the fastest seek of the sampled drive [um]."""
+"""Tolerance of the arrival for the fastest seek of the sampled drive [um]."""
 SPREAD = 0.05
-"""Relative change of the modes' frequencies, up and down, with which the same command must still arrive."""
+"""Relative change of the mode frequencies in both directions for which the same command must arrive."""
 PARTS = 5
-"""Instants per sample at which the head is looked at, so that it may arrive between samples."""
+"""Instants per sample, so that the head may arrive between samples."""
 WATCHED = 1.5e-3
-"""Time after arrival for which the head must stay within the tolerance [s]: a mode decays to a fifth in it."""
+"""Time after arrival in which the head must stay within the tolerance [s]; a mode decays to a fifth."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TimeOptimalSeek:
     """
-    The time-optimal seek of the rigid body: full voltage ahead, then full voltage back.
+    The time-optimal seek of the rigid body: full voltage forward, then full voltage backward.
 
     Attributes
     ----------
     time
-        T* [s].
+        Time T* [s].
     peak_velocity
-        Velocity at the change of sign [um/s].
+        Velocity when u changes sign [um/s].
     acceleration_time
-        Time of the change of sign [s].
+        Time when u changes sign [s].
     """
 
     time: float
@@ -57,11 +57,11 @@ class FastestSeek:
     Attributes
     ----------
     time
-        Time at which the head has arrived [s], a multiple of T / ``PARTS``.
+        Arrival time [s], a multiple of T / ``PARTS``.
     error
-        Largest position error from then on [um], for the worst of the drives.
+        Largest position error after it [um], for the worst of the drives.
     control
-        The command of each sample that reaches it [V], shape (n,): u held over [kT, (k+1)T).
+        Command per sample [V], shape (n,): u held over [kT, (k+1)T).
     """
 
     time: float
@@ -70,7 +70,7 @@ class FastestSeek:
 
 
 def sliding_level(plant: PlantParameters) -> float:
-    """Return the constant level of the friction in fast sliding [V]; 0 for a model that has none."""
+    """Return the Coulomb friction in fast sliding [V]; 0 for a model without it."""
     return 0.0 if plant.friction.model in NO_LEVEL_MODELS else plant.friction.coulomb_level
 
 
@@ -78,13 +78,13 @@ def time_optimal_seek(plant: PlantParameters, distance: float) -> TimeOptimalSee
     """
     Return the time-optimal seek of the rigid body with friction, from rest to rest.
 
-    With a = gain, v' = a (u_max - f_c) - a f_v v ahead and v' = -a (u_max + f_c) - a f_v v back. Time and length of
-    both parts are closed forms of the time at which u changes its sign; that follows from the length by bisection.
+    With a = gain, v' = a (u_max - f_c) - a f_v v forward and v' = -a (u_max + f_c) - a f_v v backward. Time and length
+    of both parts are closed forms of the time when u changes sign, which follows from the length by bisection.
 
     Parameters
     ----------
     plant
-        The drive; of its friction the level f_c and the viscous part f_v of sliding count, its modes do not.
+        The drive; of its friction the Coulomb part f_c and the viscous part f_v are used, its modes are ignored.
     distance
         Length of the seek [um]; its sign does not matter.
 
@@ -95,10 +95,10 @@ def time_optimal_seek(plant: PlantParameters, distance: float) -> TimeOptimalSee
     """
     length = abs(distance)
     if not length < math.inf:
-        raise ValueError(f'the length of a seek must be finite: {distance:g} um')
+        raise ValueError(f'invalid length of a seek: {distance:g} um; expected a finite number')
     level, limit, gain = sliding_level(plant), plant.control_limit, plant.rigid_gain
     if level >= limit:
-        raise ValueError(f'no seek is possible: control_limit = {limit:g} V, and the friction level is {level:g} V')
+        raise ValueError(f'no seek is possible: control_limit = {limit:g} V is not above the friction of {level:g} V')
     if length == 0.0:
         return TimeOptimalSeek(0.0, 0.0, 0.0)
     friction = plant.friction
@@ -106,7 +106,7 @@ def time_optimal_seek(plant: PlantParameters, distance: float) -> TimeOptimalSee
     ahead, back = gain * (limit - level), gain * (limit + level)
 
     def speed_and_length(seconds: float) -> tuple[float, float]:
-        """Return peak velocity [um/s] and length [um] of a seek that accelerates for so long."""
+        """Return peak velocity [um/s] and length [um] of a seek for a time of acceleration [s]."""
         z = damping * seconds
         peak = ahead * seconds * _speed_factor(z)
         return peak, ahead * seconds**2 * _way_factor(z) + peak**2 / back * _braking_way_factor(damping * peak / back)
@@ -120,10 +120,10 @@ def time_optimal_seek(plant: PlantParameters, distance: float) -> TimeOptimalSee
     return TimeOptimalSeek(high + peak / back * _braking_time_factor(damping * peak / back), peak, high)
 
 
-# By how much damping changes v = At, s = At^2 (...) of acceleration and t = v/A, s = v^2/A (...) of braking.
+# Factors of damping for v = At, s = At^2 in acceleration, and t = v/A, s = v^2/A in braking.
 
 _SMALL = 0.01
-"""Below it a series replaces the difference of what nearly cancels."""
+"""Below this value a series avoids cancellation."""
 
 
 def _speed_factor(z: float) -> float:
@@ -151,7 +151,7 @@ def _braking_way_factor(z: float) -> float:
 
 
 def scaled_modes(resonance: ResonanceParameters, factor: float) -> ResonanceParameters:
-    """Return resonances whose frequencies are multiplied, with the damping ratios and residues that they had."""
+    """Return resonances with scaled frequencies and unchanged damping ratios and residues."""
     if resonance.form == 'sections':
         powers = np.array([1.0, factor, factor * factor])
         above, below = (
@@ -172,14 +172,14 @@ def fastest_seek(
     """
     Return the fastest seek of the sampled drive with its modes, by linear programming.
 
-    The command is the same for three drives, with the modes' frequencies as they are and ``spread`` lower and higher,
-    and is free (abs(u) <= ``control_limit``) before and after arrival. The head has arrived at the first instant from
-    which on it stays within the tolerance for :data:`WATCHED`, with each of the three drives. Instants are
-    T / :data:`PARTS` apart, so that arrival between samples counts, as does a head that leaves between them. The drive
-    is linear, as in sliding: of friction its viscous part, and its level as a constant force against the motion.
+    The same command must work for three drives, with nominal mode frequencies and with ``spread`` lower and higher; it
+    is limited only by abs(u) <= ``control_limit``, before and after the arrival. The head has arrived at the first
+    instant from which it stays within the tolerance for :data:`WATCHED`, for all three drives. Instants are T /
+    :data:`PARTS` apart, so that motion between samples counts. The drive is linear, as in sliding, with viscous
+    friction and Coulomb friction as a constant force against the motion.
 
-    It bounds a command that is computed beforehand: feedback that sees the modes could do better with modes that are
-    off, and contact stiffness at the end is not in it.
+    The bound holds for a precomputed command: feedback of the modes could do better if their frequencies differ. The
+    stiffness of the contact at the end is neglected.
 
     Parameters
     ----------
@@ -190,17 +190,17 @@ def fastest_seek(
     distance
         Length of the seek [um]; its sign does not matter.
     tolerance
-        Largest magnitude of the position error after arrival [um].
+        Largest position error after arrival [um].
     spread
-        Relative change of the modes' frequencies.
+        Relative change of the mode frequencies.
 
     Raises
     ------
     ValueError
-        If the tolerance is not positive, or as by :func:`time_optimal_seek`.
+        If the tolerance is not positive, or for the reasons of :func:`time_optimal_seek`.
     """
     if not tolerance > 0.0:
-        raise ValueError(f'the tolerance of a seek must be above 0 um: {tolerance:g}')
+        raise ValueError(f'invalid tolerance of a seek: {tolerance:g} um; expected above 0')
     length, instant = abs(distance), sample_time / PARTS
     if length <= tolerance:
         return FastestSeek(0.0, length, np.zeros(0))
@@ -222,17 +222,17 @@ def fastest_seek(
 
 
 class _Problem:
-    """The least largest error from an instant on, over all commands."""
+    """Minimization of the largest error from an instant on, over all commands."""
 
     def __init__(self, plant: PlantParameters, sample_time: float, spread: float, length: float, watched: int) -> None:
         self._plant, self._sample_time, self._spread = plant, sample_time, spread
         self._length, self._watched = length, watched
         level, limit = sliding_level(plant), plant.control_limit
-        # The force that moves the body: u less the friction.
+        # The force on the body: u minus the friction.
         self._level, self._range = level, (-limit - level, limit - level)
 
     def smallest_error(self, arrival: int) -> tuple[float, Array]:
-        """Return the least largest error [um] from an instant on, and the command that reaches it [V]."""
+        """Return the smallest possible peak error [um] from an instant on, and its command [V]."""
         from scipy.optimize import linprog
 
         samples = -(-arrival // PARTS) + self._watched
@@ -272,7 +272,7 @@ def _impulse_response(plant: PlantParameters, instant: float, factor: float, cou
 
 def _pulse_response(plant: PlantParameters, sample_time: float, factor: float, count: int) -> Array:
     """Return the position [um] at each instant after 1 V during the first sample, shape (count,)."""
-    # Lengths in powers of two, which searches share.
+    # Lengths in powers of two, so that searches share the result.
     shared = 1 << (count - 1).bit_length()
     impulse = _impulse_response(plant, sample_time / PARTS, factor, shared)[:count]
     return np.asarray(sum(np.concatenate([np.zeros(part), impulse[: count - part]]) for part in range(PARTS)))

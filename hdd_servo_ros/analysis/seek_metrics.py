@@ -1,7 +1,7 @@
 """
-The seeks of a run: how long each took, how it settled, and what it cost.
+Metrics of seeks: seek time, settling, residual vibration and effort.
 
-All functions take equally spaced samples, in um, um/s, V and s for a drive in um and V.
+All functions use equally spaced samples, in um, um/s, V and s for a drive in um and V.
 """
 
 import dataclasses
@@ -16,13 +16,13 @@ from hdd_servo_ros.analysis.metrics import rms
 Array = NDArray[np.float64]
 
 FOLLOW, SEEK, SETTLE = 0, 1, 2
-"""The modes of a controller that seeks, as its estimate `seek_mode` gives them."""
+"""The modes of a seek controller, the values of its estimate `seek_mode`."""
 _ORDER = np.array([2, 0, 1])
-"""Place of each mode within a seek: seek, settle, follow."""
+"""Order of the modes within a seek: seek, settle, follow."""
 SAMPLES = 4
-"""Samples in a row within the tolerance that make an arrival."""
+"""Number of consecutive samples within the tolerance that make an arrival."""
 RESIDUAL_TIME = 1e-2
-"""Time after arrival whose position error is the residual vibration [s]."""
+"""Time after arrival that is evaluated as residual vibration [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Seek:
     row
         Row of the tick at which the target changes.
     origin, target
-        The target before and from then on [um].
+        The previous and the new target [um].
     """
 
     row: int
@@ -51,40 +51,40 @@ class Seek:
 @dataclasses.dataclass(frozen=True)
 class SeekResponse:
     """
-    How the head responded to a change of the target, until the next one or the end of the record.
+    Response of the head to a change of the target, until the next one or the end of the record.
 
-    A time that there is not is infinite, and a number that there is not is nan.
+    An undefined time is infinite, another undefined value is nan.
 
     Attributes
     ----------
     seek
-        What was asked.
+        The seek.
     time
-        Time of the change of the target [s], from the first row on.
+        Time of the change of the target relative to the first row [s].
     watched
         Time until the next seek, or the end of the record [s].
     first_entry
         Time from the change of the target to the first sample within the tolerance [s].
     first_arrival
-        The same to the first of some samples in a row within it: what a drive waits for before it reads or writes.
+        The same to the first of a number of consecutive samples within it, for which a drive waits before it reads or
+        writes.
     seek_time
-        The same to the first of as many in a row after which no sample leaves the tolerance until the next seek, or for
-        the time that was asked for.
+        The same, if no later sample leaves the tolerance until the next seek or for a given time.
     settling_time
-        Time from the change of mode from seek to settle to the arrival that stays [s], 0 if the head was there before
-        it; from the first entry if the modes are not known, or there was no such change.
+        Time from the mode change from seek to settle to the final arrival [s], 0 if the head arrived before it; from
+        the first entry if the modes are unknown, or did not change so.
     overshoot
-        How far the head went beyond the target until the end of the residual vibration [um], at least 0. Of a seek that
-        does not arrive, until the next one.
+        Overshoot beyond the target until the end of the residual vibration [um], at least 0; until the next seek if the
+        head does not arrive.
     residual_peak, residual_rms
-        Largest magnitude of the position error in the residual vibration, and its rms about its mean [um].
+        Peak of the position error in the residual vibration, and its rms about its mean [um].
     residual_frequency
-        Frequency of its largest spectral line, without its mean and trend [Hz].
+        Frequency of its largest spectral line, without mean and trend [Hz].
     peak_control, rms_control
-        Of the command from the change of the target to the arrival that stays [V], or until the next seek; the square
-        of the latter is the mean heat of the coil.
+        Peak and rms command from the change of the target to the final arrival, or to the next seek [V]. The squared
+        rms is proportional to the mean heat in the coil.
     peak_jerk, rms_jerk
-        Of the head over the same time [um/s^3].
+        Peak and rms jerk of the head over the same time [um/s^3].
     """
 
     seek: Seek
@@ -105,22 +105,22 @@ class SeekResponse:
 
     @property
     def has_arrived(self) -> bool:
-        """Whether the head has arrived and stayed."""
+        """Whether the head arrived and stayed."""
         return self.seek_time < math.inf
 
 
 def find_seeks(position: ArrayLike, velocity: ArrayLike, along_trajectory: bool) -> list[Seek]:
     """
-    Return the seeks of a reference that rests between them.
+    Return the seeks of a reference that is constant between them.
 
-    A seek whose trajectory the record does not hold to its end is left out: its target is not in the reference.
+    A seek whose trajectory is not complete in the record is omitted, since the reference does not show its target.
 
     Parameters
     ----------
     position, velocity
         x_d [um] and dx_d/dt [um/s], shape (n,).
     along_trajectory
-        Whether x_d moves along a trajectory, which at the tick of the change is still at its origin; or it jumps.
+        Whether x_d moves along a trajectory, which is still at its origin at the tick of the change, or steps.
     """
     x_d, v_d = np.asarray(position, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
     changes = np.flatnonzero(np.diff(x_d) != 0.0) + 1
@@ -135,7 +135,7 @@ def find_seeks(position: ArrayLike, velocity: ArrayLike, along_trajectory: bool)
 
 
 def targets_over_time(seeks: Sequence[Seek], first: float, rows: int) -> Array:
-    """Return the target at each row [um], shape (rows,); ``first`` is that before the first seek."""
+    """Return the target at each row [um], shape (rows,); ``first`` is the target before the first seek."""
     target = np.full(rows, seeks[0].origin if seeks else first)
     for seek in seeks:
         target[seek.row :] = seek.target
@@ -160,22 +160,22 @@ def seek_responses(
     Parameters
     ----------
     seeks
-        In the order of their rows, each on a row of its own.
+        Seeks in row order, at most one per row.
     position, velocity
-        Of the head [um, um/s], shape (n,); relative to the track's center if that moves.
+        Position and velocity of the head [um, um/s], shape (n,); relative to a moving track center.
     control
-        u, held from each sample on [V], shape (n,).
+        Command u, held from each sample on [V], shape (n,).
     sample_time
-        T [s].
+        Sample time T [s].
     tolerance
-        Largest magnitude of the position error on target [um].
+        Largest position error on target [um].
     modes
         Mode of the controller at each sample, shape (n,), if it is known.
     samples
-        How many samples in a row within the tolerance make an arrival.
+        Number of consecutive samples within the tolerance that make an arrival.
     stay
-        For how long the head must not leave the tolerance after it [s]; None until the next seek. A record or a seek
-        that ends before is judged by what there is.
+        Time after the arrival in which the head may not leave the tolerance [s]; None until the next seek. A record or
+        seek that ends earlier is judged by its available samples.
 
     Raises
     ------
@@ -188,13 +188,13 @@ def seek_responses(
         raise ValueError(f'arrays of different shape: {x.shape}, {v.shape}, {u.shape}')
     rows = [seek.row for seek in seeks]
     if any(late <= early for early, late in zip([-1, *rows], [*rows, len(x)], strict=True)):
-        raise ValueError(f'the rows of seeks must be ascending, from 0 to {len(x) - 1}: {rows}')
+        raise ValueError(f'invalid rows of seeks: {rows}; expected ascending rows from 0 to {len(x) - 1}')
     if not tolerance > 0.0:
-        raise ValueError(f'the tolerance of a seek must be above 0: {tolerance:g}')
+        raise ValueError(f'invalid tolerance of a seek: {tolerance:g}; expected above 0')
     if samples < 1:
-        raise ValueError(f'an arrival takes at least 1 sample: {samples}')
+        raise ValueError(f'invalid number of samples of an arrival: {samples}; expected at least 1')
     if stay is not None and not stay >= 0.0:
-        raise ValueError(f'the time to stay on target must be at least 0 s: {stay:g}')
+        raise ValueError(f'invalid time on target: {stay:g} s; expected at least 0')
     watched = None if stay is None else math.ceil(stay / sample_time - 1e-9)
     return [
         _Part(
@@ -223,7 +223,7 @@ class _Part:
     def response(self, tolerance: float, samples: int, watched: int | None) -> SeekResponse:
         """Return the response; ``watched`` is the number of samples to stay, None for all."""
         error, count = self.position - self.seek.target, len(self.position)
-        # A position that is not finite is nowhere.
+        # A position that is not finite is outside any tolerance.
         inside = np.abs(error) <= tolerance
         entry = int(inside.argmax()) if inside.any() else None
         first, last = _arrival(inside, samples, samples), _arrival(inside, samples, watched)
@@ -232,7 +232,7 @@ class _Part:
         residual = error[end:late]
         beyond = math.copysign(1.0, self.seek.length) * error[:late]
         before = slice(0, max(end, 1))
-        # The command after the arrival acts on the way to the next sample.
+        # The command at the arrival acts only after it.
         control, jerk = self.control[before], self._jerk(end)
         return SeekResponse(
             seek=self.seek,
@@ -271,19 +271,19 @@ class _Part:
 
 def _arrival(inside: NDArray[np.bool_], samples: int, watched: int | None) -> int | None:
     """
-    Return the first sample from which on all are inside, None if there is none.
+    Return the first sample from which on all are inside; None if no sample is.
 
     Parameters
     ----------
     inside
         Whether each sample is within the tolerance, shape (n,).
     samples
-        How many there must be at least.
+        Smallest number of samples inside.
     watched
-        For how many it must last, as far as there are that many; None for all that follow.
+        Number of samples that must stay inside, if available; None for all later samples.
     """
     count = len(inside)
-    # Samples inside from each one on, until the next one outside.
+    # Number of samples inside from each sample on, until the next one outside.
     outside = np.append(np.flatnonzero(~inside), count)
     lasts = outside[np.searchsorted(outside, np.arange(count))] - np.arange(count)
     to_end = count - np.arange(count)
@@ -294,40 +294,40 @@ def _arrival(inside: NDArray[np.bool_], samples: int, watched: int | None) -> in
 
 def residual_spectrum(error: ArrayLike, sample_time: float) -> tuple[Array, Array]:
     """
-    Return frequencies [Hz] and the amplitude that a sine at each would have, of a short record less its linear trend.
+    Return frequencies [Hz] and the amplitude of a sine at each of them, for a short record without its linear trend.
 
-    One Hann window over the whole record, so that the lines are 1/(n T) apart: a sine between two lines reads up to
-    15 % low. The line at 0 is left out.
+    One Hann window covers the whole record, so that the lines are 1/(n T) apart. A sine between two lines appears up to
+    15 % too small. The line at 0 is omitted.
 
     Parameters
     ----------
     error
         Position error, shape (n,), n at least 4.
     sample_time
-        T [s].
+        Sample time T [s].
 
     Raises
     ------
     ValueError
-        If there are less than four samples.
+        If the record has fewer than four samples.
     """
     y = np.asarray(error, dtype=np.float64)
     if len(y) < 4:
-        raise ValueError(f'a spectrum needs at least 4 samples, and there are {len(y)}')
+        raise ValueError(f'a spectrum needs at least 4 samples; the record has {len(y)}')
     index = np.arange(len(y)) - 0.5 * (len(y) - 1)
     y = y - y.mean()
     y = y - index * (float(index @ y) / float(index @ index))
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(y)) / len(y))
     amplitudes = 2.0 * np.abs(np.fft.rfft(window * y)) / window.sum()
     if len(y) % 2 == 0:
-        # At the Nyquist frequency there is one line, not two that add up.
+        # The line at the Nyquist frequency has no mirror image.
         amplitudes[-1] *= 0.5
     frequencies = np.fft.rfftfreq(len(y), sample_time)
     return np.asarray(frequencies[1:], dtype=np.float64), np.asarray(amplitudes[1:], dtype=np.float64)
 
 
 def _largest_line(error: Array, sample_time: float) -> float:
-    """Return the frequency of the largest line of a residual vibration [Hz], nan if it is too short for one."""
+    """Return the frequency of the largest line of a residual vibration [Hz]; nan if it is too short."""
     if len(error) < 4 or not np.isfinite(error).all():
         return math.nan
     frequencies, amplitudes = residual_spectrum(error, sample_time)
@@ -336,17 +336,17 @@ def _largest_line(error: Array, sample_time: float) -> float:
 
 def returns_to_earlier_modes(modes: ArrayLike, seeks: Sequence[Seek]) -> list[int]:
     """
-    Return the rows at which a controller returned to an earlier mode within a seek.
+    Return the rows where a controller returned to an earlier mode within a seek.
 
-    Within a seek the modes are seek, settle, follow in this order, any of which may be left out. What was the mode when
-    the target changed may go on for a while.
+    The order within a seek is seek, settle, follow, where modes may be missing. The mode at the change of the target
+    may last for a while.
 
     Parameters
     ----------
     modes
         Mode at each sample, shape (n,).
     seeks
-        In the order of their rows.
+        Seeks in row order.
     """
     mode = np.asarray(modes).astype(np.int64)
     found: list[int] = []
@@ -369,11 +369,11 @@ class AccessTimes:
     Attributes
     ----------
     shortest, longest
-        Of the seeks in it [um].
+        Shortest and longest seek [um].
     count, arrived
-        How many there are, and how many of them arrived.
+        Number of seeks, and of seeks that arrived.
     median, worst
-        Of the seek times [s]; infinite where so many do not arrive.
+        Median and largest seek time [s]; infinite if too many seeks do not arrive.
     """
 
     shortest: float
@@ -385,16 +385,16 @@ class AccessTimes:
 
 
 def access_times(responses: Sequence[SeekResponse]) -> list[AccessTimes]:
-    """Return seek times by length: the ranges begin at 1, 2 and 5 times the powers of ten, empty ones left out."""
+    """Return seek times by length; the ranges start at 1, 2 and 5 times powers of ten, empty ones are omitted."""
     lengths = np.array([abs(response.seek.length) for response in responses])
     times = np.array([response.seek_time for response in responses])
-    # A length that rounding leaves just below an edge counts to it.
+    # A length just below an edge because of rounding belongs to that range.
     ranges = np.array([_range_of(length * (1.0 + 1e-9)) for length in lengths.tolist()], dtype=np.int64)
     found = []
     for index in np.unique(ranges):
         chosen = ranges == index
         part = times[chosen]
-        # The mean of two that are in the middle would be nan for two infinite ones.
+        # The mean of the two middle values would be nan if both are infinite.
         ordered = np.sort(part)
         low, high = float(ordered[(len(part) - 1) // 2]), float(ordered[len(part) // 2])
         median = 0.5 * (low + high) if high < math.inf else high
@@ -412,7 +412,7 @@ def access_times(responses: Sequence[SeekResponse]) -> list[AccessTimes]:
 
 
 def _range_of(length: float) -> int:
-    """Return the number of the range of a length: 0 from 1 um, 1 from 2 um, 2 from 5 um, 3 from 10 um on."""
+    """Return the number of the range of a length: 0 from 1 µm, 1 from 2 µm, 2 from 5 µm, 3 from 10 µm on."""
     decade = math.floor(math.log10(length))
     leading = length / 10.0**decade
     return 3 * decade + (0 if leading < 2.0 else 1 if leading < 5.0 else 2)

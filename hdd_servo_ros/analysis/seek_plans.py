@@ -1,11 +1,11 @@
 """
-Plans of final-state control: voltages that bring the sampled drive with all its modes from rest to rest.
+Plans of final-state control: voltages that move the sampled drive with all its modes from rest to rest.
 
-Final-state control finds the input of N samples that brings a sampled model from one state to another and is smallest
-in some measure (Totani and Nishimura, Trans. SICE 30(3), 1994; Hirata and others for disk drives). Here the rigid body
-has to be at rest on the target after N samples; of the modes, the head's vibration afterward is made small, for the
-nominal drive and for one with lower and one with higher frequencies. That lets a plan be shorter than the order of the
-model, which matters where a seek lasts but a few samples.
+Final-state control finds the input of N samples that moves a sampled model from one state to another and minimizes a
+norm (Totani and Nishimura, Trans. SICE 30(3), 1994; Hirata and others for disk drives). Here the rigid body
+must be at rest on the target after N samples, and the residual vibration of the modes is minimized for the nominal
+drive and for drives with lower and higher frequencies. A plan can then be shorter than the order of the model, which
+matters for seeks of a few samples.
 """
 
 import functools
@@ -26,34 +26,34 @@ from hdd_servo_ros.parameters import ParameterError
 Array = NDArray[np.float64]
 
 SHORTEST = 3
-"""Samples of the shortest plan: a move, a stop, and one to leave less vibration."""
+"""Samples of the shortest plan: one to move, one to stop, and one to reduce the vibration."""
 MOST_SAMPLES = 1000
-"""Samples of the longest plan that is made; plans take time that grows with their cube, here some seconds."""
+"""Samples of the longest plan; the time to compute plans grows with the cube, here to some seconds."""
 VIBRATION_TIME = 1.2e-3
-"""Time after a plan for which the vibration counts [s]: by then the modes of the default drive have decayed by 70 %."""
+"""Time after a plan in which vibration counts [s]; the modes of the default drive decay by 70 % in it."""
 _ALL_UP_TO = 24
-"""Up to here there is a plan for each number of samples; above, each is longer than the last one by a sixteenth."""
+"""Up to this length there is a plan per number of samples; longer plans differ by a sixteenth."""
 _VIBRATION_WEIGHT = 100.0
 """
-Weight of the vibration [V/um] against the changes of the voltage.
+Weight of the vibration [V/um] relative to the changes of the voltage.
 
-With less, plans of ten samples leave ten times the vibration; with more, long plans are no longer smooth.
+A lower weight gives plans of ten samples ten times the vibration; with a higher weight, long plans are not smooth.
 """
 _DIGITS = 10
-"""Digits to which plans are rounded: those of LAPACK differ in the last bits between machines."""
+"""Digits of the rounded plans: results of LAPACK differ in the last bits between machines."""
 _MODEL_DIGITS = 12
 
 
 def seek_plans(parameters: SeekParameters, sample_time: float) -> SeekPlans:
     """
-    Return the model of a seek part and its plans, from rest to rest over 1 um.
+    Return the model of the seek law and its plans, from rest to rest over 1 µm.
 
     Parameters
     ----------
     parameters
-        The seek part's; of these the model and the duration of the longest plan count.
+        Parameters of the seek law, of which the model and the duration of the longest plan are used.
     sample_time
-        T [s].
+        Sample time T [s].
 
     Raises
     ------
@@ -93,16 +93,16 @@ def plan_lengths(longest: int) -> list[int]:
 
 def model_drive(model: SeekModelParameters, sample_time: float, frequency_factor: float = 1.0) -> SampledDrive:
     """
-    Return the model of a seek part at T [s], linear and without the friction of its bristles.
+    Return the linear sampled model of the seek law, without bristle friction.
 
     Parameters
     ----------
     model
         The model.
     sample_time
-        T [s].
+        Sample time T [s].
     frequency_factor
-        Factor of the frequencies of all modes; their damping ratios stay.
+        Factor of the frequencies of all modes; their damping ratios are unchanged.
     """
     resonance = ResonanceParameters(form='none')
     if model.numerators:
@@ -121,9 +121,9 @@ def model_drive(model: SeekModelParameters, sample_time: float, frequency_factor
 def _plan(
     model: SeekModelParameters, sample_time: float, samples: int, responses: list[Array], tail: int
 ) -> tuple[Array, float]:
-    """Return the plan of so many samples [V/um], and the largest vibration that it leaves per length."""
+    """Return the plan for a number of samples [V/um], and its largest residual vibration per length."""
     ends, goal = _rigid_end(model, sample_time, samples)
-    # Of the plan with zeros around it, so that it begins and ends softly.
+    # Changes of the plan with zeros before and after it, so that it starts and ends smoothly.
     changes = np.eye(samples + 1, samples) - np.eye(samples + 1, samples, -1)
     after = [_vibrations(response, samples, tail) for response in responses]
     weighted = np.vstack([changes, *(_VIBRATION_WEIGHT * rows for rows in after)])
@@ -138,7 +138,7 @@ def _plan(
 
 
 def _rigid_end(model: SeekModelParameters, sample_time: float, samples: int) -> tuple[Array, Array]:
-    """Return what each sample's voltage does to position and travel per sample of the rigid body, and their goal."""
+    """Return the effect of each sample on position and travel per sample of the rigid body, and their goal."""
     transition, response = held_input_transition(
         [[0.0, 1.0 / sample_time], [0.0, -model.gain * model.viscous_coefficient]],
         [0.0, model.gain * sample_time],
@@ -148,7 +148,7 @@ def _rigid_end(model: SeekModelParameters, sample_time: float, samples: int) -> 
     for sample in range(samples - 1, -1, -1):
         ends[:, sample] = column
         column = matrix @ column
-    # At rest the head is as far as the rigid body times the sections' gain at standstill.
+    # At rest the head position is that of the rigid body times the DC gain of the sections.
     pairs = zip(model.numerators[2::3], model.denominators[2::3], strict=True)
     static_gain = math.prod(b0 / a0 for b0, a0 in pairs)
     size = np.linalg.norm(ends, axis=1)
@@ -156,7 +156,7 @@ def _rigid_end(model: SeekModelParameters, sample_time: float, samples: int) -> 
 
 
 def _pulse_response(drive: SampledDrive, samples: int) -> Array:
-    """Return the head's position after a voltage of one sample, at the ticks from the next one on [um/V]."""
+    """Return the head position after a voltage pulse of one sample, from the next tick on [um/V]."""
     found, state = np.empty(samples), drive.b[:, 0]
     for sample in range(samples):
         found[sample] = drive.c[0] @ state
@@ -165,13 +165,13 @@ def _pulse_response(drive: SampledDrive, samples: int) -> Array:
 
 
 def _vibrations(response: Array, samples: int, tail: int) -> Array:
-    """Return what each sample's voltage does to the head's positions after the plan, shape (tail, samples)."""
+    """Return the effect of each sample on the head positions after the plan, shape (tail, samples)."""
     ages = np.arange(tail)[:, None] + samples - 1 - np.arange(samples)[None, :]
     return np.asarray(response[ages])
 
 
 def _rounded(values: Array, digits: int) -> Array:
-    """Return numbers rounded to so many digits of the largest one of their row."""
+    """Return values rounded relative to the largest value of their row."""
     if values.ndim == 2:
         return np.array([_rounded(row, digits) for row in values])
     largest = float(np.abs(values).max())

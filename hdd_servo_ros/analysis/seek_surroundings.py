@@ -1,4 +1,4 @@
-"""What a seek part has to know beside its parameters: plans, delay, the sensor's limit, and initial values."""
+"""Data of the seek law in addition to its parameters: plans, delay, sensor limit, and initial values."""
 
 import math
 from collections.abc import Callable
@@ -24,24 +24,24 @@ def seek_surroundings(
     observer: ObserverParameters | None = None,
 ) -> SeekSurroundings:
     """
-    Return what a seek part has to know beside its parameters.
+    Return the data of the seek law in addition to its parameters.
 
     Parameters
     ----------
     parameters
-        The seek part's.
+        Parameters of the seek law.
     make_controller
-        Returns the following controller at rest, as it is at a switch.
+        Returns the following controller at rest, in its state at a switch.
     sample_time
-        T [s].
+        Sample time T [s].
     dsp
-        What lies behind the controller, with the limit of the drive.
+        The DSP block, with the limit of the drive.
     scales
-        How the controller reads the sensor.
+        Sensor scales of the controller.
     sensor
-        The vibrometer; None for a sensor whose velocity has no limit.
+        The vibrometer; None for a sensor without a velocity limit.
     observer
-        What gives the velocity of a sensor that has none.
+        Velocity observer, for a sensor without velocity.
     """
     limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
     constants = None if observer is None else Observer(observer, sample_time).arrays[0]
@@ -50,7 +50,7 @@ def seek_surroundings(
         plans = seek_plans(parameters, sample_time)
         return SeekSurroundings(plans, delay, limit, dsp.limit, observer=constants)
     model = parameters.model
-    # Its friction is fed forward, so that the bristles are no spring.
+    # Its friction is fed forward, so that the bristles do not act as a spring.
     drive = RigidDrive(model.gain, 0.0, model.viscous_coefficient)
     fade_time = parameters.switch.fade_time
     gains = initial_value_gains(make_controller, drive, fade_time, sample_time, dsp=dsp.parameters, sensor=scales)

@@ -1,4 +1,4 @@
-"""The linear loop around the sampled drive: the controller's response, peak sensitivity and closed-loop poles."""
+"""The linear loop of a sampled drive and a controller: response, peak sensitivity and closed-loop poles."""
 
 import dataclasses
 import math
@@ -17,18 +17,18 @@ from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 
 MAX_SENSITIVITY = 2.0
-"""Largest peak sensitivity Ms of a sound loop."""
+"""Largest peak sensitivity Ms with a sufficient stability margin."""
 AROUND_POLES = np.array([-30.0, -10.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 10.0, 30.0])
-"""Grid points around a resonance, in half widths from its peak."""
+"""Distances of grid points from a resonance, in half widths."""
 REFINEMENTS = 2
-"""How often the interval around the highest point is divided by sixteen."""
+"""Number of refinements of the interval around the highest point, each by a factor of sixteen."""
 
 
 def frequency_grid(sample_time: float, drives: Sequence[SampledDrive] = ()) -> NDArray[np.float64]:
     """
-    Return frequencies [Hz] up to Nyquist, dense where sampled resonances usually are and around those of ``drives``.
+    Return frequencies [Hz] up to Nyquist, dense in the usual range of resonances and around those of ``drives``.
 
-    A mode above Nyquist counts where sampling folds it to.
+    A mode above Nyquist is included at its aliased frequency.
     """
     nyquist = 0.5 / sample_time
     low = np.geomspace(1e-5 * nyquist, 0.2 * nyquist, 300, endpoint=False)
@@ -37,7 +37,7 @@ def frequency_grid(sample_time: float, drives: Sequence[SampledDrive] = ()) -> N
 
 
 def _around_poles(poles: NDArray[np.complex128], sample_time: float) -> NDArray[np.float64]:
-    """Return frequencies [Hz] around the resonance of each pair of poles, as dense as it is narrow."""
+    """Return frequencies [Hz] around the resonance of each pole pair, spaced by its width."""
     upper = poles[poles.imag > 0.0]
     logarithms = np.log(upper) / (2.0 * np.pi * sample_time)
     around = logarithms.imag[:, None] + np.abs(logarithms.real)[:, None] * AROUND_POLES
@@ -50,7 +50,7 @@ def _on_circle(frequencies: ArrayLike, sample_time: float) -> NDArray[np.complex
 
 
 def _neighbors(best: float, grid: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the next lower and the next higher of the frequencies, ``best`` itself where there is none."""
+    """Return the next lower and the next higher frequency, or ``best`` at the ends."""
     # ``grid`` is sorted, ``others`` are not.
     at = int(np.searchsorted(grid, best))
     past = int(np.searchsorted(grid, best, side='right'))
@@ -61,7 +61,7 @@ def _neighbors(best: float, grid: NDArray[np.float64], others: NDArray[np.float6
 
 
 def _eigenvalues(matrices: NDArray[np.float64]) -> NDArray[np.complex128]:
-    # numpy returns real ones as real numbers.
+    # numpy returns a real array if all eigenvalues are real.
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
 
 
@@ -70,19 +70,19 @@ class LinearController:
     """
     u = -(k_p + k_i T z/(z - 1)) position - k_d F(z) velocity, with F a first-order low pass.
 
-    -k r of (4.16) is k_p = k lambda, k_d = k; sigma_hat and m_hat, taken as constants, subtract sigma_hat from k_d and
-    add m_hat lambda to it.
+    The feedback term -k r (thesis eq. 4.16) has k_p = k lambda and k_d = k. Constant estimates subtract sigma_hat from
+    k_d and add m_hat lambda to it.
     """
 
     proportional: float
     derivative: float
     integral: float = 0.0
     bandwidth: float = 0.0
-    """Corner frequency of F [Hz], 0 for F = 1."""
+    """Corner frequency of F [Hz]; 0 for F = 1."""
     delay: int = 0
-    """Samples by which u comes late."""
+    """Delay of u [samples]."""
     difference: bool = False
-    """Whether the velocity is the difference of two positions over T, instead of the sensor's velocity."""
+    """Whether the velocity is the position difference over T instead of the velocity of the sensor."""
 
     @classmethod
     def on_r(cls, gain: float, error_filter_lambda: float, integral_gain: float, delay: int = 0) -> 'LinearController':
@@ -97,7 +97,7 @@ class LinearController:
         return self.response_at(_on_circle(frequencies, sample_time), sample_time)
 
     def response_at(self, z: NDArray[np.complex128], sample_time: float) -> NDArray[np.complex128]:
-        """Return the same as :meth:`response` at points z = exp(2 pi i f T) of the unit circle."""
+        """Return the result of :meth:`response` at points z = exp(2 pi i f T) of the unit circle."""
         smoothing = self._smoothing(sample_time)
         position = self.proportional + self.integral * sample_time * z / (z - 1.0)
         velocity = self.derivative * smoothing / (1.0 - (1.0 - smoothing) / z)
@@ -112,14 +112,14 @@ class LinearController:
 
     @property
     def is_meaningful(self) -> bool:
-        """Whether its gains are finite and can be computed with; the estimates of a diverged run may not be."""
+        """Whether its gains are usable numbers; those of a diverged run may not be."""
         return all(abs(gain) < 1e100 for gain in (self.proportional, self.derivative, self.integral))
 
     def closed_loop(self, drive: SampledDrive) -> NDArray[np.float64]:
-        """Return the closed loop's matrix of states from tick to tick."""
+        """Return the state matrix of the closed loop."""
         n, sample_time = len(drive.a), drive.sample_time
         smoothing = self._smoothing(sample_time)
-        # States: the drive, the integral of position, the filtered velocity, the last position, the late voltages.
+        # States: the drive, the integral of position, the filtered velocity, the last position, the delayed voltages.
         size = n + 3 + self.delay
         position, velocity = np.zeros(size), np.zeros(size)
         position[:n], velocity[:n] = drive.c[0], drive.c[1]
@@ -131,7 +131,7 @@ class LinearController:
         voltage = -(self.proportional * position + self.integral * integral + self.derivative * filtered)
         matrix = np.zeros((size, size))
         matrix[:n, :n] = drive.a
-        # An integral that nothing uses would count as a pole at 1.
+        # An unused integrator would be a pole at 1.
         matrix[n], matrix[n + 1] = (integral if self.integral != 0.0 else 0.0), filtered
         matrix[n + 2] = position if self.difference else 0.0
         acting = voltage
@@ -145,16 +145,16 @@ class LinearController:
         return matrix
 
     def closed_loop_radius(self, drive: SampledDrive) -> float:
-        """Return the largest magnitude of the closed loop's poles, below 1 if it is stable."""
+        """Return the largest magnitude of the closed-loop poles, below 1 if the loop is stable."""
         return float(np.abs(_eigenvalues(self.closed_loop(drive))).max())
 
 
 class LoopMargins:
     """
-    Peak sensitivity and stability of a linear controller on one drive, in presliding and in sliding.
+    Peak sensitivity and stability of a linear controller with one drive, in presliding and in sliding.
 
-    The dynamics of the drive's driver and, if it is given, of the sensor are in the loop, as they are integrated in a
-    run; the computation delay and the source of the velocity are the controller's.
+    The loop includes the dynamics of the driver and, if given, of the sensor, as integrated in a run. The computation
+    delay and the source of the velocity are properties of the controller.
 
     Parameters
     ----------
@@ -163,20 +163,19 @@ class LoopMargins:
     sample_time
         T [s].
     sensor
-        The vibrometer; an ideal sensor if not given.
+        The vibrometer; None for an ideal sensor.
     scales
-        By which the controller reads the sensor; the sensor's own if not given.
+        Sensor scales of the controller; None for those of the sensor.
     observer
-        Of a run with the servo sensor, what gives the velocity; without ``sensor``. It counts as a part of the
-        controller, as the command that it takes is the controller's own.
+        Velocity observer of a run with the servo sensor (without ``sensor``). It is a part of the controller, since it
+        uses the command.
 
     Attributes
     ----------
     drives
         Drive with sensor, linearized in presliding, where the friction is a spring, and in sliding.
     frequencies, on_circle, responses
-        Grid [Hz], z = exp(2 pi i f T) there, and what the controller measures there of position [um/V] and velocity
-        [um/s/V] over u.
+        Grid [Hz], z = exp(2 pi i f T), and the responses of measured position [um/V] and velocity [um/s/V] to u.
     """
 
     def __init__(
@@ -212,7 +211,7 @@ class LoopMargins:
     def loop_gain(
         self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
     ) -> NDArray[np.complex128]:
-        """Return L of a controller on the drive ``drives[index]`` at frequencies [Hz], shape (len(frequencies),)."""
+        """Return the loop gain L with the drive ``drives[index]`` at frequencies [Hz], shape (len(frequencies),)."""
         law = controller.response(frequencies, self.sample_time)
         loop = (law * self._response(self._bare[index], frequencies)).sum(axis=1)
         return np.asarray(loop / self._through(law, frequencies))
@@ -220,16 +219,16 @@ class LoopMargins:
     def sensitivity(
         self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
     ) -> NDArray[np.complex128]:
-        """Return S from position to position on the drive ``drives[index]`` [Hz], shape (len(frequencies),)."""
+        """Return the sensitivity S of the position with the drive ``drives[index]``, shape (len(frequencies),)."""
         return np.asarray(1.0 / (1.0 + self.loop_gain(controller, index, frequencies)))
 
     def path(
         self, controller: LinearController, index: int, frequencies: NDArray[np.float64]
     ) -> NDArray[np.complex128]:
         """
-        Return the measured position over a voltage that is added to the controller's output [um/V].
+        Return the response of the measured position to a voltage that is added to the controller output [um/V].
 
-        The voltage is as late as the controller's own, by ``controller.delay`` samples.
+        The voltage is delayed like the command, by ``controller.delay`` samples.
         """
         law = controller.response(frequencies, self.sample_time)
         response = self._response(self._bare[index], frequencies)
@@ -237,7 +236,7 @@ class LoopMargins:
         return np.asarray(late * response[:, 0] / (self._through(law, frequencies) + (law * response).sum(axis=1)))
 
     def _own_command(self, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return what the velocity that the controller takes owes to its own command, shape (n, 2) as the responses."""
+        """Return the part of the velocity estimate that is due to the command, shape (n, 2) like the responses."""
         own = np.zeros((len(frequencies), 2), dtype=np.complex128)
         if self._observer is not None:
             own[:, 1] = self._observer.responses(frequencies)[1]
@@ -245,14 +244,14 @@ class LoopMargins:
 
     def peak_sensitivity(self, controller: LinearController, limit: float = math.inf) -> float:
         """
-        Return Ms = max |1/(1 + L)| over frequency and over both drives; infinity if a closed loop is unstable.
+        Return Ms = ``max |1/(1 + L)|`` over frequency and both drives; infinity if a closed loop is unstable.
 
         Parameters
         ----------
         controller
             The controller.
         limit
-            Once a value above it is found, that value is returned, and the peak itself is not searched for.
+            The first value above it is returned instead of the peak.
         """
         if not controller.is_meaningful:
             return math.inf
@@ -264,7 +263,7 @@ class LoopMargins:
         law = controller.response_at(self.on_circle, self.sample_time)
         peak = 0.0
         for drive, response, found in zip(self._bare, self.responses, poles, strict=True):
-            # Not a number stays one, and is not within any limit.
+            # nan is propagated and exceeds any limit.
             on_grid = self._sensitivity(law, response, self.frequencies)
             peak = float(np.maximum(peak, self._peak_of(controller, on_grid, drive, found, limit)))
             if peak > limit:
@@ -280,9 +279,9 @@ class LoopMargins:
         limit: float,
     ) -> float:
         """
-        Return the peak of one drive: on the grid, around the closed loop's own resonances, and next to the best.
+        Return the peak of one drive: on the grid, around the closed-loop resonances, and refined around the highest.
 
-        ``values`` are |S| on the grid.
+        ``values`` are ``|S|`` on the grid.
         """
 
         def sensitivity(frequencies: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -312,7 +311,7 @@ class LoopMargins:
         self, law: NDArray[np.complex128], response: NDArray[np.complex128], frequencies: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """
-        Return |S| of the loop from position to position.
+        Return ``|S|`` of the position.
 
         With -u = C_x x + C_v (F x + G u) the controller is (C_x + C_v F)/(1 + C_v G).
         """
@@ -323,24 +322,24 @@ class LoopMargins:
         return np.asarray(np.abs(through / (through + loop)))
 
     def _through(self, law: NDArray[np.complex128], frequencies: NDArray[np.float64]) -> Any:
-        """Return 1 + C_v G, through which the controller's own command passes the observer; 1 without one."""
+        """Return 1 + C_v G, the feedback of the command through the observer; 1 without an observer."""
         if self._observer is None:
             return 1.0
         return 1.0 + (law * self._own_command(frequencies)).sum(axis=1)
 
     def peak_sensitivities(self, controllers: Sequence[LinearController]) -> NDArray[np.float64]:
         """
-        Return Ms of many controllers at once, each as by :meth:`peak_sensitivity` but on the grid alone.
+        Return Ms of many controllers at once, like :meth:`peak_sensitivity` but only on the grid.
 
-        They may differ in their gains only. The highest of them is worth a second look with :meth:`peak_sensitivity`.
+        They may differ only in their gains. Check the highest with :meth:`peak_sensitivity`.
 
         Raises
         ------
         ValueError
-            If they differ in more than their gains.
+            If other parameters differ.
         """
         if len({dataclasses.replace(law, proportional=0.0, derivative=0.0, integral=0.0) for law in controllers}) > 1:
-            raise ValueError('the controllers differ in more than k_p, k_d and k_i')
+            raise ValueError('the controllers may differ only in k_p, k_d and k_i')
         peaks = np.full(len(controllers), np.inf)
         used = [index for index, controller in enumerate(controllers) if controller.is_meaningful]
         if used:

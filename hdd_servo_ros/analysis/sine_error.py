@@ -1,4 +1,4 @@
-"""The error of a linear controller on a sine, estimated without a run."""
+"""Error of a linear controller on a sine, estimated without a run."""
 
 from collections.abc import Mapping
 
@@ -10,28 +10,28 @@ from hdd_servo_ros.analysis.sensitivity import LinearController
 from hdd_servo_ros.drive.plant import PlantParameters
 
 HARMONICS = 15
-"""How many multiples of the reference's frequency count, as far as they are below Nyquist."""
+"""Number of harmonics of the reference that are used, if they are below Nyquist."""
 _NOISE_FREQUENCIES = 500
-"""Points of the integral over the noise."""
+"""Number of points of the integral over the noise."""
 
 
 def command_harmonics(command: ArrayLike, frequency: float, sample_time: float) -> NDArray[np.float64]:
     """
-    Return the amplitudes of a periodic command at the multiples of its frequency.
+    Return the amplitudes of the harmonics of a periodic command.
 
     Parameters
     ----------
     command
-        u over a whole number of periods [V], shape (n,).
+        Command u over an integer number of periods [V], shape (n,).
     frequency
-        Of the reference [Hz].
+        Frequency of the reference [Hz].
     sample_time
-        T [s].
+        Sample time T [s].
 
     Returns
     -------
     numpy.ndarray
-        Amplitudes [V] at 1, 2, ... times the frequency, ``HARMONICS`` of them or as many as are below Nyquist.
+        Amplitudes [V] at 1, 2, ... times the frequency: ``HARMONICS`` of them, or fewer up to Nyquist.
     """
     u = np.asarray(command, dtype=np.float64)
     multiples = np.arange(1, HARMONICS + 1) * frequency
@@ -42,22 +42,22 @@ def command_harmonics(command: ArrayLike, frequency: float, sample_time: float) 
 
 class SineErrors:
     """
-    Estimates the mean squared error of any linear controller on given sines.
+    Estimator of the mean squared error of a linear controller on given sines.
 
-    A linear controller C has the error e = -u/C by its own law. What u a drive needs to follow a sine, its friction
-    included, hardly depends on the controller, as long as this one tracks; so u is taken from one run. The noise of the
-    sensor adds what it moves the head in sliding.
+    A linear controller C has the error e = -u/C. The u that a drive needs to follow a sine, including friction, hardly
+    depends on the controller as long as it tracks, so that u is taken from one run. The motion due to sensor noise in
+    sliding is added.
 
     Parameters
     ----------
     plant
         The drive.
     sample_time
-        T [s].
+        Sample time T [s].
     commands
-        Amplitudes of u on each sine, from :func:`command_harmonics`, by the sine's frequency [Hz].
+        Amplitudes of u for each sine, from :func:`command_harmonics`, by frequency [Hz].
     displacement_noise, velocity_noise
-        White noise of the sensor in each sample, rms [um], [um/s].
+        White sensor noise per sample, rms [um], [um/s].
     """
 
     def __init__(
@@ -74,12 +74,12 @@ class SineErrors:
         }
         self._commands = commands
         self._noise = np.array([displacement_noise, velocity_noise])
-        # Midpoints, so that a mean over them is the mean up to Nyquist.
+        # Midpoints, so that their mean is the mean up to Nyquist.
         self._frequencies = (np.arange(_NOISE_FREQUENCIES) + 0.5) * 0.5 / (sample_time * _NOISE_FREQUENCIES)
         self._drive = sampled_drive(plant, sample_time, presliding=False).response(self._frequencies)
 
     def mean_squares(self, controller: LinearController) -> dict[float, float]:
-        """Return the mean squared error [um^2] of a stable loop, by the sine's frequency."""
+        """Return the mean squared error [um^2] of a stable loop, by frequency."""
         noise = self._mean_square_of_noise(controller)
         return {frequency: noise + self._mean_square(controller, frequency) for frequency in self._commands}
 

@@ -1,4 +1,4 @@
-"""What repeats in a signal that comes in pieces, and what does not."""
+"""Repeatable and non-repeatable part of a signal, computed block by block."""
 
 import math
 
@@ -10,31 +10,31 @@ Array = NDArray[np.float64]
 
 class StreamedPeriods:
     """
-    Sums over the periods of a signal that comes in pieces: the last whole periods count.
+    Sums over the last complete periods of a signal, computed block by block.
 
-    Sums are those of the differences from the first period, so that the rest of a signal that repeats almost exactly is
-    not lost in rounding.
+    The sums are of differences from the first period, so that the small non-repeatable part of a nearly periodic signal
+    is not lost in rounding.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     period
-        Samples of a period.
+        Samples per period.
 
     Raises
     ------
     ValueError
-        If there are not two periods.
+        If the signal has fewer than two periods.
     """
 
     def __init__(self, samples: int, period: int) -> None:
         self.period, self.cycles = period, samples // period if period > 0 else 0
-        """Samples of a period, and how many periods count."""
+        """Samples per period, and number of complete periods."""
         if self.cycles < 2:
-            raise ValueError(f'two periods of {period} samples are needed, and there are {samples} samples')
+            raise ValueError(f'expected at least two periods of {period} samples; the signal has {samples} samples')
         self.first = samples - self.cycles * period
-        """Samples before the first period that counts."""
+        """Samples before the first complete period."""
         self._count = 0
         self._origin, self._sums = np.zeros(period), np.zeros(period)
         self._lowest, self._highest = np.zeros(period), np.zeros(period)
@@ -68,25 +68,25 @@ class StreamedPeriods:
 
     @property
     def mean_period(self) -> Array:
-        """Mean of the periods, shape (period,), from the first sample that counts on."""
+        """Mean of the periods, shape (period,), starting at the first complete period."""
         return self._origin + self._shift
 
     @property
     def waveform(self) -> Array:
-        """The same in the phase of the whole signal: its first sample is the waveform's."""
+        """The mean period in phase with the whole signal, whose first sample is that of the waveform."""
         return np.roll(self.mean_period, self.first % self.period)
 
     @property
     def rest_square_sum(self) -> float:
-        """Sum of the squares of what does not repeat."""
+        """Sum of squares of the non-repeatable part."""
         return max(0.0, self._squares - self.cycles * float(np.sum(np.square(self._shift))))
 
     @property
     def rest_rms(self) -> float:
-        """Root mean square of what does not repeat."""
+        """Root mean square of the non-repeatable part."""
         return math.sqrt(self.rest_square_sum / (self.cycles * self.period))
 
     @property
     def rest_peak_to_peak(self) -> float:
-        """Largest less smallest value of what does not repeat."""
+        """Peak-to-peak value of the non-repeatable part."""
         return float((self._highest - self._shift).max() - (self._lowest - self._shift).min())

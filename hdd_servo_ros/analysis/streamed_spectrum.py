@@ -1,4 +1,4 @@
-"""Spectra of a signal that comes in pieces: the same segments as of the whole, and the same mean over them."""
+"""Spectra computed block by block, with the same segments and mean as for the whole signal."""
 
 import math
 from collections.abc import Callable
@@ -13,16 +13,16 @@ _SEGMENTS_AT_ONCE = 8
 
 class StreamedSpectrum:
     """
-    Welch's method for a signal that comes in pieces.
+    Welch's method, block by block.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     segment
-        Samples of a segment at most; segments overlap by half of them.
+        Largest number of samples per segment; segments overlap by half.
     power
-        Returns frequencies [Hz] and the mean power of the segments of some samples, by segments of a given length.
+        Returns frequencies [Hz] and the mean power of segments, from samples and segment length.
     """
 
     def __init__(self, samples: int, segment: int, power: Callable[[Array, int], tuple[Array, Array]]) -> None:
@@ -41,7 +41,7 @@ class StreamedSpectrum:
             self._take()
 
     def _take(self) -> None:
-        """Take in the segments that are complete."""
+        """Process the complete segments."""
         values = np.concatenate(self._waiting)
         count = (len(values) - self._segment) // self._step + 1
         if count > 0:
@@ -60,14 +60,14 @@ class StreamedSpectrum:
 
 class StreamedDensity:
     """
-    What the periodogram of a whole signal gives for (1.1), without the periodogram, by Parseval's theorem.
+    The TMR from the periodogram of a whole signal (thesis eq. 1.1), by Parseval's theorem.
 
-    The integral of the density over its lines by trapezoids is the variance, less half of what the last line has.
+    The trapezoidal integral of the density is the variance minus half of the power of the last line.
 
     Parameters
     ----------
     samples
-        How many samples will come, at least 2.
+        Total number of samples, at least 2.
     """
 
     def __init__(self, samples: int) -> None:
@@ -78,7 +78,7 @@ class StreamedDensity:
     def add(self, values: Array) -> None:
         """Add samples, shape (n,)."""
         index = np.arange(self._count, self._count + len(values))
-        # The last line of an odd number of samples is half a line below the Nyquist frequency.
+        # For an odd number of samples the last line is half a line below the Nyquist frequency.
         turn = 1.0 if self._samples % 2 == 0 else np.exp(1j * np.pi * index / self._samples)
         wave = np.where(index % 2, -1.0, 1.0) * turn
         self._last_line += complex(np.sum(values * wave))
@@ -86,7 +86,7 @@ class StreamedDensity:
         self._count += len(values)
 
     def misregistration(self, mean: float, variance: float) -> float:
-        """Return 3 times the root of the integral, for a signal of this mean, and mean square about it."""
+        """Return 3 times the root of the integral, for a signal with this mean and variance."""
         line = abs(self._last_line - mean * self._constant) / self._samples
         lines = 1.0 if self._samples % 2 == 0 else 2.0
         return 3.0 * math.sqrt(max(0.0, variance - 0.5 * lines * line**2))

@@ -1,4 +1,4 @@
-"""The edges of a reference that comes in pieces, and how the head answers them."""
+"""Edges of a reference and step responses, computed block by block."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,12 @@ Array = NDArray[np.float64]
 
 class StreamedEdges:
     """
-    The edges of a reference that comes in pieces, while it may be stepwise.
+    Edges of a reference, computed block by block as long as it may be stepwise.
 
     Parameters
     ----------
     samples
-        How many samples will come.
+        Total number of samples.
     """
 
     def __init__(self, samples: int) -> None:
@@ -27,7 +27,7 @@ class StreamedEdges:
         self._jumps = 0
         self._last_jump = -2
         self.is_stepwise = True
-        """Whether the reference stands still but for a few jumps; see :func:`~.metrics.is_stepwise`."""
+        """Whether the reference is constant except for a few steps; see :func:`~.metrics.is_stepwise`."""
 
     def add(self, reference: Array) -> None:
         """Add samples of x_d, shape (n,)."""
@@ -55,22 +55,22 @@ class StreamedEdges:
 
     @property
     def heights(self) -> Array:
-        """New reference less old one, shape (m,)."""
+        """New minus previous reference, shape (m,)."""
         return np.concatenate([np.empty(0), *self._heights])
 
 
 class StreamedSteps:
     """
-    The answers to edges that are known, from signals that come in pieces; see :func:`~.metrics.step_response`.
+    Responses to known edges, computed block by block; see :func:`~.metrics.step_response`.
 
     Parameters
     ----------
     edges
-        Of the whole reference.
+        Edges of the whole reference.
     samples
-        How many samples will come.
+        Total number of samples.
     first_offset
-        x_d less x at the first sample.
+        x_d - x at the first sample.
     band, steady_part
         See :func:`~.metrics.step_response`.
 
@@ -117,7 +117,7 @@ class StreamedSteps:
             self._steady_sums[step] += float(error[steady:].sum())
 
     def response(self, sample_time: float) -> StepResponse:
-        """Return the answers to all edges."""
+        """Return the responses to all edges."""
         settling = np.where(self._inside < self._ends, (self._inside - self._rows) * sample_time, np.inf)
         return StepResponse(
             self._rows,

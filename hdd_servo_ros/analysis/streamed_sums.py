@@ -1,4 +1,4 @@
-"""Sums over a signal that comes in pieces, where a sample counts together with the one before."""
+"""Sums over consecutive samples of a signal, computed block by block."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 
 class StreamedVariation:
-    """Sum of the magnitudes of all changes from sample to sample."""
+    """Total variation: sum of the magnitudes of all changes per sample."""
 
     def __init__(self) -> None:
         self.total = 0.0
@@ -22,7 +22,7 @@ class StreamedVariation:
 
 
 class StreamedLoopArea:
-    """The area that a closed curve encloses, whose points come in pieces; see :func:`~.metrics.loop_area`."""
+    """Area of a closed curve, computed block by block; see :func:`~.metrics.loop_area`."""
 
     def __init__(self) -> None:
         self._sum = 0.0
@@ -40,16 +40,16 @@ class StreamedLoopArea:
         self._last = float(x[-1]), float(f[-1])
 
     def area(self, cycles: int) -> float:
-        """Return the area of a cycle, the mean of all."""
+        """Return the mean area per cycle."""
         if self._first is None:
             return 0.0
-        # The last point joins the first.
+        # The last point connects to the first.
         (x, f), (first_x, first_f) = self._last, self._first
         return (self._sum + 0.5 * (first_f + f) * (first_x - x)) / cycles
 
 
 class StreamedOffTrack:
-    """How many samples are beyond a limit, and how many at most in a row; see :func:`~.off_track.off_track`."""
+    """Number of samples beyond a limit, in total and consecutively; see :func:`~.off_track.off_track`."""
 
     def __init__(self, limit: float) -> None:
         self.limit = limit
@@ -60,7 +60,7 @@ class StreamedOffTrack:
         """Add samples, shape (n,)."""
         if not len(error):
             return
-        # What is not a number is beyond any limit.
+        # nan exceeds any limit.
         inside = np.flatnonzero(np.abs(error) <= self.limit)
         self.count += len(error) - len(inside)
         if not len(inside):

@@ -1,4 +1,4 @@
-"""A transfer function by its zeros, poles and leading gain, with its modes: what identification finds."""
+"""An identified transfer function: zeros, poles, leading gain, and modes."""
 
 import dataclasses
 
@@ -11,14 +11,14 @@ ComplexArray = NDArray[np.complex128]
 @dataclasses.dataclass(frozen=True)
 class Mode:
     """
-    A pole with its part r/(s - p) of the response; a complex one stands for its pair.
+    A pole with its partial fraction r/(s - p); a complex pole represents its pair.
 
     Attributes
     ----------
     pole
-        p [rad/s].
+        Pole p [rad/s].
     residue
-        r, in the response's unit times rad/s.
+        Residue r, in the unit of the response times rad/s.
     """
 
     pole: complex
@@ -26,28 +26,28 @@ class Mode:
 
     @property
     def frequency(self) -> float:
-        """Natural frequency |p|/(2 pi) [Hz]."""
+        """Natural frequency ``|p|/(2 pi)`` [Hz]."""
         return abs(self.pole) / (2.0 * np.pi)
 
     @property
     def damping(self) -> float:
-        """Damping ratio -Re p/|p|; 1 of a real stable pole, 0 of an integrator, negative of an unstable pole."""
+        """Damping ratio ``-Re p/|p|``; 1 for a real stable pole, 0 for an integrator, negative for an unstable pole."""
         return -self.pole.real / abs(self.pole) if self.pole else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Model:
     """
-    A transfer function by its zeros, poles and leading gain, as ``scipy.signal.ZerosPolesGain`` takes them.
+    A transfer function with zeros, poles and leading gain, as in ``scipy.signal.ZerosPolesGain``.
 
     Attributes
     ----------
     zeros, poles
-        [rad/s], complex, shapes (m,) and (n,); integrators are poles at 0 and come first.
+        Complex zeros and poles [rad/s], shapes (m,) and (n,); integrators are poles at 0 and come first.
     leading
-        b_m/a_n of (3.21).
+        Leading gain b_m/a_n (thesis eq. 3.21).
     error
-        Root mean square over the points of ``|fit - data|/deviation``: 0.01 is 1 % when the deviation is the magnitude.
+        Root mean square over the points of ``|fit - data|/deviation``: 0.01 is 1 % if the deviation is the magnitude.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Model:
         """Return the response at frequencies [Hz]."""
         s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
         value = np.full(s.shape, complex(self.leading))
-        # By turns, so that no intermediate product leaves the range of a float64.
+        # Alternating factors, so that no intermediate product overflows a float64.
         for i, pole in enumerate(self.poles):
             value = value / (s - pole)
             if i < len(self.zeros):
@@ -76,19 +76,19 @@ class Model:
 
     def rigid_gain(self, order: int = 2) -> float:
         """
-        Return K of K/s^2 R(s) with R(0) = 1: the gain of the rigid body.
+        Return the gain K of the rigid body in K/s^2 R(s) with R(0) = 1.
 
         Parameters
         ----------
         order
-            How many poles of least magnitude are the rigid body's: 2 for a double integrator, held by a spring or not;
-            0 gives the static gain.
+            Number of the smallest poles that belong to the rigid body: 2 for a double integrator, with or without a
+            spring; 0 gives the static gain.
         """
         modes = self.poles[np.argsort(np.abs(self.poles), kind='stable')][order:]
         return float((self.leading * np.prod(-self.zeros) / np.prod(-modes)).real)
 
     def modes(self) -> list[Mode]:
-        """Return the poles of the upper half plane and the real ones, by frequency; integrators are left out."""
+        """Return the real poles and those in the upper half plane by frequency, without integrators."""
         found = []
         for i, pole in enumerate(self.poles):
             if pole == 0.0 or pole.imag < 0.0:

@@ -119,7 +119,7 @@ def test_initial_estimates_count():
     (warning, other) = fragility.warnings(controller_of(**values), loop_of())
     assert warning.startswith('fragile constants')
     assert 'm_hat = 5e-08 V s^2/um has a peak sensitivity of' in warning
-    assert other.startswith('fragile estimates: projection allows')
+    assert other.startswith('low stability margin: projection allows')
 
 
 def test_without_projection_the_set_is_said_to_be_unbounded_and_where_it_is_safe():
@@ -134,7 +134,7 @@ def test_without_projection_the_set_is_said_to_be_unbounded_and_where_it_is_safe
     loop = loop_of().frozen_loop(experiment.controller)
     for m_hat, holds in ((low * 0.98, True), (low * 1.05, False), (high * 0.95, True), (high * 1.1, False)):
         assert (loop.peak_sensitivity(FrozenEstimates(0.0, m_hat)) <= 2.2) == holds
-    with pytest.raises(ValueError, match='no bounds for sigma_hat and m_hat'):
+    with pytest.raises(ValueError, match='unbounded estimates: sigma_hat and m_hat'):
         loop.worst(allowed_estimates(experiment.controller))
 
 
@@ -151,7 +151,7 @@ def test_step_references_are_told_of():
     files = [PARAMS / f'{name}.yaml' for name in ('seagate_7200_10', 'thesis_law', 'step_references')]
     experiment = Experiment(1e-4, 'adaptive_nn', read_parameter_files(files))
     (warning,) = experiment.warnings()
-    assert warning.startswith('fragile estimates: projection allows sigma_hat = ')
+    assert warning.startswith('low stability margin: projection allows sigma_hat = ')
 
 
 @pytest.mark.parametrize(

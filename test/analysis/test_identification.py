@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from hdd_servo_ros.analysis.identification import believed_deviation, doubts, identify_measured
+from hdd_servo_ros.analysis.identification import doubts, identify_measured, weighting_deviation
 from hdd_servo_ros.analysis.order_selection import select_order
 from hdd_servo_ros.analysis.rational_fit import LEVY, identify
 from hdd_servo_ros.bench.response import FrequencyResponse, held
@@ -143,7 +143,7 @@ def test_the_measured_variance_weighs():
     spoilt[bad] *= 1.5 * np.exp(2j)
     coherence = np.where(bad, 1e-3, 1.0 / (1.0 + 7.0 * 0.002**2))
     measured = FrequencyResponse(BAND, spoilt, coherence, np.ones(200), np.full(200, 8), np.zeros(200, dtype=bool))
-    deviation = believed_deviation(measured)
+    deviation = weighting_deviation(measured)
     assert deviation is not None
     assert deviation[bad].min() > 100.0 * np.abs(spoilt[~bad]).min() * 0.002
     assert within_limits(identify_measured(measured, 10, 4))
@@ -240,7 +240,7 @@ def test_other_rejections():
         identify(BAND, np.ones(200), 2, 1, deviation=np.zeros(200))
     with pytest.raises(ValueError, match='1 points are too few to select an order'):
         select_order(BAND[:1], np.ones(1))
-    with pytest.raises(ValueError, match='3 integrators are more than the 2 poles there may be'):
+    with pytest.raises(ValueError, match='3 integrators exceed the limit of 2 poles'):
         select_order(BAND, np.ones(200), integrators=3, most_poles=2)
 
 

@@ -114,15 +114,15 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        (['--poles', '-1'], 'argument --poles: -1 is not above 0'),
-        (['--poles', '0'], 'argument --poles: 0 is not above 0'),
+        (['--poles', '-1'], 'argument --poles: -1 is invalid; expected at least 1'),
+        (['--poles', '0'], 'argument --poles: 0 is invalid; expected at least 1'),
         (['--rigid-order', '1'], 'argument --rigid-order: invalid choice: 1 (choose from 2, 0)'),
         (['--from', 'nan'], 'argument --from: nan is no frequency'),
-        (['--from', '3000', '--to', '1000'], '--from 3000 lies above --to 1000'),
+        (['--from', '3000', '--to', '1000'], '--from 3000 is above --to 1000'),
         (['--zeros', '4'], '--zeros wants --poles'),
         (['--hold', '-1'], 'argument --hold: -1 is no time'),
         (['--delay', 'nan'], 'argument --delay: nan is no time'),
-        (['--integrators', '3'], '--integrators 3 is more than --rigid-order, which is 2'),
+        (['--integrators', '3'], '--integrators 3 exceeds --rigid-order 2'),
         (['--method', 'levy'], '--method levy wants --poles'),
     ],
 )

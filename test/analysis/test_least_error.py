@@ -206,5 +206,5 @@ def test_a_drive_that_no_such_feedback_stabilises_is_rejected():
     """A pole at 3 needs a mean of ln|S| of ln 3 > ln 2."""
     one = np.ones((1, 1))
     drive = MeasuredDrive(3.0 * one, one, np.ones(1), one, T)
-    with pytest.raises(ValueError, match='no feedback found whose peak sensitivity is at most 2'):
+    with pytest.raises(ValueError, match='no feedback found with a peak sensitivity of at most 2'):
         least_error(drive, DisturbanceSpectra(LINES, NONE, NONE + 1.0, (0.0,)), 2.0, 32)

@@ -119,7 +119,7 @@ def test_the_parts_add_up_to_the_signal(signal, period):
 
 
 def test_a_signal_shorter_than_two_periods_is_rejected():
-    with pytest.raises(ValueError, match='two periods of 100 samples are needed, and there are 199'):
+    with pytest.raises(ValueError, match='two periods of 100 samples; the signal has 199'):
         repeatable_parts(np.zeros(199), 100.0)
 
 

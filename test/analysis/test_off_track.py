@@ -85,7 +85,7 @@ def test_each_shock_counts_until_the_next():
 
 
 @pytest.mark.parametrize(
-    ('shocks', 'message'), [([0.2], 'at 0.2 s: the record goes from 0 to 0.0999'), ([0.05, 0.02], 'ascending')]
+    ('shocks', 'message'), [([0.2], 'at 0.2 s: the record spans 0 to 0.0999'), ([0.05, 0.02], 'ascending')]
 )
 def test_shocks_outside_the_record_are_rejected(shocks, message):
     with pytest.raises(ValueError, match=message):
