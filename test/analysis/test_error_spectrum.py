@@ -25,7 +25,7 @@ def test_a_sine_is_a_step_of_its_rms():
 
 
 def test_a_short_record_is_rejected():
-    with pytest.raises(ValueError, match='at least 4 samples, and there are 3'):
+    with pytest.raises(ValueError, match='at least 4 samples; the signal has 3'):
         cumulative_spectrum([1.0, 2.0, 3.0], T)
 
 

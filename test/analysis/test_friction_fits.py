@@ -230,7 +230,7 @@ def test_data_that_cannot_be_are_rejected() -> None:
         fit_static_map(VELOCITY, VELOCITY[1:])
     with pytest.raises(ValueError, match='not finite'):
         identify_lugre(VELOCITY, friction_curve(p, VELOCITY), path, np.full(10, math.nan), 1e-4)
-    with pytest.raises(ValueError, match="unknown term 'mass'; there are stiffness"):
+    with pytest.raises(ValueError, match="unknown term 'mass'; expected stiffness"):
         fit_linear(VELOCITY, VELOCITY, ['mass'])
     with pytest.raises(ValueError, match='not finite'):
         fit_linear(VELOCITY, np.full(VELOCITY.size, math.inf))

@@ -45,13 +45,13 @@ def test_the_command(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        (['--from', '30000'], '--from 30000 leaves 0 of 40 points from 100 to 20000 Hz, and it takes at least 2'),
+        (['--from', '30000'], '--from 30000 leaves 0 of 40 points from 100 to 20000 Hz, expected at least 2'),
         (['--from', '152', '--to', '155', '--integrators', '2'], '--from 152 --to 155 leaves 0 of 40 points'),
         (
             ['--from', '15000', '--poles', '10'],
-            'leaves 3 of 40 points from 100 to 20000 Hz, and it takes at least 6 for',
+            'leaves 3 of 40 points from 100 to 20000 Hz, expected at least 6 for',
         ),
-        (['--poles', '60', '--zeros', '60'], ': 40 of 40 points from 100 to 20000 Hz, and it takes at least 61 for 60'),
+        (['--poles', '60', '--zeros', '60'], ': 40 of 40 points from 100 to 20000 Hz, expected at least 61 for 60'),
     ],
 )
 def test_too_few_points_are_told(tmp_path, capsys, options, words):
@@ -119,11 +119,11 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
         (['--rigid-order', '1'], 'argument --rigid-order: invalid choice: 1 (choose from 2, 0)'),
         (['--from', 'nan'], 'argument --from: nan is no frequency'),
         (['--from', '3000', '--to', '1000'], '--from 3000 is above --to 1000'),
-        (['--zeros', '4'], '--zeros wants --poles'),
+        (['--zeros', '4'], '--zeros needs --poles'),
         (['--hold', '-1'], 'argument --hold: -1 is no time'),
         (['--delay', 'nan'], 'argument --delay: nan is no time'),
         (['--integrators', '3'], '--integrators 3 exceeds --rigid-order 2'),
-        (['--method', 'levy'], '--method levy wants --poles'),
+        (['--method', 'levy'], '--method levy needs --poles'),
     ],
 )
 def test_options_that_mean_nothing_are_rejected(options, words, capsys):

@@ -47,7 +47,7 @@ def test_a_repeating_signal_is_all_rpe_from_the_sector_of_its_first_sample(secto
 @pytest.mark.parametrize(
     ('samples', 'sectors', 'message'),
     [
-        (2 * SECTORS - 1, SECTORS, 'two whole revolutions of 84 samples .* there are 167 samples'),
+        (2 * SECTORS - 1, SECTORS, 'two complete revolutions of 84 samples .* has 167 samples'),
         (10, 1, 'sectors = 1'),
     ],
 )
