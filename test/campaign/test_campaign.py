@@ -189,7 +189,7 @@ def test_a_killed_worker_loses_nothing(table, tmp_path, own_metrics, monkeypatch
 def test_a_run_that_kills_each_worker_is_a_row(own_metrics):
     found = Campaign({**AMPLITUDES, 'metrics': ['rms_error', 'killing_metric:kill_always']}).run(workers=2)
     assert found['status'].tolist() == ['finished', 'finished', 'failed']
-    assert found['reason'].tolist()[2] == 'its process was killed 4 times, as it is when memory runs out'
+    assert found['reason'].tolist()[2] == 'its process was killed 4 times, perhaps for lack of memory'
     assert np.isnan(found['rms_error'][2])
 
 
@@ -318,7 +318,7 @@ def test_a_folder_of_another_campaign_is_rejected(tmp_path):
         Campaign({**AMPLITUDES, 'after': 0.01}).run(tmp_path)
     (tmp_path / 'other').mkdir()
     (tmp_path / 'other' / 'file').touch()
-    with pytest.raises(ArgumentError, match='is not empty and holds no campaign'):
+    with pytest.raises(ArgumentError, match='is not empty and has no campaign'):
         Campaign(AMPLITUDES).run(tmp_path / 'other')
 
 
@@ -475,8 +475,8 @@ def test_the_command_writes_the_table(tmp_path, capsys):
         ),
         ('metrics: [nowhere:f]', 'spec.yaml: metrics: nowhere:f cannot be imported'),
         ('vary: 3', 'spec.yaml: vary: 3 is not a list of blocks'),
-        ('vary: {}', 'spec.yaml: vary: a block has no parameter'),
-        ('vary: [{}]', 'spec.yaml: vary: a block has no parameter'),
+        ('vary: {}', 'spec.yaml: vary: empty block'),
+        ('vary: [{}]', 'spec.yaml: vary: empty block'),
         ('seeds: 2\nseeds: 3', "spec.yaml is invalid: line 2: 'seeds' is there twice"),
         ('vary: ' + 5000 * '[', 'spec.yaml is invalid: line 1: vary: entries are nested more than 32 deep'),
         ('seeds: [99999999999999999999]', 'spec.yaml: seeds: 1e+20 is not an integer'),

@@ -43,7 +43,7 @@ def test_what_cannot_be_read_is_one_line_and_exit_code_3(folder, tmp_path, capsy
     assert campaign_main.main(['--check', str(folder), str(tmp_path)]) == 3
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3
-    assert 'table.csv: No such file or directory; a finished campaign has it' in lines[0]
+    assert 'table.csv: No such file or directory; only a finished campaign has a table' in lines[0]
     assert 'table.csv is not the table of a campaign' in lines[1]
     assert 'is neither a run folder nor a closed bag' in lines[2]
 

@@ -100,5 +100,5 @@ def test_no_scheduler_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch)
     arguments = [str(tmp_path / 'spec.yaml'), '--output', str(tmp_path / 'out'), '--scheduler', 'tcp://127.0.0.1:1']
     assert campaign_main.main(arguments) == 2
     error = capsys.readouterr().err
-    assert 'campaign: --scheduler tcp://127.0.0.1:1: no Dask scheduler answers there' in error.splitlines()[-1]
+    assert 'campaign: --scheduler tcp://127.0.0.1:1: no Dask scheduler responds there' in error.splitlines()[-1]
     assert not Path(tmp_path / 'out').exists()

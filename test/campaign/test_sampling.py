@@ -71,11 +71,11 @@ def test_a_list_is_scaled_element_by_element():
 @pytest.mark.parametrize(
     ('kind', 'first', 'second', 'message'),
     [
-        ('uniform', 2.0, 1.0, 'first number must be below the second'),
+        ('uniform', 2.0, 1.0, 'expected the first number below the second'),
         ('normal', 2.0, 0.0, 'expected a standard deviation above 0'),
         ('log_uniform', 0.0, 1.0, 'expected numbers above 0'),
         ('uniform', 0.0, np.inf, 'expected finite numbers'),
-        ('cauchy', 0.0, 1.0, 'none of uniform, normal, log_uniform'),
+        ('cauchy', 0.0, 1.0, 'expected one of uniform, normal, log_uniform'),
     ],
 )
 def test_a_wrong_distribution_is_rejected(kind, first, second, message):

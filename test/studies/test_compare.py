@@ -206,7 +206,7 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
         (['--controllers', 'pid', 'adaptive_nn', 'pid'], '--controllers names pid more than once'),
         (
             ['--output', '/proc/no_such'],
-            'cannot create /proc/no_such: No such file or directory; choose another',
+            'cannot create directory /proc/no_such: No such file or directory; choose another',
         ),
         (['-p', 'no:such'], "-p 'no:such' is not NODE:PARAMETER:=VALUE"),
         (['--output', 'my_controller.py'], 'my_controller.py is a file, not a directory'),
