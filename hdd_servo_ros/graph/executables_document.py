@@ -12,27 +12,28 @@ from hdd_servo_ros.messages import exit_codes
 _INTRODUCTION = """\
 # Executables
 
-Written by `make docs` from the parsers and the catalog of the executables; change those, not this file.
+Written by `make docs` from the parsers and the catalog of the executables. Change those, not this file.
 
-With ROS 2 an executable runs as `ros2 run hdd_servo_ros NAME`, in the environment of `make run` as `.venv/bin/NAME`.
-`NAME --help` prints what is listed here; that of a node lists its parameters too.
+In a ROS 2 workspace, run `ros2 run hdd_servo_ros NAME`. In the environment that `make run` creates, run `.venv/bin/NAME`.
+`NAME --help` prints the same information. The help of a node also lists its parameters.
 
 ## Exit codes
 
-A command that needs other words for a code has them in its own section.
+A section lists the exit codes of its command where they have a more specific meaning. [Errors](errors.md) lists the
+messages.
 
 """
 _NODES = """\
 ## Nodes
 
-The nodes of the loop, `rig` and `simulate` take their parameters from ROS arguments alone:
+The nodes of the loop, `rig` and `simulate` accept ROS arguments only:
 
 ```text
 NAME [--help] [--ros-args [--params-file FILE] [-p NODE:PARAMETER:=VALUE] [-r FROM:=TO] ...]
 ```
 
-Several parameter files overlay from left to right. A parameter without a node (`-p frequency:=200.0`) goes to whichever
-node of the process has it.
+Later parameter files override earlier ones. A parameter without a node (`-p frequency:=200.0`) is set on every node of
+the process that has it.
 
 | executable | purpose | parameters |
 |---|---|---|
@@ -40,7 +41,7 @@ node of the process has it.
 
 
 def document() -> str:
-    """Return the whole document as Markdown."""
+    """Return the page as Markdown."""
     parts = [_INTRODUCTION, _exit_codes(), '\n', _NODES]
     with_parameters: list[NodeRow | CommandRow] = [
         *NODES.values(),
@@ -54,7 +55,7 @@ def document() -> str:
 
 
 def _exit_codes() -> str:
-    """Return the table of the exit codes as Markdown; it stands in the docstring of the module that chooses them."""
+    """Return the table of the exit codes as Markdown, from the docstring of the module that chooses them."""
     rows = re.findall(r'^(\d+(?: \+ n)?) {2,}(.+)$', inspect.getdoc(exit_codes) or '', re.MULTILINE)
     return '| exit code | meaning |\n|---|---|\n' + ''.join(f'| {code} | {meaning} |\n' for code, meaning in rows)
 
@@ -74,12 +75,12 @@ def _section(row: CommandRow) -> Iterator[str]:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    # argparse lists what a parser takes nowhere else.
+    # argparse has no public list of the arguments of a parser.
     return [action for action in parser._actions if not isinstance(action, argparse._HelpAction)]
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:
-    """Return one line of usage: argparse's own is laid out differently by each version of Python."""
+    """Return the usage in one line; argparse formats its own differently in each version of Python."""
     options = [action for action in _arguments(parser) if action.option_strings]
     words = [parser.prog, *(f'[{_option(action)}]' for action in options if not action.required)]
     words += [_option(action) for action in options if action.required]
@@ -118,7 +119,7 @@ def _shown(action: argparse.Action) -> str:
 
 def _meaning(action: argparse.Action, prog: str) -> str:
     text = (action.help or '') % {**vars(action), 'prog': prog}
-    is_told = 'default' in text or action.default is None or action.default is False or action.default == []
-    if not is_told and action.default != float('inf'):
+    has_default = 'default' in text or action.default is None or action.default is False or action.default == []
+    if not has_default and action.default != float('inf'):
         text = f'{text} (default: {action.default})'.strip()
     return text.replace('|', r'\|')

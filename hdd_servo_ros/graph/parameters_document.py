@@ -1,7 +1,7 @@
 """
-`docs/reference/parameters/`: every parameter of every node, from the declarations that the nodes themselves use.
+`docs/reference/parameters/`: every parameter of every node, from the declarations that the nodes use.
 
-A page per node and one for the sets that several nodes have.
+One page per node, and one for the parameter sets that several nodes share.
 """
 
 import collections
@@ -13,18 +13,20 @@ from hdd_servo_ros.graph.catalog import names_with_parameters, parameter_sets, p
 from hdd_servo_ros.parameters import Declaration, declarations
 
 FOLDER = 'parameters'
-"""Of these pages, in the folder of the reference."""
+"""Directory of these pages, below the reference directory."""
 _SHARED = 'shared.md'
 _INDEX = """\
 # Parameters
 
-Written by `make docs` from the declarations in the code, the same that `ros2 param describe`, `NAME --help` and the
-checks at start and during a run come from. Change the declarations, not these files.
+Written by `make docs` from the declarations in the code. `ros2 param describe`, `NAME --help` and all parameter checks
+use the same declarations. Change them, not these files.
 
 Numbers without a unit are ratios, counts or seeds. A *fixed* parameter cannot be changed once its node has started. All
-others can at any time, take effect at the node's next tick, and the bag shows at which. A change that is rejected gives
-the reason and changes nothing. Several that are set together (`set_parameters_atomically`) change together or not at
-all.
+others can be changed at any time. A change takes effect at the node's next tick, which the bag records. A rejected change
+returns the reason and has no effect. Parameters that are set together (`set_parameters_atomically`) change together or not
+at all.
+
+[Change parameters](../../howto/change-parameters.md) explains how to set them.
 
 | node | purpose |
 |---|---|
@@ -32,18 +34,18 @@ all.
 _SHARED_INTRODUCTION = """\
 # Parameters of several nodes
 
-Written by `make docs` from the declarations in the code. The page of each node names those of these sets that it has.
+Written by `make docs` from the declarations in the code. The page of each node lists the sets that it has.
 """
-_HEADER = '| parameter | default | unit | type and range | meaning | thesis eq. |\n|---|---|---|---|---|---|'
+_HEADER = '| parameter | default | unit | type and range | description | thesis eq. |\n|---|---|---|---|---|---|'
 
 
 def page_of(name: str) -> str:
-    """Return the path of the page of a node or command from the folder of the reference."""
+    """Return the path of the page of a node or command, relative to the reference directory."""
     return f'{FOLDER}/{name}.md'
 
 
 def pages() -> dict[str, str]:
-    """Return the pages as Markdown by their paths from the folder of the reference."""
+    """Return the pages as Markdown, by their paths relative to the reference directory."""
     found = {f'{FOLDER}/index.md': _index()}
     found |= {page_of(name): _page(name) for name in names_with_parameters()}
     found[f'{FOLDER}/{_SHARED}'] = _shared_page()
@@ -53,7 +55,7 @@ def pages() -> dict[str, str]:
 def _index() -> str:
     names = names_with_parameters()
     rows = [f'| [`{name}`]({name}.md) | {purpose(name)} |' for name in names]
-    rows.append(f'| [several nodes]({_SHARED}) | What several nodes have in common. |')
+    rows.append(f'| [several nodes]({_SHARED}) | Parameter sets that several nodes share. |')
     entries = '\n'.join([*names, _SHARED.removesuffix('.md')])
     return _INDEX + '\n'.join(rows) + f'\n\n```{{toctree}}\n:hidden:\n\n{entries}\n```\n'
 
@@ -76,13 +78,13 @@ def _shared_page() -> str:
 
 
 def _shared() -> list[type[Any]]:
-    """Return the sets of parameters that more than one node has."""
+    """Return the parameter sets that more than one node has."""
     used = collections.Counter(kind for name in names_with_parameters() for kind in parameter_sets(name))
     return [kind for kind, count in used.items() if count > 1]
 
 
 def _summary(kind: type[Any]) -> str:
-    """Return what a docstring says before its sections, which are for readers of the code."""
+    """Return the text of a docstring before its sections, which are for readers of the code."""
     return (inspect.getdoc(kind) or '').partition('\n\nAttributes\n')[0].partition('\n\nExamples\n')[0]
 
 
@@ -109,7 +111,7 @@ def _rows(kind: type[Any]) -> Iterator[str]:
 
 
 def _value(declaration: Declaration) -> str:
-    """Return the default as a parameter file has it."""
+    """Return the default in the syntax of a parameter file."""
     default = declaration.default
     if isinstance(default, tuple):
         return '[' + ', '.join(map(_scalar, default)) + ']'

@@ -36,7 +36,7 @@ class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
     The rows of a topic, shape (n, 3) for a vector, whose fields are attributes too: ``control.before_saturation``.
 
     Accelerations have the shape (n, 6). Each attribute is a column, shape (n,); the topic's declaration names them, see
-    ``docs/topics.md``.
+    ``docs/reference/topics.md``.
     """
 
     fields: tuple[str, ...]

@@ -2,7 +2,7 @@
 The topics of the graph, declared once: name, type, fields with units, who writes and who reads them, and when.
 
 The kernel's rows, the nodes' inputs, the recorder, `simulate`, :class:`~hdd_servo_ros.Run`, the comparison of bags, the
-live view and ``docs/topics.md`` follow from these declarations. No ROS import.
+live view and ``docs/reference/topics.md`` follow from these declarations. No ROS import.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""What each node reads and writes, against the sketch of the loop in docs/architecture.md."""
+"""Inputs and outputs of each node, against the diagram of the loop in docs/concepts/determinism.md."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`docs/topics.md` against what is written out here of the contract."""
+"""`docs/reference/topics.md` against expected rows written out here."""
 
 import re
 
@@ -21,9 +21,14 @@ def section(text, name):
 
 @pytest.mark.parametrize('topic', TOPICS, ids=lambda topic: topic.name)
 def test_every_field_has_its_unit_and_meaning(text, topic):
-    rows = re.findall(r'^\| ([\w.]+) \| `(\w+)` \| (.+) \| (.+) \|$', section(text, topic.name), re.MULTILINE)
-    expected = [(field.name, field.unit.replace('um', 'µm') or '-', field.meaning) for field in topic.fields]
-    assert [row[1:] for row in rows] == expected
+    rows = re.findall(r'^\| [\w.]+ \| `(\w+)` \| (.+) \| (.+) \| .+ \|$', section(text, topic.name), re.MULTILINE)
+    assert rows == [(field.name, field.unit.replace('um', 'µm') or '-', field.meaning) for field in topic.fields]
+
+
+def test_every_sign_is_that_of_a_field(text):
+    fields = {f'{topic.name}.{field.name}' for topic in TOPICS for field in topic.fields}
+    assert topics_document._SIGNS.keys() <= fields
+    assert all(f' | {sign} |' in text for sign in topics_document._SIGNS.values())
 
 
 @pytest.mark.parametrize(
@@ -32,30 +37,32 @@ def test_every_field_has_its_unit_and_meaning(text, topic):
         (
             'control',
             '| [/control](#control) | `geometry_msgs/Vector3Stamped` | the controller | `vcm_plant` (delay 1 tick), '
-            '`deterministic_timer` (delay 1 + lookahead ticks), `accelerometer` (delay 1 tick), `bag_recorder` |',
+            '`deterministic_timer` (delay 1 + lookahead ticks), `accelerometer` (delay 1 tick), `bag_recorder` | '
+            '`header.stamp` | the drive | yes |',
         ),
         (
             'disturbance',
             '| [/disturbance](#disturbance), optional | `geometry_msgs/Vector3Stamped` | a disturbance source | '
-            '`vcm_plant` (delay 1 tick), `servo_sensor`, `bag_recorder` |',
+            '`vcm_plant` (delay 1 tick), `servo_sensor`, `bag_recorder` | `header.stamp` | the drive | yes |',
         ),
         (
             'base_acceleration',
             '| [/base_acceleration](#base_acceleration), optional | `geometry_msgs/AccelStamped` | a disturbance '
-            'source | `accelerometer` (delay 1 tick), `bag_recorder` |',
+            'source | `accelerometer` (delay 1 tick), `bag_recorder` | `header.stamp` | the drive | yes |',
         ),
         (
             'recorded',
-            '| [/recorded](#recorded), optional | `std_msgs/Header` | `bag_recorder` | `deterministic_timer` |',
+            '| [/recorded](#recorded), optional | `std_msgs/Header` | `bag_recorder` | `deterministic_timer` | `stamp` '
+            '| the run | no |',
         ),
     ],
 )
-def test_who_writes_and_reads(text, topic, row):
+def test_publishers_and_subscribers(text, topic, row):
     assert row in text.splitlines(), topic
 
 
-def test_what_is_not_declared_of_a_vector_is_zero(text):
-    assert '| z | - | - | 0 |' in section(text, 'ldv')
+def test_an_undeclared_component_of_a_vector_is_zero(text):
+    assert '| z | - | - | 0 | - |' in section(text, 'ldv')
 
 
 def test_the_estimates_of_each_controller(text):

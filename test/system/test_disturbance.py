@@ -26,7 +26,7 @@ def disturbed(bench):
 
 
 def test_the_code_of_the_document_is_the_example():
-    document = (HERE.parent.parent / 'docs' / 'live.md').read_text('utf8')
+    document = (HERE.parent.parent / 'docs' / 'howto' / 'custom-disturbance.md').read_text('utf8')
     assert EXAMPLE.read_text('utf8') in re.findall(r'```python\n(.*?)```', document, re.DOTALL)
 
 

@@ -386,7 +386,7 @@ def test_launch_of_a_run_that_is_rejected_or_fails(ros2):
 
 
 def test_launches_of_the_documents(ros2):
-    text = (Path(__file__).parents[2] / 'docs' / 'ros2.md').read_text()
+    text = (Path(__file__).parents[2] / 'docs' / 'howto' / 'run-with-ros2.md').read_text()
     lines = [shlex.split(line) for line in text.splitlines() if line.startswith('ros2 launch ')]
     assert len(lines) > 3
     shortened = ('duration:=0.02', 'rate:=0.0')
