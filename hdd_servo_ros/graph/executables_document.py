@@ -14,8 +14,8 @@ _INTRODUCTION = """\
 
 Written by `make docs` from the parsers and the catalog of the executables. Change those, not this file.
 
-In a ROS 2 workspace, run `ros2 run hdd_servo_ros NAME`. In the environment that `make run` creates, run `.venv/bin/NAME`.
-`NAME --help` prints the same information. The help of a node also lists its parameters.
+In a ROS 2 workspace, run `ros2 run hdd_servo_ros NAME`. In the environment that `make run` creates, run
+`.venv/bin/NAME`. `NAME --help` prints the same information. The help of a node also lists its parameters.
 
 ## Exit codes
 

@@ -22,9 +22,9 @@ Written by `make docs` from the declarations in the code. `ros2 param describe`,
 use the same declarations. Change them, not these files.
 
 Numbers without a unit are ratios, counts or seeds. A *fixed* parameter cannot be changed once its node has started. All
-others can be changed at any time. A change takes effect at the node's next tick, which the bag records. A rejected change
-returns the reason and has no effect. Parameters that are set together (`set_parameters_atomically`) change together or not
-at all.
+others can be changed at any time. A change takes effect at the node's next tick, which the bag records. A rejected
+change returns the reason and has no effect. Parameters that are set together (`set_parameters_atomically`) change
+together or not at all.
 
 [Change parameters](../../howto/change-parameters.md) explains how to set them.
 

@@ -20,12 +20,12 @@ from hdd_servo_ros.messages.units import shown
 _INTRODUCTION = """\
 # Topics
 
-Written by `make docs` from the declarations in `hdd_servo_ros/messages/topics.py`. The nodes, the recorder and `simulate`
-use the same declarations. Change them, not this file.
+Written by `make docs` from the declarations in `hdd_servo_ros/messages/topics.py`. The nodes, the recorder and
+`simulate` use the same declarations. Change them, not this file.
 
-Topic names are relative in the code, so that namespaces and remapping apply. This page shows them in the root namespace.
-A topic of the loop carries exactly one message per tick. Its stamp is k T, the time of tick k. Every topic of the loop has
-exactly one publisher.
+Topic names are relative in the code, so that namespaces and remapping apply. This page shows them in the root
+namespace. A topic of the loop carries exactly one message per tick. Its stamp is k T, the time of tick k. Every topic
+of the loop has exactly one publisher.
 
 A subscriber with a *delay* of d ticks needs the message of tick k - d at tick k. `lookahead` is a parameter of
 `deterministic_timer`. An *optional* topic belongs to the loop in runs in which a node publishes it, and is absent from
@@ -74,8 +74,8 @@ settings are compatible with every topic except `/{SCOPE}`; best-effort subscrib
 _OTHERS = f"""\
 ## Other topics
 
-The loop does not wait for these. Their names follow the namespace, except those of `/diagnostics`, `{PARAMETER_EVENTS}` and
-`/rosout`.
+The loop does not wait for these. Their names follow the namespace, except those of `/diagnostics`,
+`{PARAMETER_EVENTS}` and `/rosout`.
 
 | topic | type | publisher | content | recorded |
 |---|---|---|---|---|
@@ -85,8 +85,8 @@ the tick from which they act | yes |
 subscriber | no |
 | `/diagnostics` | `diagnostic_msgs/DiagnosticArray` | every process | [status of the nodes]\
 (../howto/monitor.md#diagnostics), while there is a subscriber; the stamp is wall time | no |
-| `/lockstep` | `std_msgs/String` | every process | JSON announcements, by which the processes discover and monitor each \
-other | no |
+| `/lockstep` | `std_msgs/String` | every process | JSON announcements, by which the processes discover and monitor \
+each other | no |
 
 Services are in [change parameters and control a run](../howto/change-parameters.md#start-pause-step-stop-reset).
 """
