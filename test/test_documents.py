@@ -13,7 +13,6 @@ import pytest
 import yaml
 
 from hdd_servo_ros.graph.catalog import EXECUTABLES, executable_module, names_with_parameters
-from hdd_servo_ros.messages.topics import LOOP_TOPICS
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / 'hdd_servo_ros'
@@ -203,26 +202,15 @@ def table_rows(document, header):
     return [re.findall(r'`(.+?)`', line.split('|')[1]) for line in table.splitlines()[1:]]
 
 
-def first_column(header):
-    """Return what the first column of README's table with this header names."""
-    return [name for names in table_rows(ROOT / 'README.md', header) for name in names]
-
-
-def test_the_architecture_lists_the_floors_of_the_contract_and_every_folder():
+def test_contributing_lists_the_layers_of_the_contract_and_every_folder():
     contract = configparser.ConfigParser()
     contract.read(ROOT / '.importlinter')
-    layers = contract['importlinter:contract:floors']['layers'].split('\n')
-    floors = [set(re.findall(r'\w+', layer)) for layer in layers if layer]
-    listed = [set(names) for names in table_rows(ROOT / 'docs' / 'architecture.md', '| floor | holds |')]
-    assert listed == floors
+    layers = [set(re.findall(r'\w+', line)) for line in contract['importlinter:contract:floors']['layers'].split('\n')]
+    listed = [set(names) for names in table_rows(ROOT / 'CONTRIBUTING.md', '| layer | holds |')]
+    assert listed == [names for names in layers if names]
     folders = {path.parent.name for path in PACKAGE.glob('*/__init__.py')}
     modules = {path.stem for path in PACKAGE.glob('*.py')} - {'__init__'}
     assert set.union(*listed) == folders | modules
-
-
-def test_readme_names_every_executable_and_every_topic_of_the_loop():
-    assert sorted(first_column('| executable | what it is |')) == sorted(EXECUTABLES)
-    assert first_column('| topic | type | x, y, z |') == [f'/{topic.name}' for topic in LOOP_TOPICS]
 
 
 @pytest.mark.parametrize('name', names_with_parameters())
