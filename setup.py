@@ -75,7 +75,7 @@ setup(
     zip_safe=True,
     maintainer='hdd_servo_ros maintainers',
     maintainer_email='hdd_servo_ros@example.org',
-    description='A hard disk drive servo bench as a deterministic ROS 2 node graph.',
+    description='A simulated hard disk drive servo bench as a deterministic ROS 2 node graph.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': SCRIPTS,

@@ -1,9 +1,9 @@
 """
-Settings of the documentation site: `make html` builds it into build/html, rosdoc2 into docs.ros.org.
+Sphinx settings of the documentation, which `make html` builds into build/html and rosdoc2 for docs.ros.org.
 
-Both take the folder above this one as the source folder: README.md, CONTRIBUTING.md and CHANGELOG.rst are pages next
-to docs/, and a relative link means the same on GitHub, in build/html and on docs.ros.org. rosdoc2 executes this file
-inside a configuration of its own, in which ``rosdoc2_settings`` is defined, and chooses the landing page and the theme.
+The source folder of both is the parent of this folder. README.md, CONTRIBUTING.md and CHANGELOG.rst are pages next to
+docs/, and relative links work on GitHub, in build/html and on docs.ros.org. rosdoc2 executes this file inside its own
+configuration, in which ``rosdoc2_settings`` is defined, and chooses the landing page and the theme.
 """
 
 import importlib.util
@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 
 RUN_BY_ROSDOC2 = 'rosdoc2_settings' in globals()
-# rosdoc2 executes this file from the folder above it.
+# rosdoc2 executes this file from its parent folder.
 ROOT = Path(__file__).resolve().parent.parent if not RUN_BY_ROSDOC2 else Path(__file__).resolve().parent
 DOCS = ROOT / 'docs'
 
@@ -19,7 +19,7 @@ project = 'hdd_servo_ros'
 author = 'hdd_servo_ros maintainers'
 copyright = author  # noqa: A001 (Sphinx's name)
 
-# Only extensions that rosdoc2 allows: what it does not know it removes.
+# rosdoc2 removes all other extensions.
 extensions = [
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
@@ -27,7 +27,7 @@ extensions = [
     'myst_parser',
 ]
 
-# Markdown: GitHub's anchors for headings, and equations between dollar signs.
+# Anchors of headings as on GitHub, and equations between dollar signs.
 myst_heading_anchors = 4
 myst_enable_extensions = ['dollarmath', 'amsmath']
 
@@ -52,10 +52,10 @@ if not RUN_BY_ROSDOC2:
     ).group(1)
     root_doc = 'docs/index'
     include_patterns = ['README.md', 'CONTRIBUTING.md', 'CHANGELOG.rst', 'docs/**']
-    # build/html/index.html, which leads to docs/index.html.
+    # build/html/index.html, which redirects to docs/index.html.
     html_extra_path = [str(DOCS / '_root')]
-    # Dark and light, by the reader's choice or the system's, with fonts of the system. sphinx_rtd_theme, which rosdoc2
-    # uses for all packages of ROS, has no dark colors.
+    # A light and a dark mode, and system fonts. sphinx_rtd_theme, which rosdoc2 uses for all ROS packages, has no dark
+    # mode.
     html_theme = 'furo'
     html_title = f'hdd_servo_ros {version}'
     html_static_path = [str(DOCS / '_static')]
@@ -63,7 +63,7 @@ if not RUN_BY_ROSDOC2:
     html_copy_source = False
     html_show_sphinx = False
 
-    # MathJax in one file, equations as SVG: it loads no fonts and nothing from the network.
+    # MathJax in one file, with SVG output: it loads neither fonts nor files from the network.
     _mathjax = importlib.util.find_spec('sphinx-mathjax-offline')
     if _mathjax is None or _mathjax.origin is None:
         raise ModuleNotFoundError('sphinx-mathjax-offline is not installed: pip install -e .[docs]')

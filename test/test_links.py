@@ -1,4 +1,4 @@
-"""Links, anchors and images of the documents lead to what exists, and every page is reachable; no network."""
+"""Links, anchors and images of the documentation have targets, and every page is reachable; no network."""
 
 import re
 from collections import Counter
@@ -17,7 +17,7 @@ def identifier(path):
 
 
 def prose(text):
-    """Return Markdown without its blocks of code and inline code, in which brackets are no links."""
+    """Return Markdown without its blocks of code and inline code, in which brackets are not links."""
     text = re.sub(r'^(```+)[^\n]*\n.*?^\1\s*$', '', text, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r'`[^`]*`', '`code`', text)
 
@@ -42,7 +42,7 @@ def anchors(path):
 
 
 def broken(path, root=ROOT):
-    """Return the links of a Markdown document that lead nowhere."""
+    """Return the links of a Markdown document without a target."""
     wrong = []
     for link in sorted(links(path.read_text('utf8'))):
         if re.match(r'[a-z]+:', link):
@@ -76,7 +76,7 @@ def exists(found):
 
 
 @pytest.mark.parametrize('path', MARKDOWN, ids=identifier)
-def test_every_link_leads_somewhere(path):
+def test_every_link_has_a_target(path):
     assert not broken(path)
 
 
@@ -93,7 +93,7 @@ def test_every_page_is_in_one_table_of_contents():
     assert set(listed.values()) == {1}
 
 
-def test_every_picture_is_shown():
+def test_every_image_is_shown():
     shown = set()
     for path in MARKDOWN:
         targets = {link for link in links(path.read_text('utf8')) if not re.match(r'[a-z]+:', link)}

@@ -19,8 +19,8 @@ In a ROS 2 workspace, run `ros2 run hdd_servo_ros NAME`. In the environment that
 
 ## Exit codes
 
-A section lists the exit codes of its command where they have a more specific meaning. [Errors](errors.md) lists the
-messages.
+These codes apply to every executable. The section of a command lists more specific meanings. [Errors](errors.md) lists
+the messages.
 
 """
 _NODES = """\
@@ -49,8 +49,10 @@ def document() -> str:
     ]
     for row in with_parameters:
         parts.append(f'| `{row.name}` | {row.purpose} | [{row.name}]({page_of(row.name)}) |\n')
-    parts += ['\n## Commands\n']
-    parts += [text for row in COMMANDS.values() if not row.parameters for text in _section(row)]
+    commands = [row for row in COMMANDS.values() if not row.parameters]
+    parts += ['\n## Commands\n\n| command | purpose |\n|---|---|\n']
+    parts += [f'| [{row.name}](#{row.name}) | {row.purpose} |\n' for row in commands]
+    parts += [text for row in commands for text in _section(row)]
     return ''.join(parts)
 
 
@@ -70,8 +72,10 @@ def _section(row: CommandRow) -> Iterator[str]:
     yield '| argument | meaning |\n|---|---|\n'
     for action in _arguments(parser):
         yield f'| {_shown(action)} | {_meaning(action, parser.prog)} |\n'
-    if parser.epilog:
-        yield f'\n{parser.epilog}\n'
+    # The table at the top of the page has the general exit codes.
+    notes = (parser.epilog or '').replace(exit_codes.EPILOG, '').strip()
+    if notes:
+        yield f'\n{notes}\n'
 
 
 def _arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:

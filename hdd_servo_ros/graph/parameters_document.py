@@ -62,10 +62,11 @@ def _index() -> str:
 
 def _page(name: str) -> str:
     shared, kinds = _shared(), parameter_sets(name)
-    links = [_link(kind) for kind in kinds if kind in shared]
-    has = f' It also has {_listed(links)}.' if links else ''
-    parts = [f'# {name}\n\n{purpose(name)}{has}\n']
+    parts = [f'# {name}\n\n{purpose(name)}\n']
     parts += _table(row for kind in kinds if kind not in shared for row in _rows(kind))
+    links = [f'- {_link(kind)}\n' for kind in kinds if kind in shared]
+    if links:
+        parts.append(f'## Shared parameters\n\nSets that other nodes have too:\n\n{"".join(links)}')
     return '\n'.join(parts)
 
 
@@ -86,10 +87,6 @@ def _shared() -> list[type[Any]]:
 def _summary(kind: type[Any]) -> str:
     """Return the text of a docstring before its sections, which are for readers of the code."""
     return (inspect.getdoc(kind) or '').partition('\n\nAttributes\n')[0].partition('\n\nExamples\n')[0]
-
-
-def _listed(links: list[str]) -> str:
-    return ' and '.join([', '.join(links[:-1]), links[-1]] if len(links) > 1 else links)
 
 
 def _table(rows: Iterator[str]) -> list[str]:
@@ -126,9 +123,9 @@ def _scalar(value: object) -> str:
 
 def _title(kind: type[Any]) -> str:
     words = ''.join(' ' + letter.lower() if letter.isupper() else letter for letter in kind.__name__).strip()
-    return words[0].upper() + words[1:]
+    return (words[0].upper() + words[1:]).replace('Pid ', 'PID ')
 
 
 def _link(kind: type[Any]) -> str:
     title = _title(kind)
-    return f'[{title[0].lower()}{title[1:]}]({_SHARED}#{title.lower().replace(" ", "-")})'
+    return f'[{title}]({_SHARED}#{title.lower().replace(" ", "-")})'
