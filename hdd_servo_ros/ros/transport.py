@@ -63,7 +63,8 @@ def who_can_reach(environment: Mapping[str, str]) -> str:
         if not opened:
             return ''
         reason = f'{opened[0]} is set'
-    return f'{reason}: other machines may find this run, read it, change its parameters and end it (docs/concepts/security.md)'
+    effect = 'other machines may find this run, read it, change its parameters and end it'
+    return f'{reason}: {effect} (docs/concepts/security.md)'
 
 
 def check_domain(environment: Mapping[str, str]) -> None:
