@@ -1,4 +1,4 @@
-"""Some millivolts on /disturbance, others at every tick."""
+"""Publish a force of a few millivolts on /disturbance, a different one at every tick."""
 
 import sys
 
@@ -10,17 +10,17 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 
 
 class Disturbance(LoopNode):
-    """A force against u [V] for every tick of /clock."""
+    """External node that publishes a force against u [V] for every tick of /clock."""
 
     def __init__(self):
         super().__init__('disturbance', [], [Input(CLOCK)], [DISTURBANCE])
 
     def prepare(self, run):
-        """Learn what the run is; called before tick 0."""
+        """Prepare for a run; called before tick 0."""
         self._codec = VectorCodec('shaker')
 
     def step(self, tick, stamp, messages):
-        """Publish the force of a tick."""
+        """Publish the force of one tick."""
         force = 1e-3 * (1 + 37 * tick % 11)
         self.publish_vector(0, tick, self._codec.pack(stamp, force, 0.0, 0.0), force, 0.0, 0.0)
 

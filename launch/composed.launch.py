@@ -1,4 +1,4 @@
-"""The whole graph in one process, the fastest; ends with the run, with exit code 1 if it failed."""
+"""Run all nodes in one process, which is fastest; end with the run, with exit code 1 if it failed."""
 
 from launch import LaunchDescription
 
@@ -6,5 +6,5 @@ from hdd_servo_ros.graph.launching import composed, description
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` runs."""
+    """Return the launch description of this file."""
     return description(composed)

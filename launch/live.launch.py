@@ -1,4 +1,4 @@
-"""The whole graph in one process, paced to real time, beside a program that shows its signals."""
+"""Run all nodes in one process, paced to real time, together with a viewer for the signals."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -13,13 +13,13 @@ SCOPE, PLOTJUGGLER, FOXGLOVE, NONE = 'scope', 'plotjuggler', 'foxglove', 'none'
 
 
 def viewer(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return the program that shows the signals."""
+    """Return the viewer that the argument selects, or an empty list."""
     namespace = value(context, 'namespace') or None
     layout = PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', 'plotjuggler.xml'])
     programs = {
         SCOPE: lambda: Node(package=PACKAGE, executable='scope', namespace=namespace, output='both'),
         PLOTJUGGLER: lambda: Node(package='plotjuggler', executable='plotjuggler', arguments=['--layout', layout]),
-        # Foxglove connects to it; its layout is config/foxglove.json.
+        # Foxglove connects to the bridge; the layout for it is config/foxglove.json.
         FOXGLOVE: lambda: Node(package='foxglove_bridge', executable='foxglove_bridge', output='both'),
     }
     chosen = value(context, 'viewer')
@@ -27,12 +27,12 @@ def viewer(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` runs."""
+    """Return the launch description of this file."""
     argument = DeclareLaunchArgument(
         'viewer',
         default_value=SCOPE,
         choices=[SCOPE, PLOTJUGGLER, FOXGLOVE, NONE],
-        description='What shows the signals: scope is of this package, the others must be installed.',
+        description='viewer for the signals; scope is part of this package, the others must be installed',
     )
-    # Longer than the second of the parameter files, in which hardly a viewer comes up.
+    # The parameter files run for 1 s, which is too short for a viewer to start.
     return description(lambda context: [*viewer(context), *composed(context)], argument, rate='1.0', duration='30.0')

@@ -1,4 +1,4 @@
-"""The whole graph, every node its own process; ends with the run, with exit code 1 if it failed."""
+"""Run each node in a separate process; end with the run, with exit code 1 if it failed."""
 
 from launch import LaunchDescription
 
@@ -6,5 +6,5 @@ from hdd_servo_ros.graph.launching import description, separate_nodes
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` runs."""
+    """Return the launch description of this file."""
     return description(separate_nodes)
