@@ -26,6 +26,11 @@ def test_every_key_of_the_shipped_files_is_known(file):
             from_mapping(kind, {name: value for name, value in values.items() if name in known})
 
 
+def test_every_shipped_file_is_in_the_reference():
+    page = (PARAMS.parent / 'docs' / 'reference' / 'drives.md').read_text('utf8')
+    assert [file.name for file in PARAMS.glob('*.yaml') if f'`{file.name}`' not in page] == []
+
+
 def test_the_drive_of_chapter_5_is_the_default():
     for node, values in read_parameter_files([PARAMS / 'seagate_7200_10.yaml']).items():
         for kind in parameter_sets(node):

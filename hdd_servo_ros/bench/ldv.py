@@ -291,7 +291,7 @@ class Ldv:
 
     The head's motion passes the demodulator (delay, drop-outs, first-order low pass); each output is the result over
     its scale, plus noise, clipped to the output's range, rounded to the converter's step. Each of these can be switched
-    off by itself. ``docs/bench.md`` has the models and what each does to the error.
+    off by itself. ``docs/instruments/ldv.md`` has the models and what each does to the error.
 
     With ``noise_bandwidth`` = 0 the noise is one deviate a sample: white up to half the sampling frequency, of the
     given rms value or, given as density D, of D sqrt(1/(2T)). With a bandwidth f it is white noise behind a first-order

@@ -149,7 +149,7 @@ class ServoSensor:
 
     Notes
     -----
-    Source: a model of this package; ``docs/servo-sensor.md`` describes it.
+    Source: a model of this package; ``docs/instruments/servo-sensor.md`` describes it.
 
     Examples
     --------

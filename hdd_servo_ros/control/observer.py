@@ -124,7 +124,7 @@ class Observer:
 
     Notes
     -----
-    Source: standard steady-state Kalman filter; ``docs/servo-sensor.md`` has its model.
+    Source: standard steady-state Kalman filter; ``docs/instruments/servo-sensor.md`` has its model.
 
     Examples
     --------

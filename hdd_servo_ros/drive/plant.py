@@ -78,7 +78,8 @@ class PlantParameters(ParameterSet):
 
     Notes
     -----
-    Source: thesis section 5.3; the friction is calibrated to what figs. 2.3 and 5.4 say, see ``docs/drive.md``.
+    Source: thesis section 5.3; the friction is calibrated to the text on figs. 2.3 and 5.4, see
+    ``docs/results/validation.md``.
 
     Examples
     --------

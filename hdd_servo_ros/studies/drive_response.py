@@ -197,7 +197,7 @@ def convergence(parameters: PlantParameters, control: Array) -> dict[int, tuple[
 
 
 def print_convergence(write: Callable[[str], None] = print) -> None:
-    """Print the convergence on three motions, as the tables of ``docs/drive.md``."""
+    """Print the convergence on three motions, as the tables of ``docs/results/validation.md``."""
     time = SAMPLE_TIME * np.arange(100_000)
     motions = {
         'section 5.4, u = 5 sin t, 10 s': (SECTION_5_4, 5.0 * np.sin(time)),

@@ -1,5 +1,5 @@
 """
-What each instrument of the bench does to the tracking error, one effect at a time: the tables of docs/bench.md.
+Print the effect of each instrument on the tracking error: the tables of docs/results/validation.md.
 
     ros2 run hdd_servo_ros instruments [--params-file FILE ...] [--seconds 12]
 """

@@ -254,7 +254,7 @@ def test_the_rigid_body_of_a_free_drive_raises_no_doubt():
 
 @pytest.mark.parametrize(('distance', 'count'), [(0.01, 1), (0.02, 2)])
 def test_close_modes_come_back_as_one_where_the_page_says_so(distance, count):
-    """Two modes with a damping of 0.02 and 1 % of noise, as in the table of docs/identification.md."""
+    """Two modes with a damping of 0.02 and 1 % of noise, as in the table of docs/results/validation.md."""
     frequency = np.geomspace(400.0, 20_000.0, 170)
     first = 2.0 * np.pi * 5000.0
     modes = [[1.0, 0.04 * w, w * w] for w in (first, first * (1.0 + distance))]

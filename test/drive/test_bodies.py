@@ -351,7 +351,8 @@ def test_energy_never_increases_without_input(
     Kinetic and stored energy, for contact modes up to 8 kHz: 1.3 rad a substep at the default four, 5 rad with one.
 
     The bristle's damping is up to some hundred times the critical one of that mode. lugre_position at its default
-    ripple of 0.1, and where sigma_1 |v| is at most f_c: see the test below for deep ripples, and docs/drive.md.
+    ripple of 0.1, and where sigma_1 |v| is at most f_c: see the test below for deep ripples, and
+    docs/friction/lugre.md.
     """
     if model == 'lugre_position' and velocity != 0.0:
         damping = min(damping, coulomb / abs(velocity))

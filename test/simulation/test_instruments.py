@@ -1,4 +1,4 @@
-"""What the bench's instruments do to the error in the closed loop: the figures of docs/bench.md, as limits."""
+"""Effect of the instruments on the error in the closed loop: the values of docs/results/validation.md, as limits."""
 
 import dataclasses
 import math

@@ -85,7 +85,8 @@ class FrictionParameters(ParameterSet):
     Pivot friction; each model reads the parameters that its equation has.
 
     The default is the LuGre model calibrated to what figs. 2.3 and 5.4 say of the low-frequency responses (the thesis
-    gives no friction parameters in volts and micrometers); see ``docs/drive.md``. The units are the default drive's.
+    gives no friction parameters in volts and micrometers); see ``docs/results/validation.md``. The units are those of
+    the default drive.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The page on a drive of one's own: its files, commands and script, as they are there and in its order."""
+"""The tutorial on an own drive: its files, commands and script, as printed and in the same order."""
 
 import re
 import shlex
@@ -11,17 +11,17 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalog import executable_module
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / 'docs' / 'drive-of-your-own.md').read_text('utf8')
+PAGE = (ROOT / 'docs' / 'tutorial-own-drive.md').read_text('utf8')
 BLOCKS = re.findall(r'```(\w+)\n(.*?)```', PAGE, re.DOTALL)
 FILES = ['my_drive.yaml', 'gains.yaml']
 SLOW = ('tune',)
-"""What takes longer than all the rest, and has tests of its own."""
+"""Commands that take too long here and have their own tests."""
 
 
-def test_the_page_holds_what_it_says(bench):
+def test_tutorial(bench):
     (bench.directory / 'params').symlink_to(ROOT / 'params')
     files = iter(FILES)
-    said = ''
+    printed = ''
     for kind, block in BLOCKS:
         if kind == 'yaml':
             (bench.directory / next(files)).write_text(block)
@@ -29,7 +29,7 @@ def test_the_page_holds_what_it_says(bench):
             (bench.directory / 'script.py').write_text(block)
             ended = bench.python('script.py')
             assert ended.returncode == 0, ended.stderr
-            said = ended.stdout
+            printed = ended.stdout
         elif kind == 'bash':
             for line in block.splitlines():
                 ros2, run, package, name, *arguments = shlex.split(line)
@@ -39,10 +39,10 @@ def test_the_page_holds_what_it_says(bench):
                 plot = ('-p', 'plot:=false') if '--ros-args' in arguments else ()
                 ended = bench.python('-m', f'hdd_servo_ros.{executable_module(name)}', *arguments, *plot)
                 assert ended.returncode == 0, (line, ended.stderr)
-                said = ended.stdout
+                printed = ended.stdout
         else:
             for shown in block.splitlines():
-                assert shown.split() in [line.split() for line in said.splitlines()], said
+                assert shown.split() in [line.split() for line in printed.splitlines()], printed
     identified = yaml.safe_load((bench.directory / 'identified.yaml').read_text())['/**/vcm_plant']['ros__parameters']
     assert identified['gain'] == pytest.approx(3e7, rel=0.01)
     assert identified['resonance.frequencies'] == pytest.approx([4200.0, 9100.0], rel=0.001)
