@@ -1,7 +1,7 @@
 """
 A hard disk drive servo bench as a deterministic ROS 2 node graph.
 
-``hdd_servo_ros.Run.open(path)`` reads a recorded run; see ``docs/bag-assertions.md``.
+``hdd_servo_ros.Run.open(path)`` reads a recorded run; see ``docs/howto/test-with-pytest.md``.
 """
 
 import sys

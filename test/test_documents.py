@@ -28,7 +28,7 @@ SOURCES = {
     for path in (ROOT / folder).rglob('*.py')
 } | {path.name for path in ROOT.glob('*.py')}
 FOLDERS_OF_RUNS = ('runs/', 'RUN/', 'bag/')
-OWN_TEST = ('write-your-own-controller', 'tutorial-own-drive', 'tutorial-first-hour')
+OWN_TEST = ('tutorial-own-controller', 'tutorial-own-drive', 'tutorial-first-hour')
 """Documents whose commands have a test of their own."""
 BLOCKS = [
     pytest.param(block, id=f'{document.stem}-{number}')

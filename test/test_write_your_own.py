@@ -12,7 +12,7 @@ import pytest
 from hdd_servo_ros import Run
 
 ROOT = Path(__file__).parent.parent
-DOCUMENT = (ROOT / 'docs' / 'write-your-own-controller.md').read_text('utf8')
+DOCUMENT = (ROOT / 'docs' / 'tutorial-own-controller.md').read_text('utf8')
 EXAMPLE = ROOT / 'examples' / 'my_controller.py'
 PATH = 'my_controller:MyController'
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'

@@ -142,7 +142,7 @@ class Accelerometer:
 
     Notes
     -----
-    Source: a model of this package; ``docs/mobile.md`` describes it.
+    Source: a model of this package; ``docs/instruments/accelerometer.md`` describes it.
 
     Examples
     --------

@@ -30,7 +30,7 @@ _CHANGED_STEP = (
     'step takes one argument now: inputs, with inputs.tick, inputs.position [um] and '
     'inputs.velocity [um/s] (or inputs.displacement_volts and inputs.velocity_volts [V]), '
     'inputs.desired_position [um], inputs.desired_velocity [um/s] and inputs.desired_acceleration [um/s^2]; '
-    'see docs/write-your-own-controller.md'
+    'see docs/tutorial-own-controller.md'
 )
 
 

@@ -210,7 +210,7 @@ class Reference:
 
     Notes
     -----
-    Source: thesis sections 4.4 and 5.5; seeks as in ``docs/seek-reference.md``.
+    Source: thesis sections 4.4 and 5.5; seeks as in ``docs/howto/seek-reference.md``.
 
     Examples
     --------

@@ -28,5 +28,5 @@ class Run(RecordedRun):
 
     @functools.cached_property
     def check(self) -> Checks:
-        """Assertions about the run, for tests; see ``docs/bag-assertions.md``."""
+        """Assertions about the run, for tests; see ``docs/howto/test-with-pytest.md``."""
         return Checks(self)

@@ -295,7 +295,7 @@ def test_what_is_no_specification_is_rejected(tmp_path, text):
 
 def test_the_specifications_of_the_documents_are_allowed():
     root = Path(__file__).parents[2]
-    page = (root / 'docs' / 'campaigns.md').read_text('utf8')
+    page = (root / 'docs' / 'howto' / 'run-campaigns.md').read_text('utf8')
     first, elements = (yaml.safe_load(block) for block in re.findall(r'```yaml\n(.*?)```', page, re.DOTALL))
     assert len(Plan(spec_of(first, root))) == 2 * 200 * 2 * 5
     with pytest.raises(ArgumentError, match='vary the list or its elements, not both'):

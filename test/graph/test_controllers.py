@@ -167,7 +167,7 @@ def test_the_former_arguments_of_step_are_rejected_with_what_to_change(tmp_path,
     # With a cold cache a line says first that kernels are being compiled.
     (error,) = [line for line in capsys.readouterr().err.splitlines() if 'rejected' in line]
     assert error.startswith(f"simulate: invalid value for parameter controller: '{module}:Spring'; expected {said}")
-    assert error.endswith('; see docs/write-your-own-controller.md')
+    assert error.endswith('; see docs/tutorial-own-controller.md')
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_the_former_arguments_of_step_are_one_line(bench, name):
     assert line.startswith(
         f"{name}: invalid value for parameter controller: 'former:MyController'; expected MyController.step takes one"
     )
-    assert line.endswith('; see docs/write-your-own-controller.md')
+    assert line.endswith('; see docs/tutorial-own-controller.md')
     assert 'Traceback' not in process.output
 
 

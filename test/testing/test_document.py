@@ -1,4 +1,4 @@
-"""The code in README.md and docs/bag-assertions.md runs as it is printed there, and passes."""
+"""The code in README.md and docs/howto/test-with-pytest.md runs as it is printed there, and passes."""
 
 import re
 import sys
@@ -23,7 +23,7 @@ def python_blocks(pytester):
 
 
 def test_the_tutorial(pytester, run_pytest, python_blocks):
-    blocks = python_blocks('docs/bag-assertions.md')
+    blocks = python_blocks('docs/howto/test-with-pytest.md')
     assert len(blocks) == 4
     pytester.makepyfile('\n'.join(blocks))
     run_pytest().assert_outcomes(passed=6)
