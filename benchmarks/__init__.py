@@ -1,1 +1,1 @@
-"""What `make bench` measures: ratios, side by side in one run, never asserted by a test."""
+"""Benchmarks: the numbers of `docs/performance.md` are measured by `make bench`."""

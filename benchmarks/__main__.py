@@ -1,8 +1,8 @@
 """
-Measure, print the raw figures, and write the table of ``docs/performance.md``.
+Run all benchmarks, print the raw values, and write the tables of ``docs/performance.md``.
 
-``python -m benchmarks [--quick] [--no-write]``; every figure is the median of several runs that alternate with what
-they are compared with, so that a slow minute of the machine strikes both. Those of campaigns are the best of them.
+``python -m benchmarks [--quick] [--no-write]``. Each value is the median of several runs that alternate with those of
+its baseline, so that a slow minute of the machine affects both. For campaigns it is the best run.
 """
 
 import argparse
@@ -41,20 +41,24 @@ def resident(pid):
 
 
 def plant_figures():
-    """Rows of the table: the cost of one tick of the default drive, and of a compiled call that does nothing [ns]."""
+    """Return table rows: time of one tick of the default drive, and of an empty compiled call [ns]."""
     controls = 0.2 * np.random.default_rng(1).normal(size=50_000)
     inside = 1e9 * kernel_cost(PlantParameters(), controls)
     outside = 1e9 * call_cost(plant_step, PlantParameters(), controls.tolist())
     bare = 1e9 * call_cost(nothing, PlantParameters(), controls.tolist())
-    print(f'  {inside:.0f} ns in compiled code, {outside:.0f} ns from Python, bare call {bare:.0f} ns', flush=True)
+    print(f'  {inside:.0f} ns in compiled code, {outside:.0f} ns from Python, empty call {bare:.0f} ns', flush=True)
     return [
         ('one tick of the default drive, in compiled code', f'{inside:.0f} ns', 'at most 2000 ns'),
-        ('the same called from Python', f'{outside:.0f} ns, of which a bare call is {bare:.0f} ns', ''),
+        (
+            'one tick of the default drive, called from Python',
+            f'{outside:.0f} ns, including {bare:.0f} ns for the call',
+            '',
+        ),
     ]
 
 
 def memory_figures(bench, seconds):
-    """Resident memory of rig and recorder at 6 s of the run and at its end [MiB]."""
+    """Return the resident memory of rig and recorder at 6 s of the run and at its end [MiB]."""
     run = bench.folder()
     process = bench.popen('hdd_servo_ros.nodes.rig', *bench.ros_arguments(run, seconds * 10_000))
     bag = run / 'bag' / 'bag.mcap'
@@ -62,13 +66,13 @@ def memory_figures(bench, seconds):
     while process.poll() is None:
         time.sleep(0.2)
         try:
-            # The bag grows with simulated time, so its size tells how far the run is.
+            # The bag grows with simulated time, so its size is a measure of the progress.
             samples.append((bag.stat().st_size, resident(process.pid)))
         except (OSError, ValueError):
             continue
     process.communicate()
     size = bag.stat().st_size
-    # After the last message the process reads the bag for its summary, which is no part of the run.
+    # After the last message the process reads the bag for its summary, which does not count.
     during = [(done / size * seconds, memory) for done, memory in samples if done < 0.99 * size]
     at_six = next(memory for done, memory in during if done >= 6.0)
     print(f'  {at_six:.0f} MiB at 6 s, {during[-1][1]:.0f} MiB at {during[-1][0]:.0f} s', flush=True)
@@ -76,7 +80,7 @@ def memory_figures(bench, seconds):
 
 
 def machine():
-    """Return what this ran on."""
+    """Return a description of the machine."""
     text = Path('/proc/cpuinfo').read_text()
     model = re.search(r'model name\s*: (.+)', text)
     return (
@@ -88,16 +92,16 @@ def machine():
 def main():
     """Run all benchmarks."""
     parser = argparse.ArgumentParser(prog='make bench', description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one repeat and short runs, to see that it works')
-    parser.add_argument('--no-write', action='store_true', help='leave docs/performance.md as it is')
+    parser.add_argument('--quick', action='store_true', help='run once with short runs, as a smoke test')
+    parser.add_argument('--no-write', action='store_true', help='do not write docs/performance.md')
     options = parser.parse_args()
     repeats = 1 if options.quick else 3
     ticks = 1000 if options.quick else 20_000
     with tempfile.TemporaryDirectory() as directory:
         bench = Bench(directory)
-        print('one process: rig, rig over DDS, floor, stock executor', flush=True)
+        print('one process: rig, rig over DDS, lower bound, default executor', flush=True)
         one = rig_figures(bench, repeats, ticks, stock=lambda: bench.stock(ticks // 10))
-        print('a process a node: lockstep, stock executors', flush=True)
+        print('one process per node: lockstep, default executors', flush=True)
         many = alternating(
             repeats,
             processes=lambda: bench.processes(ticks // 4),
@@ -105,11 +109,11 @@ def main():
         )
         print('simulate', flush=True)
         bags = bag_figures(bench.directory, repeats, ticks * 10)
-        print('the runs of chapter 5', flush=True)
+        print('runs of chapter 5', flush=True)
         study = study_figures(bench.directory, repeats, 4 if options.quick else 20)
         print('campaigns', flush=True)
         campaigns = campaign_rows(bench.directory, repeats, quick=options.quick)
-        print('the drive alone', flush=True)
+        print('drive alone', flush=True)
         plant = plant_figures()
         print('memory', flush=True)
         at_six, at_end = memory_figures(bench, 12 if options.quick else 60)
@@ -119,41 +123,41 @@ def main():
     stock = median(one['stock'])
     processes, stock_processes = median(many['processes']), median(many['stock_processes'])
     sent = (ticks // 10 + 1) * len(LOOP_TOPICS)
-    losses = f'its recorder lost up to {bench.lost_by_stock} of {sent} messages' if bench.lost_by_stock else 'no loss'
+    losses = f'its recorder lost up to {bench.lost_by_stock} of {sent} messages' if bench.lost_by_stock else 'no losses'
     rows = [
         *rig_rows(one),
-        ('stock `SingleThreadedExecutor`, same graph', f'{stock:.3f}', '', 'the baseline'),
+        ('same graph with the default rclpy `SingleThreadedExecutor`', f'{stock:.3f}', '', 'baseline'),
         (
-            'each node in its own process',
+            'one process per node',
             f'{processes:.3f}',
-            'at least 3 times stock',
-            f'{processes / stock_processes:.1f} times the stock executors',
+            'at least 3 times the default executors',
+            f'{processes / stock_processes:.1f} times the default executors',
         ),
-        ('stock executors, a process each', f'{stock_processes:.4f}', '', f'the baseline; {losses}'),
+        ('default executors, one process per node', f'{stock_processes:.4f}', '', f'baseline; {losses}'),
         (
-            '`simulate`, nothing written, one core',
+            '`simulate` without recording, one core',
             f'{TICK_US / bags["loop"][0]:.0f}',
-            'at least 100, aim 300',
+            'at least 100, goal 300',
             '',
         ),
         *bag_rows(bags),
     ]
     lines = [
-        f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs but for campaigns, '
-        f'{ticks} ticks of 0.1 ms (stock: {ticks // 10}).',
+        f'Measured {dt.date.today():%Y-%m-%d} on {machine()}; medians of {repeats} runs (campaigns: best '
+        f'run), {ticks} ticks of 0.1 ms (default executors: {ticks // 10}).',
         '',
-        '| what | real-time factor | asked for | beside it |',
+        '| measurement | real-time factor | required | comparison |',
         '|---|---|---|---|',
         *(f'| {" | ".join(row)} |' for row in rows),
         '',
-        '| what | figure | asked for |',
+        '| measurement | value | required |',
         '|---|---|---|',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
-        f'| a run of 10 s in `study chapter5 --without-ros`, processor time | {median(study["study"]):.2f} s, in an '
-        f'interpreter of its own {median(study["processes"]):.2f} s | |',
+        f'| processor time of a run of 10 s in `study chapter5 --without-ros` | {median(study["study"]):.2f} s; with '
+        f'one interpreter per run {median(study["processes"]):.2f} s | |',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in campaigns),
         f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
-        f'{at_end / at_six:.2f} times | at most 1.2 times |',
+        f'ratio {at_end / at_six:.2f} | ratio at most 1.2 |',
         *(f'| {name} | {figure} | {asked} |' for name, figure, asked in start_rows(starts)),
     ]
     table = '\n'.join(lines)

@@ -1,4 +1,4 @@
-"""The writer of `rosbags`, one message at a time: what the bulk writer of bags is compared with."""
+"""The `rosbags` writer, one message at a time, as the baseline of the bulk writer of bags."""
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -7,7 +7,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 class BareWriter:
-    """Write an MCAP bag; the interface is that of `BagWriter`."""
+    """Writer of an MCAP bag with the interface of `BagWriter`."""
 
     def __init__(self, path, topics):
         self.writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)

@@ -1,8 +1,8 @@
 """
-What recording costs: `simulate` into a bag and the rig's writing process, beside the bare writer of `rosbags`.
+Measure the cost of recording: `simulate` into a bag and the writer process of the rig, against the `rosbags` writer.
 
 ``python -m benchmarks.bench_bags [--quick]`` prints the processor time and the wall time per tick of every round [us].
-The real-time factors are those of 10 kHz, where a tick is 100 us.
+Real-time factors refer to 10 kHz, where one tick is 0.1 ms.
 """
 
 import argparse
@@ -33,14 +33,14 @@ ZSTD = ('-p', 'compression:=zstd')
 
 class Recording:
     """
-    The measures, each of which returns processor time and wall time per tick [us].
+    Benchmarks of recording; each method returns processor time and wall time per tick [us].
 
     Parameters
     ----------
     directory
-        Where bags are written; each is removed once it has been measured.
+        Directory for the bags; each bag is removed after its measurement.
     ticks
-        Length of the runs of `simulate`; the others are given a tenth of them.
+        Length of the runs of `simulate`; the other benchmarks use a tenth of it.
     """
 
     def __init__(self, directory, ticks):
@@ -80,7 +80,7 @@ class Recording:
         return clock.figures
 
     def rosbags(self):
-        """Write the same messages by the bare writer of `rosbags`, one by one."""
+        """Write the same messages with the `rosbags` writer, one by one."""
         times, payloads = self.messages
         kinds = range(len(self.topics))
         writer = BareWriter(self.directory / 'bare', self.topics)
@@ -92,9 +92,9 @@ class Recording:
         return clock.figures
 
     def writing_process(self):
-        """Write them by the process that writes the bag of the rig; its start, a bag without a tick, is left out."""
+        """Write them with the writer process of the rig, without its startup, which is a bag without a tick."""
         used = []
-        # The messages many times over, so that what is written costs more than the start.
+        # Repeats the messages, so that writing takes longer than the startup.
         for rounds in (0, REPEATS):
             before = children_time()
             started = time.perf_counter()
@@ -107,7 +107,7 @@ class Recording:
             used.append((children_time() - before, time.perf_counter() - started))
             shutil.rmtree(self.directory / 'piped')
         ticks = REPEATS * len(self.messages[0])
-        return tuple(1e6 * (whole - start) / ticks for start, whole in zip(*used, strict=True))
+        return tuple(1e6 * (total - startup) / ticks for startup, total in zip(*used, strict=True))
 
 
 class Clock:
@@ -126,7 +126,7 @@ class Clock:
 
 
 def messages_of(ticks):
-    """Return the times [ns] and, for each tick, the messages."""
+    """Return the times [ns] and the messages of each tick."""
     count = len(ticks.times)
     payloads = [np.tile(np.frombuffer(template, np.uint8), (count, 1)) for template in ticks.templates]
     ticks.fill(slice(0, count), payloads)
@@ -135,20 +135,20 @@ def messages_of(ticks):
 
 
 def children_time():
-    """Return the processor time of the processes that this one has waited for [s]."""
+    """Return the processor time of the child processes that have ended [s]."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
 
 def bag_figures(directory, repeats, ticks):
     """
-    Measure in turn, several times.
+    Run all benchmarks alternately, several times.
 
     Returns
     -------
     dict
-        For each measure the best processor and wall time per tick [us]; as ``bytes`` the bag's size per tick [bytes]
-        without and with compression.
+        Best processor and wall time per tick [us] by benchmark; under ``bytes`` the bag size per tick [bytes] without
+        and with compression.
     """
     recording = Recording(directory, ticks)
     measures = {
@@ -163,43 +163,43 @@ def bag_figures(directory, repeats, ticks):
         for name, measure in measures.items():
             found[name].append(measure())
             processor, wall = found[name][-1]
-            print(f'  {name:16} {processor:.3f} us of processor time a tick, {wall:.3f} us of wall time', flush=True)
+            print(f'  {name:16} {processor:.3f} us processor time per tick, {wall:.3f} us wall time', flush=True)
     best = {name: tuple(min(column) for column in zip(*figures, strict=True)) for name, figures in found.items()}
     best['bytes'] = tuple(size / ticks for size in (recording.sizes[()], recording.sizes[ZSTD]))
     return best
 
 
 def bag_rows(figures):
-    """Return the rows of the table: real-time factors by processor time, and what each is compared with."""
+    """Return table rows: real-time factors by processor time, and comparisons."""
     loop, simulate, rosbags, process = (figures[name][0] for name in ('loop', 'simulate', 'rosbags', 'writing process'))
     plain, packed = figures['bytes']
     return [
         (
             '`simulate` into an MCAP bag, all topics, one core',
             f'{TICK_US / simulate:.0f}',
-            'at least 40, aim 80',
-            f'{rosbags / simulate:.1f} times the bare `rosbags` writer; without recording {TICK_US / loop:.0f}',
+            'at least 40, goal 80',
+            f'{rosbags / simulate:.1f} times the `rosbags` writer; without recording {TICK_US / loop:.0f}',
         ),
         (
             '`simulate` into an MCAP bag with `compression: zstd`',
             f'{TICK_US / figures["simulate, zstd"][0]:.0f}',
             '',
-            f'{plain / packed:.2f} times smaller: {packed:.0f} bytes per tick, not {plain:.0f}',
+            f'{plain / packed:.2f} times smaller: {packed:.0f} instead of {plain:.0f} bytes per tick',
         ),
-        ('the bare `rosbags` writer, the same messages', f'{TICK_US / rosbags:.2f}', '', 'the baseline'),
+        ('`rosbags` writer with the same messages', f'{TICK_US / rosbags:.2f}', '', 'baseline'),
         (
-            "the rig's writing process",
+            'writer process of the rig',
             f'{TICK_US / process:.0f}',
             '',
-            f'{process / rosbags:.0%} of the processor time of the bare `rosbags` writer',
+            f'{process / rosbags:.0%} of the processor time of the `rosbags` writer',
         ),
     ]
 
 
 def main():
-    """Print the figures of every round, and the best."""
+    """Print the values of every round, and the best."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.bench_bags', description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one short round, to see that it works')
+    parser.add_argument('--quick', action='store_true', help='run one short round, as a smoke test')
     options = parser.parse_args()
     repeats, ticks = (1, 20_000) if options.quick else (5, 200_000)
     with tempfile.TemporaryDirectory() as directory:

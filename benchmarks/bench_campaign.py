@@ -1,8 +1,8 @@
 """
-What a campaign costs: 100 runs of 1 s, beside the same by a process each; efficiency of two workers; memory.
+Measure the cost of a campaign: 100 runs of 1 s, against one process per run; efficiency of two workers; memory.
 
-``python -m benchmarks.bench_campaign [--quick]`` prints the figures. Wall times need two idle cores. They are the best
-of several rounds, in which all that is compared takes turns: what disturbs a round only ever makes it slower.
+``python -m benchmarks.bench_campaign [--quick]`` prints the values. Wall times need two idle cores. Each is the best of
+several rounds that alternate between the alternatives, because a disturbance only makes a round slower.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from hdd_servo_ros.campaign.start import run_arguments, start_run
 RUNS = 100
 MANY = 10_000
 LONGEST = 3.0
-"""What the 100 runs may take [s]."""
+"""Longest allowed wall time of the 100 runs [s]."""
 SPEC = {
     'files': ['seagate_7200_10.yaml'],
     'set': {'deterministic_timer:duration': 1.0},
@@ -31,13 +31,13 @@ SPEC = {
 
 
 def campaign_of(runs, duration=1.0):
-    """Return a campaign of so many runs."""
+    """Return a campaign with a number of runs."""
     gains = {'vcm_plant:gain': {'linspace': [0.9, 1.1, runs], 'times_base': True}}
     return Campaign({**SPEC, 'set': {'deterministic_timer:duration': duration}, 'vary': [gains]})
 
 
 def seconds_of(work):
-    """Return wall and processor time of some work, that of ended children included [s]."""
+    """Return wall and processor time of some work, including ended child processes [s]."""
     before, started = os.times(), time.perf_counter()
     work()
     wall, after = time.perf_counter() - started, os.times()
@@ -45,7 +45,7 @@ def seconds_of(work):
 
 
 def by_processes(runs, directory):
-    """Make runs by `simulate` with a process each, one per core at a time, without bags."""
+    """Make runs by `simulate`, one process per run and one run per core at a time, without bags."""
     due, lock = list(range(runs)), threading.Lock()
     file = parameter_file('seagate_7200_10.yaml')
 
@@ -82,7 +82,7 @@ def resident():
 
 
 def memory_of(runs, directory):
-    """Return the resident memory at a tenth of a campaign of short runs, and at its end [MiB]."""
+    """Return the resident memory after a tenth of a campaign of short runs, and at its end [MiB]."""
     samples = []
     results = Path(directory) / 'many' / 'results.jsonl'
     ended = threading.Event()
@@ -108,7 +108,7 @@ def memory_of(runs, directory):
 def campaign_figures(directory, repeats, runs=RUNS, many=MANY):
     """Return wall times [s] of all rounds by name, processor time per run [s], and memory [MiB]."""
     campaign = campaign_of(runs)
-    # Compiles and imports, which is the start-up.
+    # Compiles and imports, so that the startup does not count.
     campaign_of(2).run(workers=1)
     found: dict[str, list[float]] = {'campaign': [], 'one worker': [], 'processor': [], 'processes': []}
     for _ in range(repeats):
@@ -119,12 +119,12 @@ def campaign_figures(directory, repeats, runs=RUNS, many=MANY):
         found['processes'].append(seconds_of(lambda: by_processes(runs, directory))[0])
         print('  ' + ', '.join(f'{name} {values[-1]:.3g} s' for name, values in found.items()), flush=True)
     memory = memory_of(many, directory)
-    print(f'  memory {memory[0]:.0f} MiB after a tenth of {many} runs, {memory[1]:.0f} MiB at their end', flush=True)
+    print(f'  memory {memory[0]:.0f} MiB after a tenth of {many} runs, {memory[1]:.0f} MiB at the end', flush=True)
     return found, memory
 
 
 def campaign_rows(directory, repeats, *, quick):
-    """Return rows of the table of ``docs/performance.md``."""
+    """Return rows of the second table of ``docs/performance.md``."""
     runs, many = (10, 200) if quick else (RUNS, MANY)
     found, memory = campaign_figures(directory, repeats, runs, many)
     wall, one, processor, processes = (
@@ -133,20 +133,20 @@ def campaign_rows(directory, repeats, *, quick):
     return [
         (
             f'`campaign`, {runs} runs of 1 s with all metrics, 2 workers, best of {repeats}',
-            f'{wall:.2f} s, {1e3 * processor:.0f} ms of processor time per run; a process each {processes:.1f} s, '
+            f'{wall:.2f} s, {1e3 * processor:.0f} ms processor time per run; one process per run {processes:.1f} s, '
             f'{processes / wall:.0f} times as long',
             f'at most {LONGEST * runs / RUNS:.2g} s',
         ),
         (
-            f'the same with 1 worker, and the efficiency of 2 workers, best of {repeats}',
-            f'{one:.2f} s, {one / (2.0 * wall):.2f}',
-            'at least 0.9',
+            f'the same campaign with 1 worker, best of {repeats}; efficiency of 2 workers',
+            f'{one:.2f} s; {one / (2.0 * wall):.2f}',
+            'efficiency at least 0.9',
         ),
         (
-            f'memory of a campaign of {many} runs, 2 workers among it',
+            f'memory of a campaign of {many} runs, with 2 workers',
             f'{memory[0]:.0f} MiB after a tenth of them, {memory[1]:.0f} MiB at the end: '
-            f'{memory[1] / memory[0]:.2f} times',
-            'does not grow',
+            f'ratio {memory[1] / memory[0]:.2f}',
+            'no growth',
         ),
     ]
 
@@ -154,7 +154,7 @@ def campaign_rows(directory, repeats, *, quick):
 def main():
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one round of a few runs, to see that it works')
+    parser.add_argument('--quick', action='store_true', help='run one round of a few runs, as a smoke test')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
         for row in campaign_rows(directory, 1 if options.quick else 3, quick=options.quick):

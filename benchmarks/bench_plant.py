@@ -1,8 +1,8 @@
 """
-Cost of the drive's step: `python benchmarks/bench_plant.py`.
+Measure the cost of the drive's step: `python benchmarks/bench_plant.py`.
 
-Three figures a drive, each the best of several rounds: inside of a compiled loop (the step itself), from Python
-(`Plant.step`), and beside them what a compiled function that does nothing costs from Python with the same arguments.
+Prints three times per drive, each the best of several rounds: a step in a compiled loop, a step called from Python
+(`Plant.step`), and a call of an empty compiled function from Python with the same arguments.
 """
 
 import argparse
@@ -28,7 +28,7 @@ ROUNDS = 5
 
 @compiled
 def steps(plant: PlantArrays, controls: Array) -> float:
-    """Step through ``controls`` without leaving compiled code."""
+    """Step through ``controls`` in compiled code."""
     last = 0.0
     for k in range(controls.size):
         last = plant_step(*plant, k + 1, controls[k], 0.0)[0]
@@ -47,12 +47,12 @@ def nothing(
     control: float,
     disturbance: float,
 ) -> tuple[float, float, float]:
-    """Do nothing, with the arguments and the result of the plant's kernel."""
+    """Do nothing; arguments and result are those of the plant kernel."""
     return control, disturbance, 0.0
 
 
 def best(function: Callable[[], object], count: int) -> float:
-    """Return the least time of a round over ``count`` calls [s]."""
+    """Return the shortest time of a round, divided by ``count`` [s]."""
     function()
     times = []
     for _ in range(ROUNDS):
@@ -63,7 +63,7 @@ def best(function: Callable[[], object], count: int) -> float:
 
 
 def kernel_cost(parameters: PlantParameters, controls: Array) -> float:
-    """Return the cost of a step inside of compiled code [s]."""
+    """Return the cost of a step in compiled code [s]."""
     plant = Plant(parameters, SAMPLE_TIME)
     return best(lambda: steps(plant.arrays, controls), controls.size)
 
@@ -106,13 +106,13 @@ def drives() -> dict[str, PlantParameters]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--all', action='store_true', help='every friction model, not the default drive alone')
+    parser.add_argument('--all', action='store_true', help='measure every friction model, not only the default drive')
     chosen = parser.parse_args().all
     random = np.random.default_rng(1)
     controls = 0.2 * random.normal(size=TICKS)
     few = controls[: TICKS // 4].tolist()
     print(f'one tick of {1e6 * SAMPLE_TIME:.0f} us, default substeps; best of {ROUNDS} rounds, ns')
-    print(f'{"drive":<42}{"in compiled code":>18}{"from Python":>14}{"bare call":>12}')
+    print(f'{"drive":<42}{"in compiled code":>18}{"from Python":>14}{"empty call":>12}')
     for name, parameters in drives().items():
         inside = 1e9 * kernel_cost(parameters, controls)
         outside = 1e9 * call_cost(plant_step, parameters, few)

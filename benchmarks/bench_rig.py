@@ -1,8 +1,8 @@
 """
-How fast the rig is: its nodes handing each other their messages, or over DDS, beside the bare DDS floor.
+Measure the speed of the rig, with intra-process queues and over DDS, against the DDS lower bound.
 
-``python -m benchmarks.bench_rig [--quick]`` prints the real-time factors of every round, and the table's rows. All
-topics are recorded; the figures of a round are measured one after the other, so that a slow minute strikes all.
+``python -m benchmarks.bench_rig [--quick]`` prints the real-time factors of every round, and the table rows. All
+topics are recorded. The benchmarks of a round follow each other, so that a slow minute affects all of them.
 """
 
 import argparse
@@ -16,21 +16,21 @@ OVER_DDS = ('-p', 'rig:intra_process:=false')
 
 def rig_figures(bench, repeats, ticks, **others):
     """
-    Measure in turn, several times.
+    Run all benchmarks alternately, several times.
 
     Parameters
     ----------
     bench
-        What runs the graph.
+        Runner of the graph.
     repeats, ticks
         Number of rounds, and length of each run.
     others
-        Further measures of each round.
+        Further benchmarks of each round.
 
     Returns
     -------
     dict
-        The real-time factors of each measure.
+        Real-time factors by benchmark.
     """
     return alternating(
         repeats,
@@ -42,35 +42,35 @@ def rig_figures(bench, repeats, ticks, **others):
 
 
 def rig_rows(figures):
-    """Return the rows of the table, with the ratios to the floor of the same rounds, and to the stock executor."""
+    """Return table rows, with the ratios to the lower bound of the same rounds and to the default executor."""
     median = statistics.median
     rig, over_dds, floor = (median(figures[name]) for name in ('rig', 'rig_over_dds', 'floor'))
-    beside_floor, beside_floor_over_dds = (
+    to_bound, to_bound_over_dds = (
         median(factor / bare for factor, bare in zip(figures[name], figures['floor'], strict=True))
         for name in ('rig', 'rig_over_dds')
     )
-    stock = f'; {rig / median(figures["stock"]):.1f} times the stock executor' if 'stock' in figures else ''
+    stock = f'; {rig / median(figures["stock"]):.1f} times the default executor' if 'stock' in figures else ''
     return [
         (
             '`rig`, all topics recorded',
             f'{rig:.2f}',
-            'at least 1.2 times the floor, aim 2',
-            f'{beside_floor:.2f} times the floor{stock}',
+            'at least 1.2 times the lower bound, goal 2',
+            f'{to_bound:.2f} times the lower bound{stock}',
         ),
         (
             '`rig` with `intra_process:=false`',
             f'{over_dds:.2f}',
             '',
-            f'{beside_floor_over_dds:.2f} times the floor',
+            f'{to_bound_over_dds:.2f} times the lower bound',
         ),
-        ('floor: bare serialized publish and take over DDS', f'{floor:.2f}', '', ''),
+        ('lower bound: serialized publish and take over DDS alone', f'{floor:.2f}', '', ''),
     ]
 
 
 def main():
-    """Print the figures of every round, and the medians."""
+    """Print the values of every round, and the medians."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.bench_rig', description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one short round, to see that it works')
+    parser.add_argument('--quick', action='store_true', help='run one short round, as a smoke test')
     options = parser.parse_args()
     repeats, ticks = (1, 2000) if options.quick else (5, 20_000)
     with tempfile.TemporaryDirectory() as directory:

@@ -1,8 +1,8 @@
 """
-What a start costs: `simulate` of 0.1 s without recording, and `make run` to its first tick.
+Measure the startup: `simulate` of 0.1 s without recording, and `make run` up to its first tick.
 
 ``python -m benchmarks.bench_start [--quick]`` prints every round. All starts are warm: kernels and bytecode
-are those of an earlier start. Each round also imports Numba alone, which a run cannot do without.
+exist from an earlier start. Each round also imports Numba alone, which every run needs.
 """
 
 import argparse
@@ -18,23 +18,23 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 SIMULATE = 'import sys; from hdd_servo_ros.executables import simulate; sys.exit(simulate())'
-"""What the script that pip makes of the entry point does."""
+"""Content of the script that pip creates for the entry point."""
 
 
 class Start:
     """
-    The measures.
+    Benchmarks of the startup.
 
     Parameters
     ----------
     directory
-        Where runs and bytecode are kept.
+        Directory for runs and bytecode.
     """
 
     def __init__(self, directory):
         self.directory = Path(directory)
         self.count = 0
-        # Bytecode is kept, as it is unless somebody has told Python otherwise.
+        # Bytecode is kept, as by default.
         self.environment = {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
         self.environment |= {
             'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1),
@@ -59,7 +59,7 @@ class Start:
         return children_time() - before
 
     def make_run(self):
-        """Return the wall time from `make run` to the open bag, the last thing that is made before tick 0 [s]."""
+        """Return the wall time from `make run` to the open bag, the last step before tick 0 [s]."""
         self.count += 1
         run = self.directory / f'start{self.count}'
         started = time.perf_counter()
@@ -81,19 +81,19 @@ class Start:
 
 
 def children_time():
-    """Return the processor time of the processes that this one has waited for [s]."""
+    """Return the processor time of the child processes that have ended [s]."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
 
 def start_figures(directory, repeats):
     """
-    Measure in turn, several times, after a round that only warms up.
+    Run all benchmarks alternately, several times, after a warm-up round.
 
     Returns
     -------
     dict
-        For each measure the median [s].
+        Median [s] by benchmark.
     """
     start = Start(directory)
     measures = {'numba': start.numba, 'simulate': start.simulate, 'make run': start.make_run}
@@ -108,22 +108,22 @@ def start_figures(directory, repeats):
 
 
 def start_rows(figures):
-    """Return the rows of the table: what, figure, what is asked for."""
+    """Return table rows: measurement, value, requirement."""
     numba, simulate = figures['numba'], figures['simulate']
     return [
         (
-            '`simulate` of 0.1 s without recording, processor time',
-            f'{simulate:.2f} s, {simulate / numba:.1f} times that of importing Numba ({numba:.2f} s)',
-            'at most 0.8 s, aim 0.5 s',
+            'processor time of `simulate` for 0.1 s without recording',
+            f'{simulate:.2f} s, {simulate / numba:.1f} times the import of Numba ({numba:.2f} s)',
+            'at most 0.8 s, goal 0.5 s',
         ),
-        ('warm `make run` to its first tick', f'{figures["make run"]:.2f} s', 'at most 0.9 s'),
+        ('warm `make run` up to its first tick', f'{figures["make run"]:.2f} s', 'at most 0.9 s'),
     ]
 
 
 def main():
-    """Print the figures of every round, and the medians."""
+    """Print the values of every round, and the medians."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.bench_start', description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one round, to see that it works')
+    parser.add_argument('--quick', action='store_true', help='run one round, as a smoke test')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
         for row in start_rows(start_figures(directory, 1 if options.quick else 9)):

@@ -1,7 +1,7 @@
 """
-What a run of chapter 5 costs in ``study --without-ros``, beside the same run in an interpreter of its own.
+Measure the cost of a run of chapter 5 in ``study --without-ros``, against one interpreter per run.
 
-``python -m benchmarks.bench_study [--quick]`` prints the processor time per run of every round [s], starts included.
+``python -m benchmarks.bench_study [--quick]`` prints the processor time per run of every round [s], including startup.
 """
 
 import argparse
@@ -17,23 +17,23 @@ from hdd_servo_ros.studies.chapter import figures
 from hdd_servo_ros.studies.chapter5.cases import DURATION
 
 RUNS = 20
-"""Of the study's 80, all of 10 s."""
+"""Number of runs, of the 80 of the study; each lasts 10 s."""
 
 
 def study_cases(count):
-    """Return so many of chapter 5's cases, all of the usual duration."""
+    """Return a number of cases of chapter 5, all of the usual duration."""
     cases = {case.name: case for figure in figures('chapter5').values() for case in figure.CASES}
     usual = [case for case in cases.values() if case.overrides.get('deterministic_timer:duration') == DURATION]
     return usual[:count]
 
 
 def by_study(cases, directory):
-    """Return the processor time per run as the study makes them [s]."""
+    """Return the processor time per run in the worker processes of the study [s]."""
     return _per_run(cases, directory, lambda: run_cases(cases, directory, without_ros=True, report=lambda line: None))
 
 
 def by_processes(cases, directory):
-    """Return the same with an interpreter for each [s]."""
+    """Return the processor time per run with one interpreter per run [s]."""
 
     def work():
         for case in cases:
@@ -55,7 +55,7 @@ def _per_run(cases, directory, work):
 
 
 def study_figures(directory, repeats, runs=RUNS):
-    """Return the processor time per run of every round [s], by name."""
+    """Return the processor time per run of every round [s] by benchmark."""
     cases = study_cases(runs)
     found: dict[str, list[float]] = {'study': [], 'processes': []}
     for _ in range(repeats):
@@ -68,7 +68,7 @@ def study_figures(directory, repeats, runs=RUNS):
 def main():
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--quick', action='store_true', help='one round of a few runs, to see that it works')
+    parser.add_argument('--quick', action='store_true', help='run one round of a few runs, as a smoke test')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
         study_figures(directory, 1 if options.quick else 3, 4 if options.quick else RUNS)

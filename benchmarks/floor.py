@@ -1,7 +1,7 @@
 """
-The floor: the loop's messages of a tick as bare serialized publish and take in one process, and nothing else.
+Lower bound of the time per tick: serialized publish and take of the loop messages in one process, and nothing else.
 
-Each topic has the readers that it has in the rig. Prints the real-time factor that this alone would reach.
+Each topic has as many readers as in the rig. Prints the real-time factor of this alone.
 """
 
 import sys

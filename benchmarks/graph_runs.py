@@ -1,4 +1,4 @@
-"""The graph as processes: what the benchmarks run, in a folder and a ROS domain of their own."""
+"""The graph as processes, in a temporary directory and a private ROS domain, for the benchmarks."""
 
 import os
 import re
@@ -17,7 +17,7 @@ STOCK_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer'
 
 
 class Bench:
-    """Runs things in a folder and a ROS domain of their own."""
+    """Runner of graphs in one directory and one private ROS domain."""
 
     def __init__(self, directory):
         self.directory = Path(directory)
@@ -90,8 +90,8 @@ class Bench:
         text = ''.join(outputs)
         lost = re.search(r'lost (\d+)', text)
         if lost and int(lost.group(1)):
-            # No fault of the run's: a recorder without a window of its own cannot hold the loop back.
-            print(f'  the stock recorder lost {lost.group(1)} messages', flush=True)
+            # Not an error of the run: a recorder without flow control cannot slow the loop down.
+            print(f'  the recorder of the default executors lost {lost.group(1)} messages', flush=True)
             self.lost_by_stock = max(self.lost_by_stock, int(lost.group(1)))
         found = re.search(r'real_time_factor (\S+)', text)
         if not found:
@@ -100,7 +100,7 @@ class Bench:
 
 
 def alternating(repeats, **measures):
-    """Run the measures in turn, several times; return each one's figures."""
+    """Run the benchmarks alternately, several times; return the values of each."""
     figures: dict[str, list[float]] = {name: [] for name in measures}
     for _ in range(repeats):
         for name, measure in measures.items():

@@ -1,7 +1,7 @@
 """
-The same graph as ordinary rclpy nodes: callbacks, messages as objects, ``SingleThreadedExecutor``.
+The same graph as ordinary rclpy nodes, with callbacks, message objects and ``SingleThreadedExecutor``.
 
-The baseline of the benchmarks. The blocks, the messages and the recording are the same; only the machinery differs.
+This is the baseline of the benchmarks. Blocks, messages and recording are the same; only the transport differs.
 ``python -m benchmarks.stock_graph TICKS BAG [NODE ...]`` runs the named nodes, all by default, in one process.
 """
 
@@ -28,7 +28,7 @@ from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 T = 1e-4
 PATIENCE = 5.0
-"""How long the recorder waits for the next message [s]."""
+"""Timeout of the recorder for the next message [s]."""
 TYPES = {'clock': Clock, 'estimates': Float64MultiArray}
 
 
@@ -37,7 +37,7 @@ def tick_of(stamp):
 
 
 class StockNode(Node):
-    """Collects inputs by tick, and calls ``fire`` once all of a tick are there."""
+    """Node that collects inputs by tick and calls ``fire`` once all inputs of a tick have arrived."""
 
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
@@ -113,7 +113,7 @@ class StockPlant(StockNode):
         self.block = Plant(PlantParameters(), T)
 
     def take(self, topic, message):
-        if topic == 'control':  # of the tick before
+        if topic == 'control':  # of the previous tick
             tick = tick_of(message.header.stamp) + 1
             if tick > self.last_tick:
                 return
@@ -185,7 +185,7 @@ class StockRecorder(Node):
         self.last_taken = time.monotonic()
 
     def is_done(self):
-        """All is there, or nothing more comes: what overran the reader's queue is lost."""
+        """Whether every message has arrived or the timeout is over; messages that overran the queue are lost."""
         silent = self.last_taken is not None and time.monotonic() - self.last_taken > PATIENCE
         return self.left == 0 or silent
 
@@ -212,7 +212,7 @@ def main():
     timer, recorder = by_name.get('timer'), by_name.get('recorder')
     expected = {'clock': 3, 'reference': 2, 'head': 2, 'ldv': 2, 'control': 3, 'estimates': 1}
     ready = False
-    while not ready:  # until every topic has all its readers, as far as this process can see
+    while not ready:  # until every topic has all its readers, as seen by this process
         executor.spin_once(timeout_sec=0.05)
         ready = all(
             publisher.get_subscription_count() >= expected[topic]
@@ -220,7 +220,7 @@ def main():
             for topic, publisher in getattr(node, 'out', {}).items()
         )
     if timer is not None:
-        time.sleep(1.0)  # the others see their readers too
+        time.sleep(1.0)  # for the discovery by the other processes
         timer.publish_clock(0)
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:

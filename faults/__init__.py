@@ -1,1 +1,1 @@
-"""Campaigns of faults: what the package must bear, tried many times; `make faults` runs them, tests a short part."""
+"""Fault campaigns: many trials of faults that the package must survive; `make faults` runs all, the tests a few."""

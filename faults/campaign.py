@@ -1,4 +1,4 @@
-"""A campaign: trials from a seed, each of which ends in an outcome, and the table of them."""
+"""Campaigns of seeded trials, and the table of their outcomes."""
 
 import collections
 import dataclasses
@@ -15,34 +15,34 @@ ORPHAN = 'orphans'
 WRONG = 'wrong verdicts'
 NOT_FINITE = 'values that are not finite in a finished run'
 KINDS = (HANG, TRACEBACK, ORPHAN, WRONG, NOT_FINITE)
-"""What must never be; every campaign is held to none of each."""
-SAID_EVERY = 20.0
-"""Time between two lines that tell how far a campaign is [s]."""
+"""Kinds of faults; a campaign passes if it finds no fault of any kind."""
+PROGRESS_INTERVAL = 20.0
+"""Time between two lines that report the progress of a campaign [s]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """One of :data:`KINDS`, and what was seen."""
+    """A fault: one of :data:`KINDS`, with a description."""
 
     kind: str
-    seen: str
+    message: str
 
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
     """
-    How a trial ended.
+    Result of a trial.
 
     Attributes
     ----------
     outcome
-        In a few words, of which a campaign has some tens at most.
+        Short description; a campaign has at most some tens of different ones.
     faults
-        What must not be.
+        Faults that were found.
     counts
-        How often what happened in it, where it tries many things; a campaign has the sums.
+        Counters of a trial with many steps; a campaign adds them up.
     figures
-        What was measured in it, with the unit in the name; a campaign has the largest of each.
+        Measured values, with the unit in the name; a campaign keeps the largest of each.
     """
 
     outcome: str
@@ -54,24 +54,24 @@ class Trial:
 @dataclasses.dataclass(frozen=True)
 class Campaign:
     """
-    Many trials of one kind.
+    A series of trials of one kind.
 
     Attributes
     ----------
     name
-        By which it is chosen.
+        Name on the command line.
     title
-        Of its section in the document.
+        Heading of its section in the document.
     trials, short
-        How many trials a whole campaign has, and the part in the tests.
+        Number of trials of a complete campaign, and of the tests.
     seconds
-        Time that a whole one takes at most; what is left of it then is not tried [s].
+        Time limit of a complete campaign; the remaining trials are skipped [s].
     trial_seconds
-        Time after which a trial that does not return by itself is ended, and counts as a hang [s].
+        Time limit of a trial; it is then killed and counts as a hang [s].
     jobs
-        How many trials are made at a time at most.
+        Largest number of parallel trials.
     trial
-        Makes one trial in a folder of its own; its choices come from the generator alone.
+        Function that makes one trial in the given directory; all its choices come from the generator.
     """
 
     name: str
@@ -86,27 +86,27 @@ class Campaign:
 
 @dataclasses.dataclass
 class Result:
-    """What a campaign has shown."""
+    """Results of a campaign."""
 
     campaign: Campaign
     outcomes: collections.Counter[str] = dataclasses.field(default_factory=collections.Counter)
     counts: collections.Counter[str] = dataclasses.field(default_factory=collections.Counter)
     figures: dict[str, float] = dataclasses.field(default_factory=dict)
     faults: list[tuple[int, Fault]] = dataclasses.field(default_factory=list)
-    """Number of the trial, by which it can be made again, and the fault."""
+    """Number of the trial, with which it can be repeated, and the fault."""
     seconds: float = 0.0
 
     @property
     def trials(self) -> int:
-        """How many trials were made."""
+        """Number of trials made."""
         return self.outcomes.total()
 
     def count(self, kind: str) -> int:
-        """Return how many faults of a kind there were."""
+        """Return the number of faults of a kind."""
         return sum(fault.kind == kind for _, fault in self.faults)
 
     def add(self, number: int, trial: Trial) -> None:
-        """Take a trial into account."""
+        """Add a trial."""
         self.outcomes[trial.outcome] += 1
         self.counts.update(trial.counts)
         for name, figure in trial.figures.items():
@@ -127,31 +127,31 @@ class Result:
             yield f'| {kind} | {self.count(kind)} |'
         yield ''
         if self.counts:
-            yield '| in these trials | number |'
+            yield '| counted in these trials | number |'
             yield '|---|---|'
             for name, count in sorted(self.counts.items()):
                 yield f'| {name} | {count} |'
             yield ''
         if self.figures:
-            yield '| largest | |'
+            yield '| largest value | |'
             yield '|---|---|'
             for name, figure in sorted(self.figures.items()):
                 yield f'| {name} | {figure:.4g} |'
             yield ''
 
 
-Made = Callable[[Campaign, Path, Iterator[int]], Iterator[tuple[int, Trial]]]
-"""Makes trials of these numbers, and gives each as it ends."""
+Runner = Callable[[Campaign, Path, Iterator[int]], Iterator[tuple[int, Trial]]]
+"""Makes the trials with the given numbers, and yields each as it ends."""
 
 
-def one_by_one(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iterator[tuple[int, Trial]]:
-    """Make trials in this process; what the judge itself raises goes on."""
+def sequential(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iterator[tuple[int, Trial]]:
+    """Make trials one by one in this process; exceptions of the check itself propagate."""
     for number in numbers:
         yield number, make(campaign, folder, number)
 
 
 def make(campaign: Campaign, folder: Path, number: int) -> Trial:
-    """Make one trial; its folder is kept if it has a fault."""
+    """Make one trial; its directory is kept if it has a fault."""
     directory = folder / f'{campaign.name}-{number}'
     directory.mkdir(parents=True)
     trial = campaign.trial(directory, random.Random(f'{campaign.name} {number}'))
@@ -161,11 +161,11 @@ def make(campaign: Campaign, folder: Path, number: int) -> Trial:
 
 
 def judged(campaign: Campaign, folder: Path, number: int) -> Trial:
-    """Make one trial as :func:`make` does; what the judge itself raises is a fault."""
+    """Make one trial as :func:`make` does; an exception of the check itself is a fault."""
     try:
         return make(campaign, folder, number)
     except Exception:
-        return Trial('not judged', [Fault(WRONG, traceback.format_exc())])
+        return Trial('not checked', [Fault(WRONG, traceback.format_exc())])
 
 
 def run(
@@ -174,8 +174,8 @@ def run(
     trials: int,
     *,
     first: int = 0,
-    say: Callable[[str], None] = lambda _: None,
-    made: Made = one_by_one,
+    log: Callable[[str], None] = lambda _: None,
+    runner: Runner = sequential,
 ) -> Result:
     """
     Make trials of a campaign.
@@ -185,27 +185,27 @@ def run(
     campaign
         The campaign.
     folder
-        Where each trial has a folder of its own.
+        Parent of the directories of the trials.
     trials, first
-        How many, and the number of the first one; the number is the seed of a trial.
-    say
-        Is told each fault, and from time to time how far the campaign is.
-    made
-        How they are made.
+        Number of trials, and number of the first one; its number is the seed of a trial.
+    log
+        Called with each fault and, at intervals, with the progress.
+    runner
+        Makes the trials.
     """
     result = Result(campaign)
-    started = said = time.monotonic()
+    started = logged = time.monotonic()
     in_time = itertools.takewhile(
         lambda _: time.monotonic() - started <= campaign.seconds, range(first, first + trials)
     )
-    for number, trial in made(campaign, folder, in_time):
+    for number, trial in runner(campaign, folder, in_time):
         result.add(number, trial)
         for fault in trial.faults:
-            say(f'{campaign.name} {number}: {fault.kind}: {fault.seen}')
-        if time.monotonic() - said > SAID_EVERY:
-            said = time.monotonic()
-            left = min((said - started) / result.trials * (trials - result.trials), started + campaign.seconds - said)
-            say(
+            log(f'{campaign.name} {number}: {fault.kind}: {fault.message}')
+        if time.monotonic() - logged > PROGRESS_INTERVAL:
+            logged = now = time.monotonic()
+            left = min((now - started) / result.trials * (trials - result.trials), started + campaign.seconds - now)
+            log(
                 f'{campaign.name}: {result.trials} of {trials} trials, {len(result.faults)} faults, '
                 f'about {max(left, 0.0) / 60.0:.1f} min left'
             )
@@ -214,7 +214,7 @@ def run(
 
 
 def remove(directory: Path) -> None:
-    """Remove a trial's folder; one with a fault is kept."""
+    """Remove the directory of a trial."""
     for path in sorted(directory.rglob('*'), reverse=True):
         if path.is_dir() and not path.is_symlink():
             path.rmdir()

@@ -1,4 +1,4 @@
-"""Runs on a disk that becomes full at a random moment, each of which must leave a whole run that has failed."""
+"""Runs on a disk that becomes full at a random moment; each must leave an intact run with the status failed."""
 
 import contextlib
 import functools
@@ -20,7 +20,7 @@ from hdd_servo_ros.recording.run_folder import read_run_yaml
 from hdd_servo_ros.tools.recover import main as recover
 
 TICKS = 20_000
-"""Of each run, no more than the undisturbed one has; on a disk of this size there is room for some of them only."""
+"""Ticks of a run, at most those of the undisturbed one; only some of the disks are large enough."""
 SMALLEST, LARGEST = 20_000, 10_000_000
 """Sizes of the disks [bytes]."""
 _KINDS = {
@@ -30,18 +30,18 @@ _KINDS = {
     'sqlite3': ('-p', 'storage:=sqlite3'),
 }
 _LONGEST = 600.0
-"""Time for a run, which takes some seconds [s]."""
+"""Time limit of a run, which takes a few seconds [s]."""
 _FULL = 'No space left on device'
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
     """Run `simulate` or `rig` on a small disk."""
-    # Equally often in every decade: a disk that is full from the start is as likely as one that lasts.
+    # Log-uniform, so that disks that are full from the start are as likely as large ones.
     size = round(SMALLEST * (LARGEST / SMALLEST) ** choice.random())
     kind = choice.choice(list(_KINDS))
     command = choice.choice(['simulate', 'simulate', 'rig'])
     if why := cannot_make():
-        return Trial(f'left out: {why}')
+        return Trial(f'skipped: {why}')
     module = 'hdd_servo_ros.nodes.rig' if command == 'rig' else 'hdd_servo_ros.simulation.simulate'
     directory = folder / 'disk'
     with small_disk(directory, size) as disk:
@@ -50,7 +50,7 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         alone = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
         done = run_measured(module, *arguments, environment=alone, most_seconds=_LONGEST, inside=disk.inside)
         outcome, faults = _judged(disk.folder / 'run', folder, done)
-    faults = [Fault(fault.kind, f'{command}, {kind}, {size} bytes: {fault.seen}') for fault in faults]
+    faults = [Fault(fault.kind, f'{command}, {kind}, {size} bytes: {fault.message}') for fault in faults]
     return Trial(f'{command}: {outcome}', faults)
 
 
@@ -60,24 +60,24 @@ def _judged(run: Path, folder: Path, done: Measured) -> tuple[str, list[Fault]]:
     if done.exit_code == 0:
         if not faults:
             faults += false_claims(_copy(run, folder), 0, reference_run(folder.parent))
-        return 'room enough', faults
+        return 'enough space', faults
     if done.exit_code != 1:
         faults.append(Fault(WRONG, f'exit code {done.exit_code}: {errors[-1:]}'))
     if sum(_FULL in line for line in errors) != 1:
-        faults.append(Fault(WRONG, f'not one line about the disk: {errors}'))
+        faults.append(Fault(WRONG, f'expected one line about the disk: {errors}'))
     if not run.exists():
         return 'rejected before its first tick', faults
-    said = read_run_yaml(run)
-    if said['status'] != 'failed' or 'No space left' not in said['reason']:
-        faults.append(Fault(WRONG, f'run.yaml says {said["status"]}: {said["reason"]}'))
-    # A copy, for what reads a run keeps its files open.
+    content = read_run_yaml(run)
+    if content['status'] != 'failed' or 'No space left' not in content['reason']:
+        faults.append(Fault(WRONG, f'run.yaml records {content["status"]}: {content["reason"]}'))
+    # A copy, because an opened run keeps its files open.
     faults += false_claims(_copy(run, folder), 1, reference_run(folder.parent))
-    if said['last_tick'] is not None and said['last_tick'] >= 0:
+    if content['last_tick'] is not None and content['last_tick'] >= 0:
         _, printed, found = call(recover, [str(folder / 'copy'), '--dry-run'])
         faults += found
         if ' is whole: ' not in printed:
-            faults.append(Fault(WRONG, f'recover does not call it whole: {printed[-300:]}'))
-    return 'failed, and whole as far as it comes', faults
+            faults.append(Fault(WRONG, f'recover does not report it as intact: {printed[-300:]}'))
+    return 'failed, intact up to its last tick', faults
 
 
 def _copy(run: Path, folder: Path) -> Path:
@@ -85,33 +85,33 @@ def _copy(run: Path, folder: Path) -> Path:
 
 
 class SmallDisk(NamedTuple):
-    """A disk that is mounted for some processes alone."""
+    """A disk that is mounted only for some processes."""
 
     folder: Path
-    """Its files, for this process."""
+    """Path of its files for this process."""
     inside: Sequence[str]
-    """Command that becomes another one, which finds the disk at its path."""
+    """Command prefix for processes that find the disk at its path."""
 
 
 @contextlib.contextmanager
 def small_disk(directory: Path, size: int) -> Iterator[SmallDisk]:
     """
-    Give a disk in memory, which only a process of its own has mounted: it goes with that process.
+    Create a disk in memory, mounted only for a separate process; the disk is removed with that process.
 
     Parameters
     ----------
     directory
-        Where to mount it; an empty folder there is made.
+        Mount point, which is created.
     size
-        Of the disk [bytes].
+        Size of the disk [bytes].
 
     Raises
     ------
     OSError
-        If this user may not have name spaces of mounts.
+        If the user may not create mount namespaces.
     """
     directory.mkdir()
-    # As root of a name space of users where this user is not root: nothing is mounted for anybody else.
+    # A user other than root becomes root of a user namespace. Nothing is mounted for other processes.
     mapped = [] if os.geteuid() == 0 else ['--map-root-user']
     mount = f'mount -t tmpfs -o size={size} tmpfs "$0" && echo mounted && exec cat'
     command = ['unshare', *mapped, '--mount', 'sh', '-c', mount, str(directory)]
@@ -123,8 +123,8 @@ def small_disk(directory: Path, size: int) -> Iterator[SmallDisk]:
         assert keeper.stderr is not None
         try:
             if keeper.stdout.readline() != 'mounted\n':
-                raise OSError(f'a small disk cannot be mounted here: {keeper.stderr.read().strip()}')
-            # Files are seen from here too, but sqlite would look for them at the path without /proc.
+                raise OSError(f'cannot mount a small disk: {keeper.stderr.read().strip()}')
+            # Files are visible here too, but sqlite would look for them at the path without /proc.
             user = [] if os.geteuid() == 0 else ['--user', '--preserve-credentials']
             inside = ['nsenter', f'--target={keeper.pid}', *user, '--mount']
             yield SmallDisk(Path(f'/proc/{keeper.pid}/root') / directory.relative_to('/'), inside)
@@ -134,7 +134,7 @@ def small_disk(directory: Path, size: int) -> Iterator[SmallDisk]:
 
 @functools.cache
 def cannot_make() -> str:
-    """Return why no small disk can be made here, an empty text if one can."""
+    """Return the reason if no small disk can be created, otherwise an empty string."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             with small_disk(Path(folder) / 'disk', 100_000):
@@ -143,4 +143,4 @@ def cannot_make() -> str:
             return ' '.join(str(error).split())
 
 
-CAMPAIGN = Campaign('disk_full', 'Disks that become full', 30, 3, 1800.0, trial)
+CAMPAIGN = Campaign('disk_full', 'Full disks', 30, 3, 1800.0, trial)

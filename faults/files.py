@@ -1,4 +1,4 @@
-"""Files that are damaged: bags, their metadata, `run.yaml` and parameter files."""
+"""Damaged files: bags, their metadata, `run.yaml` and parameter files."""
 
 import functools
 import random
@@ -35,12 +35,13 @@ _TEXTS = (
     '2020-01-01',
     '~',
 )
+_ACCEPTED = 'read by all commands'
 _TOPICS = ('reference', 'head', 'ldv', 'control', 'estimates')
 
 
 @functools.cache
 def originals(where: Path) -> dict[str, Path]:
-    """Return whole runs in a folder of one that is there, one a kind of storage; made once."""
+    """Return intact runs in a new directory below ``where``, one per kind of storage; recorded once."""
     folder = Path(tempfile.mkdtemp(prefix='originals-', dir=where))
     kinds = {
         'mcap': (),
@@ -52,7 +53,7 @@ def originals(where: Path) -> dict[str, Path]:
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Damage one file, and let the commands read it."""
+    """Damage one file, and read it with the commands."""
     if choice.random() < 0.25:
         return _parameter_file(folder, choice)
     storage, original = choice.choice(list(originals(folder.parent).items()))
@@ -73,36 +74,36 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     ):
         code, printed, found = call(command, arguments)
         faults += found
-        # A dry run that finds something to repair ends with 0 too.
+        # A dry run that finds damage also ends with 0.
         if code == 0 and (command is not recover or ' is whole: ' in printed):
             accepted.append(command.__module__.rpartition('.')[2])
         elif not found and not printed.strip():
-            faults.append(Fault(WRONG, f'{command.__module__} ends with {code} and says nothing'))
+            faults.append(Fault(WRONG, f'{command.__module__} ends with {code} and prints nothing'))
         if code not in (0, 1, 3) and not found:
             faults.append(Fault(WRONG, f'{command.__module__} ends with {code}: {printed[-200:]}'))
-    outcome = 'all read it' if len(accepted) == 3 else 'rejected or told'
+    outcome = _ACCEPTED if len(accepted) == 3 else 'rejected or reported'
     is_same = _is_same(original, damaged)
     if is_same is False:
         faults.append(Fault(WRONG, 'the run opens with other values'))
     if is_same is None and is_of_bag:
         faults += [Fault(WRONG, f'{name} accepts a run that does not open') for name in accepted]
     if is_of_bag:
-        outcome = 'all read it' if len(accepted) == 3 else _recovered(original, damaged, faults)
-    faults = [Fault(fault.kind, f'{what}: {fault.seen}') for fault in faults]
+        outcome = _ACCEPTED if len(accepted) == 3 else _recovered(original, damaged, faults)
+    faults = [Fault(fault.kind, f'{what}: {fault.message}') for fault in faults]
     return Trial(f'{path.suffix[1:]}: {outcome}', faults)
 
 
 def _recovered(original: Path, damaged: Path, faults: list[Fault]) -> str:
-    """Let `recover` do what it can; return what that was."""
+    """Recover a run; return the outcome."""
     output = damaged.parent / 'recovered'
     code, printed, found = call(recover, [str(damaged), '--output', str(output)])
     faults += found
     if code != 0:
-        return 'rejected, nothing to be recovered'
+        return 'rejected, nothing recoverable'
     if not (output / 'run.yaml').exists():
         faults.append(Fault(WRONG, f'recover writes nothing and ends with 0: {printed[-200:]}'))
     elif _is_same(original, output, is_part=True) is not True:
-        faults.append(Fault(WRONG, f'what recover has written has other values, or does not open: {printed[-200:]}'))
+        faults.append(Fault(WRONG, f'the recovered run has other values, or does not open: {printed[-200:]}'))
     return 'rejected, recovered'
 
 
@@ -111,15 +112,15 @@ def _bags(run: Path) -> list[Path]:
 
 
 def _is_same(original: Path, other: Path, *, is_part: bool = False) -> bool | None:
-    """Return whether the numbers of two runs are the same, as far as the other one comes; None if it does not open."""
+    """Return whether two runs have equal values (``is_part``: until the other ends); None if one does not open."""
     try:
         left, right = Run.open(original), Run.open(other)
         pairs = [(np.asarray(left[topic]), np.asarray(right[topic])) for topic in _TOPICS]
     except (OSError, BagError, LookupError, ValueError):
         return None
     if is_part:
-        pairs = [(whole[: len(part)], part) for whole, part in pairs]
-    return all(whole.tobytes() == part.tobytes() for whole, part in pairs)
+        pairs = [(all_rows[: len(part)], part) for all_rows, part in pairs]
+    return all(one.tobytes() == two.tobytes() for one, two in pairs)
 
 
 def _parameter_file(folder: Path, choice: random.Random) -> Trial:
@@ -131,12 +132,12 @@ def _parameter_file(folder: Path, choice: random.Random) -> Trial:
     if code not in (0, 1, 2) and not faults:
         faults = [Fault(WRONG, f'exit code {code}')]
     if code and not printed.strip():
-        faults = [*faults, Fault(WRONG, f'{how}: ends with {code} and says nothing')]
+        faults = [*faults, Fault(WRONG, f'{how}: ends with {code} and prints nothing')]
     return Trial(f'parameter file: exit code {code}', faults)
 
 
 def damage(path: Path, choice: random.Random) -> str:
-    """Change a file; return how."""
+    """Damage a file; return the kind of damage."""
     content = bytearray(path.read_bytes())
     how = choice.choice(['bits', 'bytes', 'cut', 'hole', 'text', 'empty', 'missing', 'doubled'])
     at = choice.randrange(len(content))

@@ -1,4 +1,4 @@
-"""What is a fault: in what a process has said, in how it ended, and in the run that it leaves."""
+"""Detection of faults in the output and exit code of a process, and in the run that it recorded."""
 
 import contextlib
 import io
@@ -17,13 +17,13 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.recording.bag_columns import BagError
 
 LONGEST_CALL = 20.0
-"""Processor time for what is called in this process and takes some hundredths of that [s]."""
+"""Limit of the processor time of a call in this process, which usually takes a few hundredths of it [s]."""
 LONGEST_WAIT = 60.0
-"""Wall time for the same call, as a multiple: a call that sleeps for ever takes no processor time."""
+"""Limit of its wall time, as a multiple; a call that sleeps forever uses no processor time."""
 
 
 class _TooLong(BaseException):
-    """A call that does not return; no `except Exception` may take it."""
+    """A call that does not return; a BaseException, so that no `except Exception` catches it."""
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[Fault]]:
@@ -33,14 +33,14 @@ def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[
     Returns
     -------
     tuple
-        Its exit code, None if it raised; what it has printed; its faults.
+        Exit code, None after an exception; output; faults.
     """
 
     def end(number: int, frame: FrameType | None) -> None:
         raise _TooLong
 
     printed = io.StringIO()
-    # Wall time alone would take a busy machine for a hang.
+    # Wall time alone would report a hang on a busy machine.
     timers = {signal.ITIMER_PROF: signal.SIGPROF, signal.ITIMER_REAL: signal.SIGALRM}
     previous = {number: signal.signal(number, end) for number in timers.values()}
     signal.setitimer(signal.ITIMER_PROF, LONGEST_CALL)
@@ -65,30 +65,30 @@ def call(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str, list[
 
 
 def tracebacks(output: str, name: str) -> list[Fault]:
-    """Return the traceback in what was printed, if there is one."""
+    """Return a fault if the output contains a traceback."""
     if 'Traceback (most recent call last)' not in output:
         return []
     return [Fault(TRACEBACK, f'{name}: {output.strip().splitlines()[-1][:200]}')]
 
 
 def status_of(folder: Path) -> str:
-    """Return what `run.yaml` says, ``none`` without one."""
+    """Return the status in `run.yaml`, ``none`` without the file."""
     path = folder / 'run.yaml'
     return str(yaml.safe_load(path.read_text())['status']) if path.exists() else 'none'
 
 
 def false_claims(folder: Path, code: int | None, reference: Run | None) -> Iterator[Fault]:
     """
-    Iterate over what a run claims and does not hold.
+    Yield the claims of a run that its files do not confirm.
 
     Parameters
     ----------
     folder
-        The run.
+        Directory of the run.
     code
-        Exit code of the process that ran it; None if that was killed.
+        Exit code of the process; None if it was killed.
     reference
-        An undisturbed run of the same parameters, of which it must be a part; None where it may differ.
+        An undisturbed run with the same parameters, of which the run must be a part; None if it may differ.
     """
     content = yaml.safe_load((folder / 'run.yaml').read_text())
     status = content['status']
@@ -120,7 +120,7 @@ def false_claims(folder: Path, code: int | None, reference: Run | None) -> Itera
 
 
 def wait_until(condition: Callable[[], object], seconds: float) -> bool:
-    """Wait for a condition; return whether it came true in time."""
+    """Wait for a condition; return whether it became true in time."""
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:
@@ -130,5 +130,5 @@ def wait_until(condition: Callable[[], object], seconds: float) -> bool:
 
 
 def first_line(texts: Sequence[str], word: str) -> str:
-    """Return the first line with a word."""
+    """Return the first line that contains a word."""
     return next((line for text in texts for line in text.splitlines() if word in line), '')

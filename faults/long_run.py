@@ -1,4 +1,4 @@
-"""An hour's recording by `simulate`, with the memory that it and its tools take, and the same bits by `rig`."""
+"""A one-hour recording by `simulate`: memory of the commands, and bit-identity with `rig`."""
 
 import random
 from pathlib import Path
@@ -13,33 +13,33 @@ from hdd_servo_ros.recording.run_folder import read_run_yaml
 HOUR, RIG = 36_000_000, 1_000_000
 """Ticks of 0.1 ms."""
 MOST_MEMORY = 500.0
-"""Of any command [MB]."""
+"""Memory limit of any command [MB]."""
 MOST_GROWTH = 100.0
-"""By how much the memory of recording the hour may exceed that of recording the 100 s of the rig [MB]."""
+"""Largest difference between the memory of recording one hour and of recording 100 s [MB]."""
 _ALONE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
 _LONGEST = 7200.0
-"""Time for one command [s]."""
+"""Time limit of a command [s]."""
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Record the hour, read it and replay it; nothing is left to choice."""
+    """Record one hour, read it and replay it; the trial makes no random choice."""
     return recorded(folder, HOUR, RIG)
 
 
 def recorded(folder: Path, ticks: int, rig_ticks: int) -> Trial:
     """
-    Record as many ticks, read them and replay them.
+    Record a number of ticks, read them and replay them.
 
     Parameters
     ----------
     folder
-        Where; an hour takes 10 GB, compressed, and its replay as much again.
+        Directory; one hour takes 10 GB, compressed, and its replay another 10 GB.
     ticks
-        Of `simulate`.
+        Ticks of `simulate`.
     rig_ticks
-        Of `rig`, and of a short recording by `simulate`, with whose memory the long one's is compared; 0 for none.
+        Ticks of `rig` and of a short recording by `simulate`, whose memory is the baseline of the long one; 0 for none.
     """
-    # A command that finds no compiled kernels compiles them, and the compiler takes more memory than the command.
+    # Fills the kernel cache, because the compiler takes more memory than the commands.
     for module in ('hdd_servo_ros.simulation.simulate', *(['hdd_servo_ros.nodes.rig'] if rig_ticks else [])):
         run_measured(module, *_arguments(folder / module, 100), environment=_ALONE, most_seconds=_LONGEST)
     made = _Recordings(folder)
@@ -56,7 +56,7 @@ def recorded(folder: Path, ticks: int, rig_ticks: int) -> Trial:
 
 
 class _Recordings:
-    """Commands that were run, and what was measured."""
+    """Runner of the commands, with the measured values."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -64,7 +64,7 @@ class _Recordings:
         self.faults: list[Fault] = []
 
     def record(self, name: str, ticks: int) -> None:
-        """Record a run, report it, look for damage in it and replay it."""
+        """Record a run, report it, check it for damage and replay it."""
         run, again = self._folder / name, self._folder / ('again' if name == 'long' else f'{name}-again')
         self.run(f'{name} simulate', 'hdd_servo_ros.simulation.simulate', *_arguments(run, ticks))
         self.run(f'{name} report', 'hdd_servo_ros.tools.report', run)
@@ -72,7 +72,7 @@ class _Recordings:
         self.run(f'{name} replay', 'hdd_servo_ros.tools.replay', run, '--without-ros', '--output', again)
 
     def run(self, name: str, module: str, *arguments: object) -> None:
-        """Run a command and measure it; nothing more once one has failed."""
+        """Run a command and measure it, unless an earlier one has failed."""
         if self.faults:
             return
         try:
@@ -89,7 +89,7 @@ class _Recordings:
             self.faults.append(Fault(WRONG, f'{name}: {done.memory:.0f} MB, more than {MOST_MEMORY:.0f} MB'))
 
     def compare(self, left: str, left_ticks: int, right: str, right_ticks: int) -> None:
-        """Expect the runs' length, and the same bits in both as far as the right one comes."""
+        """Check the lengths of two runs, and that the right one is bit-identical to the start of the left one."""
         for name, ticks in ((left, left_ticks), (right, right_ticks)):
             last_tick = read_run_yaml(self._folder / name)['last_tick']
             if last_tick != ticks:
@@ -99,7 +99,7 @@ class _Recordings:
             self.faults.append(Fault(WRONG, f'{left} and {right} differ: {difference}'))
 
     def reject_growth(self) -> None:
-        """Expect the memory of recording not to grow with the run."""
+        """Check that the memory of recording does not grow with the run."""
         short, long = (self.figures[f'memory of {length} simulate [MB]'] for length in ('short', 'long'))
         if long - short > MOST_GROWTH:
             growth = f'{short:.0f} MB for the short run, {long:.0f} MB for the long one'
@@ -111,4 +111,4 @@ def _arguments(run: Path, ticks: int) -> tuple[object, ...]:
     return '--ros-args', '--params-file', PARAMS, *given, '-p', 'plot:=true', '-p', 'progress:=false'
 
 
-CAMPAIGN = Campaign('long_run', "An hour's recording", 1, 0, 14400.0, trial, trial_seconds=14400.0, jobs=1)
+CAMPAIGN = Campaign('long_run', 'One-hour recording', 1, 0, 14400.0, trial, trial_seconds=14400.0, jobs=1)

@@ -1,4 +1,4 @@
-"""A command with its exit code, what it wrote, its time and its largest memory."""
+"""Exit code, output, time and peak memory of a command."""
 
 import dataclasses
 import os
@@ -14,7 +14,7 @@ from faults.processes import ROOT
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """What a command did: exit code, standard output and error, time [s] and largest resident memory [MB]."""
+    """Result of a command: exit code, standard output and error, time [s] and peak resident memory [MB]."""
 
     exit_code: int
     output: str
@@ -31,23 +31,23 @@ def run_measured(
     inside: Sequence[str] = (),
 ) -> Measured:
     """
-    Run a module of this package and measure it; what it writes goes to files, so that nothing waits for a pipe.
+    Run a module of this package and measure it; the output goes to files, so that no pipe can block it.
 
     Parameters
     ----------
     module
-        Its name; its arguments follow.
+        Name of the module; its arguments follow.
     environment
-        What its environment has besides.
+        Additional environment variables.
     most_seconds
-        Wall time after which it is killed [s].
+        Wall time limit, after which the command is killed [s].
     inside
-        A command that becomes this one, such as one that enters a name space.
+        Prefix of the command, such as a command that enters a namespace.
 
     Raises
     ------
     TimeoutError
-        If it was killed.
+        If the command was killed.
     """
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
     with tempfile.TemporaryFile('w+') as output, tempfile.TemporaryFile('w+') as errors:

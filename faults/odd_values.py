@@ -1,4 +1,4 @@
-"""Parameter values at and beyond the bounds of what is allowed, and of other types."""
+"""Parameter values at and beyond the allowed bounds, and of wrong types."""
 
 import math
 import random
@@ -16,11 +16,11 @@ def odd_value(choice: random.Random, node: str, without: Collection[str] = ()) -
     Parameters
     ----------
     choice
-        By which it is chosen.
+        Random generator.
     node
         Name of the node in the catalog.
     without
-        Parameters that are not to be chosen.
+        Parameters to exclude.
 
     Returns
     -------
@@ -31,14 +31,15 @@ def odd_value(choice: random.Random, node: str, without: Collection[str] = ()) -
     return node, declaration.name, _value(choice, declaration)
 
 
-def is_named(said: str, node: str, name: str) -> bool:
+def is_named(reason: str, node: str, name: str) -> bool:
     """
     Return whether a rejection names a parameter.
 
-    Another parameter of its group may name it by the last part of its name (`as many as numerators`), and the units of
-    a drive are named together (`a drive in x and V`).
+    The reason may contain only the last part of the name (`as many as numerators`), and the units of a drive appear
+    together (`a drive in x and V`).
     """
-    return name in said or node in said or name.rpartition('.')[2] in said or ('_unit' in name and 'a drive in' in said)
+    names = (name, node, name.rpartition('.')[2], *(['a drive in'] if '_unit' in name else []))
+    return any(each in reason for each in names)
 
 
 _NUMBERS = (0.0, -0.0, 1.0, -1.0, 5e-324, 1e-300, 1e-12, 1e12, 1e300, 1.797e308, math.inf, -math.inf, math.nan)

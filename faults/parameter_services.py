@@ -1,4 +1,4 @@
-"""Parameter values as nobody should give them, set on a running rig by its parameter services."""
+"""Extreme and wrong parameter values, set by the parameter services of a running rig."""
 
 import collections
 import random
@@ -10,9 +10,9 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue, SetPara
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 
 from faults.campaign import HANG, TRACEBACK, WRONG, Campaign, Fault, Trial
+from faults.external_node import ExternalNode, external_node
 from faults.judging import call, false_claims, wait_until
 from faults.odd_values import is_named, odd_value
-from faults.outside import Outside, outside
 from faults.processes import LONGEST_START, NODES, Processes, processes
 from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalog import CONTROLLERS
@@ -21,9 +21,9 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.tools.replay import main as replay
 
 SETS = 400
-"""Requests of a trial, each for one to three parameters."""
-_ANSWER = 120.0
-"""Time in which a request is answered; the rig looks for them ten times a second, unless the machine is busy [s]."""
+"""Number of requests of a trial, each with one to three parameters."""
+_TIMEOUT = 120.0
+"""Time limit of a request; the rig handles requests ten times per second unless the machine is busy [s]."""
 _FIELDS = {
     ParameterType.PARAMETER_BOOL: 'bool_value',
     ParameterType.PARAMETER_INTEGER: 'integer_value',
@@ -42,7 +42,7 @@ _NOT_FINITE = 'not finite'
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Set parameters of a slow rig again and again, some changes with ticks before they are taken back."""
+    """Set parameters of a slow rig repeatedly, and restore them, some of them only after a few ticks."""
     controller = choice.choice([name for name in CONTROLLERS if CONTROLLERS[name] != 'signal_analyzer'])
     with processes(folder) as run:
         rig = run.start(
@@ -53,8 +53,8 @@ def trial(folder: Path, choice: random.Random) -> Trial:
             return Trial('did not start', [Fault(WRONG, run.output('rig')[-300:])])
         nodes = ['rig', *NODES]
         nodes[nodes.index('adaptive_nn_controller')] = CONTROLLERS[controller]
-        with outside(run.domain) as stranger:
-            session = _Session(stranger, choice, nodes, lambda: rig.poll() is None)
+        with external_node(run.domain) as external:
+            session = _Session(external, choice, nodes, lambda: rig.poll() is None)
             session.hold()
         faults = run.ended()
         return _judged(folder / 'run', rig.returncode, run, session, faults)
@@ -62,15 +62,16 @@ def trial(folder: Path, choice: random.Random) -> Trial:
 
 def _judged(recorded: Path, code: int, run: Processes, session: '_Session', faults: list[Fault]) -> Trial:
     faults = [*session.faults, *faults]
-    outcome = 'finished, replays to the bit' if code == 0 else 'ends at its first value that is not finite, replays'
+    outcome = 'finished' if code == 0 else 'ended at the first value that is not finite'
+    outcome += ', replay is bit-identical'
     if not any(fault.kind == HANG for fault in faults):
-        said = run.output('rig')
-        if code not in (0, 1) or (code == 1 and _NOT_FINITE not in said):
-            faults.append(Fault(WRONG, f'the run ends with {code}: {said[-500:]}'))
+        output = run.output('rig')
+        if code not in (0, 1) or (code == 1 and _NOT_FINITE not in output):
+            faults.append(Fault(WRONG, f'the run ended with {code}: {output[-500:]}'))
         faults += false_claims(recorded, code, None)
         if code == 0 and not faults:
             found = len(Run.open(recorded).parameter_changes)
-            if not session.changed <= found <= session.changed + session.unanswered:
+            if not session.changed <= found <= session.changed + session.pending:
                 faults.append(Fault(WRONG, f'{session.changed} parameters were changed, {found} changes are recorded'))
         again, printed, found_again = call(replay, [str(recorded), '--without-ros'])
         faults += found_again
@@ -82,91 +83,91 @@ def _judged(recorded: Path, code: int, run: Processes, session: '_Session', faul
 
 
 class _Session:
-    """What is asked of a rig while it runs, and what it answers."""
+    """Requests to a running rig, and their responses."""
 
     def __init__(
-        self, stranger: Outside, choice: random.Random, nodes: Sequence[str], goes_on: Callable[[], bool]
+        self, external: ExternalNode, choice: random.Random, nodes: Sequence[str], is_running: Callable[[], bool]
     ) -> None:
-        self._stranger, self._choice, self._nodes, self._goes_on = stranger, choice, nodes, goes_on
+        self._external, self._choice, self._nodes, self._is_running = external, choice, nodes, is_running
         self.counts: collections.Counter[str] = collections.Counter()
         self.faults: list[Fault] = []
         self.accepted: list[str] = []
-        """The last sets that were accepted."""
+        """The last accepted requests."""
         self.changed = 0
-        """Parameters that were changed, each as often as it was."""
-        self.unanswered = 0
-        """Those of requests that were under way when the run ended."""
-        create = stranger.node.create_client
+        """Number of parameter changes."""
+        self.pending = 0
+        """Number of parameters in requests that were pending at the end of the run."""
+        create = external.node.create_client
         self._one_by_one = {node: create(SetParameters, f'/{node}/set_parameters') for node in nodes}
         self._together = {node: create(SetParametersAtomically, f'/{node}/set_parameters_atomically') for node in nodes}
         self._get = {node: create(GetParameters, f'/{node}/get_parameters') for node in nodes}
         self._before: dict[str, dict[str, ParameterValue]] = {}
-        """What can be changed of each node, as it is at first."""
+        """Initial values of the parameters of each node that can be changed."""
 
     def hold(self) -> None:
-        """Make the requests, one of each node at a time, take back what is accepted, and let the run end."""
+        """Send the requests, one per node at a time, restore accepted changes, and let the run end."""
         clients = [*self._one_by_one.values(), *self._together.values(), *self._get.values()]
-        if not self._stranger.spin_until(lambda: all(client.service_is_ready() for client in clients), _ANSWER):
-            self.faults.append(Fault(HANG, 'the services are not there'))
+        if not self._external.spin_until(lambda: all(client.service_is_ready() for client in clients), _TIMEOUT):
+            self.faults.append(Fault(HANG, 'the services are missing'))
             return
         for node in self._nodes:
             names = [each.name for each in node_declarations(node) if not each.read_only]
-            (answer,) = self._answers([self._get[node].call_async(GetParameters.Request(names=names))])
-            if answer is None:
+            (response,) = self._responses([self._get[node].call_async(GetParameters.Request(names=names))])
+            if response is None:
                 return
-            self._before[node] = dict(zip(names, answer.values, strict=True))
+            self._before[node] = dict(zip(names, response.values, strict=True))
         for _ in range(SETS // len(self._nodes)):
-            if self.faults or not self._goes_on():
+            if self.faults or not self._is_running():
                 break
-            # Of some a tick sees the change, others are taken back before the next tick.
+            # Some changes last for a few ticks, others are restored before the next tick.
             (self._with_ticks if self._choice.random() < 0.5 else self._without_ticks)()
-        if self._goes_on():
+        if self._is_running():
             fast = Parameter(name='rate', value=ParameterValue(type=3, double_value=0.0))
-            self._take_back([('deterministic_timer', [fast])])
+            self._restore([('deterministic_timer', [fast])])
 
     def _with_ticks(self) -> None:
-        asked = [(node, self._odd(node), self._choice.random() < 0.5) for node in self._nodes]
-        answers = self._answers([self._ask(*each) for each in asked])
-        backs = []
-        for (node, given, is_together), answer in zip(asked, answers, strict=True):
-            if self._is_there(answer, given):
-                changed = self._judge(node, given, _results(answer), is_together)
-                backs += [(node, back)] if (back := self._as_before(node, changed)) else []
-        self._take_back(backs)
+        sent = [(node, self._odd(node), self._choice.random() < 0.5) for node in self._nodes]
+        responses = self._responses([self._send(*each) for each in sent])
+        restored = []
+        for (node, given, is_together), response in zip(sent, responses, strict=True):
+            if self._has_arrived(response, given):
+                changed = self._judge(node, given, _results(response), is_together)
+                restored += [(node, back)] if (back := self._as_before(node, changed)) else []
+        self._restore(restored)
 
     def _without_ticks(self) -> None:
-        asked = [(node, self._odd(node), self._choice.random() < 0.5) for node in self._nodes]
-        # Backwards each value meets the others that were there when it was accepted.
-        backs = [(node, self._as_before(node, given)[::-1], is_together) for node, given, is_together in asked]
-        backs = [each for each in backs if each[1]]
-        answers = self._answers([self._ask(*each) for each in [*asked, *backs]])
-        for (node, given, is_together), answer in zip(asked, answers[: len(asked)], strict=True):
-            if self._is_there(answer, given):
-                self._judge(node, given, _results(answer), is_together)
-        for (node, given, _), answer in zip(backs, answers[len(asked) :], strict=True):
-            if self._is_there(answer, given):
-                self._judge_back(node, given, _results(answer))
+        sent = [(node, self._odd(node), self._choice.random() < 0.5) for node in self._nodes]
+        # In reverse order, so that each value meets the ones with which it was accepted.
+        restored = [(node, self._as_before(node, given)[::-1], is_together) for node, given, is_together in sent]
+        restored = [each for each in restored if each[1]]
+        responses = self._responses([self._send(*each) for each in [*sent, *restored]])
+        for (node, given, is_together), response in zip(sent, responses[: len(sent)], strict=True):
+            if self._has_arrived(response, given):
+                self._judge(node, given, _results(response), is_together)
+        for (node, given, _), response in zip(restored, responses[len(sent) :], strict=True):
+            if self._has_arrived(response, given):
+                self._judge_restored(node, given, _results(response))
 
-    def _take_back(self, backs: Sequence[tuple[str, list[Parameter]]]) -> None:
-        answers = self._answers([self._ask(node, given, True) for node, given in backs])
-        for (node, given), answer in zip(backs, answers, strict=True):
-            if self._is_there(answer, given):
-                self._judge_back(node, given, _results(answer))
+    def _restore(self, restored: Sequence[tuple[str, list[Parameter]]]) -> None:
+        responses = self._responses([self._send(node, given, True) for node, given in restored])
+        for (node, given), response in zip(restored, responses, strict=True):
+            if self._has_arrived(response, given):
+                self._judge_restored(node, given, _results(response))
 
-    def _is_there(self, answer: Any, given: Sequence[Parameter]) -> bool:
-        self.unanswered += len(given) if answer is None else 0
-        return answer is not None
+    def _has_arrived(self, response: Any, given: Sequence[Parameter]) -> bool:
+        self.pending += len(given) if response is None else 0
+        return response is not None
 
-    def _ask(self, node: str, given: list[Parameter], is_together: bool) -> Any:
+    def _send(self, node: str, given: list[Parameter], is_together: bool) -> Any:
         if is_together:
             return self._together[node].call_async(SetParametersAtomically.Request(parameters=given))
         return self._one_by_one[node].call_async(SetParameters.Request(parameters=given))
 
-    def _answers(self, futures: Sequence[Any]) -> list[Any]:
-        """Wait for answers; None for those that do not come, as none does once the run has ended."""
-        self._stranger.spin_until(lambda: all(each.done() for each in futures) or not self._goes_on(), _ANSWER)
-        if self._goes_on() and not all(each.done() for each in futures):
-            self.faults.append(Fault(HANG, f'no answer within {_ANSWER:g} s'))
+    def _responses(self, futures: Sequence[Any]) -> list[Any]:
+        """Wait for responses; None for those that do not arrive, as after the end of the run."""
+        self._external.spin_until(lambda: all(each.done() for each in futures) or not self._is_running(), _TIMEOUT)
+        if self._is_running() and not all(each.done() for each in futures):
+            self.faults.append(Fault(HANG, f'no response within {_TIMEOUT:g} s'))
         return [each.result() if each.done() else None for each in futures]
 
     def _odd(self, node: str) -> list[Parameter]:
@@ -179,16 +180,16 @@ class _Session:
     def _judge(
         self, node: str, given: list[Parameter], results: Sequence[SetParametersResult], is_together: bool
     ) -> list[Parameter]:
-        """Judge the answer to a request; return the parameters that it changed."""
+        """Check the response to a request; return the changed parameters."""
         how = 'set_parameters_atomically' if is_together else 'set_parameters'
         changed: list[Parameter] = []
         for part, result in zip([given] if is_together else [[each] for each in given], results, strict=True):
             self.counts[f'{how}: {"accepted" if result.successful else "rejected"}'] += 1
             if not result.successful:
-                # One of the same request that was accepted before may be what it does not go with.
+                # The conflict may be with a parameter accepted earlier in the same request.
                 self.faults += _wrong_reason(node, given, result.reason)
                 continue
-            # The last value of a name is the one that holds; the others are never in force.
+            # Of several values of one name only the last one takes effect.
             held = {each.name: each for each in part}.values()
             self.faults += [Fault(WRONG, f'{node} accepts {_written(each)}') for each in held if _is_wrong(node, each)]
             self.accepted = [*self.accepted[-9:], f'{node} {[_written(each) for each in part]}']
@@ -196,32 +197,32 @@ class _Session:
         self.changed += len(changed)
         return changed
 
-    def _judge_back(self, node: str, given: list[Parameter], results: Sequence[SetParametersResult]) -> None:
+    def _judge_restored(self, node: str, given: list[Parameter], results: Sequence[SetParametersResult]) -> None:
         for part, result in zip([given] if len(results) == 1 else [[each] for each in given], results, strict=True):
             self.changed += len({each.name for each in part}) if result.successful else 0
             if not result.successful:
-                what = [_written(each) for each in part]
-                self.faults.append(Fault(WRONG, f'{node} rejects to go back to {what}: {result.reason}'))
+                values = [_written(each) for each in part]
+                self.faults.append(Fault(WRONG, f'{node} rejects the initial values {values}: {result.reason}'))
 
 
-def _results(answer: Any) -> Sequence[SetParametersResult]:
-    return [answer.result] if isinstance(answer, SetParametersAtomically.Response) else answer.results
+def _results(response: Any) -> Sequence[SetParametersResult]:
+    return [response.result] if isinstance(response, SetParametersAtomically.Response) else response.results
 
 
 def _parameter(choice: random.Random, node: str) -> Parameter:
-    """Choose a parameter of a node, or none of it, and a value of its type or of another one."""
+    """Choose a parameter of a node or an unknown name, and a value of its type or of another one."""
     _, name, value = odd_value(choice, node)
     if choice.random() < 0.05:
         return Parameter(name=name + '_', value=ParameterValue(type=3, double_value=1.0))
     made = _message_of(node, name, value)
     if choice.random() < 0.1:
-        # A type that the value is not of, or that there is not.
+        # A type that the value does not have, or that does not exist.
         made.type = choice.choice([*range(12), 200, 255])
     return Parameter(name=name, value=made)
 
 
 def _message_of(node: str, name: str, value: Any) -> ParameterValue:
-    """Return a value as a message, of the declared type if it has none of its own."""
+    """Return a value as a message, with the declared type for an empty list."""
     declared = next(each for each in node_declarations(node) if each.name == name)
     elements = value if isinstance(value, list) else [value]
     kinds = {type(element) for element in elements} or {declared.element_type}
@@ -245,7 +246,7 @@ def _written(given: Parameter) -> str:
 
 
 def _is_wrong(node: str, given: Parameter) -> bool:
-    """Return whether a value is none that its declaration allows."""
+    """Return whether the declaration rejects a value."""
     declared = {each.name: each for each in node_declarations(node)}.get(given.name)
     value = _plain(given)
     if declared is None or value is None or declared.read_only:
@@ -258,13 +259,13 @@ def _is_wrong(node: str, given: Parameter) -> bool:
 
 
 def _wrong_reason(node: str, given: Sequence[Parameter], reason: str) -> Iterator[Fault]:
-    """Iterate over what is wrong with the reason of a rejection."""
-    what = [_written(each) for each in given]
+    """Yield the faults in the reason of a rejection."""
+    values = [_written(each) for each in given]
     if not any(is_named(reason, node, each.name) for each in given):
-        yield Fault(WRONG, f'{node} rejects {what} without its name: {reason!r}')
+        yield Fault(WRONG, f'{node} rejects {values} without the name of a parameter: {reason!r}')
     if '\n' in reason or len(reason) > 1000:
-        yield Fault(TRACEBACK, f'{node} rejects {what} in more than a line: {reason[:300]!r}')
+        yield Fault(TRACEBACK, f'{node} rejects {values} in more than one line: {reason[:300]!r}')
 
 
-CAMPAIGN = Campaign('services', 'Parameter values by the services of a running rig', 20, 1, 3600.0, trial)
-"""8,000 requests in all."""
+CAMPAIGN = Campaign('services', 'Parameter values set by services', 20, 1, 3600.0, trial)
+"""8,000 requests in total."""

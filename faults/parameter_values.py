@@ -1,4 +1,4 @@
-"""Parameter values as nobody should give them, by file and by schedule."""
+"""Extreme and wrong parameter values from files and schedules."""
 
 import itertools
 import random
@@ -22,12 +22,12 @@ from hdd_servo_ros.simulation.run_setup import Simulation
 _DURATION = 0.0012
 """Twelve ticks [s]."""
 _FIXED = ('duration', 'sample_time', 'record', 'run_dir', 'schedule', 'controller', 'recorded_run', 'progress')
-"""What says which run it is, and not how it goes."""
+"""Parameters that select the run and do not affect the loop."""
 _REJECTIONS = (ParameterError, ArgumentError, ControllerError, RunError)
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Set some parameters by a file or a schedule, and run a few ticks if that is accepted."""
+    """Set some parameters by a file or a schedule, and run a few ticks if they are accepted."""
     controller = choice.choice([name for name in CONTROLLERS if CONTROLLERS[name] != 'signal_analyzer'])
     nodes = [*NODES[:-2], CONTROLLERS[controller], 'disturbance_generator']
     values = [odd_value(choice, choice.choice(nodes), _FIXED) for _ in range(choice.randint(1, 3))]
@@ -43,13 +43,13 @@ def trial(folder: Path, choice: random.Random) -> Trial:
     given += ['-p', f'duration:={_DURATION}', '-p', 'record:=false', '-p', f'controller:={controller}']
     returned, _, faults = call(_run, given)
     if faults:
-        faults = [Fault(fault.kind, f'{fault.seen}; {values}') for fault in faults]
+        faults = [Fault(fault.kind, f'{fault.message}; {values}') for fault in faults]
         return Trial(f'by {way}: fault', faults)
-    outcome, what = returned
-    if outcome == 'rejected' and not any(is_named(what, node, name) for node, name, _ in values):
-        faults = [Fault(WRONG, f'rejected without its name: {what[:200]}; {values}')]
-    if '\n' in what or len(what) > 1000:
-        faults = [*faults, Fault(TRACEBACK, f'not one line: {what[:200]!r}')]
+    outcome, reason = returned
+    if outcome == 'rejected' and not any(is_named(reason, node, name) for node, name, _ in values):
+        faults = [Fault(WRONG, f'rejected without the name of the parameter: {reason[:200]}; {values}')]
+    if '\n' in reason or len(reason) > 1000:
+        faults = [*faults, Fault(TRACEBACK, f'not one line: {reason[:200]!r}')]
     return Trial(f'by {way}: {outcome}', faults)
 
 
@@ -61,9 +61,9 @@ def _run(given: list[str]) -> tuple[str, str]:
         rows = [experiment.run(first, count) for first, count in pieces]
     except _REJECTIONS as error:
         return 'rejected', str(error)
-    # `simulate` ends a run at its first value that is not finite; only an infinity that looks like a number would pass.
+    # `simulate` ends a run at the first value that is not finite.
     finite = all(np.isfinite(np.asarray(piece[topic])).all() for piece in rows for topic in ('head', 'control'))
-    return ('accepted', '') if finite else ('accepted, ends at its first value that is not finite', '')
+    return ('accepted', '') if finite else ('accepted, ends at the first value that is not finite', '')
 
 
 def _sections(values: list[tuple[str, str, Any]]) -> dict[str, Any]:
@@ -73,4 +73,4 @@ def _sections(values: list[tuple[str, str, Any]]) -> dict[str, Any]:
     return sections
 
 
-CAMPAIGN = Campaign('parameters', 'Parameter values by file and schedule', 12_000, 150, 1800.0, trial)
+CAMPAIGN = Campaign('parameters', 'Parameter values from files and schedules', 12_000, 150, 1800.0, trial)

@@ -1,4 +1,4 @@
-"""Processes of a trial, in a ROS domain of their own; every one is ended by its pid."""
+"""Processes of a trial in a private ROS domain; each is ended by its process ID."""
 
 import contextlib
 import os
@@ -17,9 +17,9 @@ ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
 LONGEST_START = 600.0
-"""Time in which a run begins; it is some seconds unless the machine is busy [s]."""
+"""Time limit for the start of a run, which takes a few seconds unless the machine is busy [s]."""
 LONGEST_END = 300.0
-"""Time in which the processes of a run end when something is wrong, or report their progress; alike [s]."""
+"""Time limit for the end of the processes of a disturbed run, and between two progress reports [s]."""
 
 
 class Processes:
@@ -29,7 +29,7 @@ class Processes:
     Parameters
     ----------
     folder
-        Where they run, and what they print is kept.
+        Working directory and directory of the logs.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -55,15 +55,15 @@ class Processes:
         return process
 
     def output(self, name: str) -> str:
-        """Return what a process has printed."""
+        """Return the output of a process."""
         return (self.folder / f'{name}.log').read_text(errors='replace')
 
     def outputs(self) -> Sequence[str]:
-        """Return what all have printed."""
+        """Return the outputs of all processes."""
         return [self.output(name) for name in self.started]
 
     def family(self) -> list[int]:
-        """Return the processes that belong to this trial, those that others have started among them."""
+        """Return the IDs of all processes of this trial, including their children."""
         return [int(path.name) for path in Path('/proc').iterdir() if path.name.isdigit() and self._is_own(path)]
 
     def _is_own(self, process: Path) -> bool:
@@ -74,19 +74,19 @@ class Processes:
         return False
 
     def ended(self, seconds: float = LONGEST_END) -> list[Fault]:
-        """Wait until all have ended; return the hangs, the orphans and the tracebacks."""
+        """Wait until all processes have ended; return hangs, orphans and tracebacks."""
         faults = []
         for name, process in self.started.items():
             if not self._ends(process, seconds):
-                faults.append(Fault(HANG, f'{name} did not end, nor print anything, within {seconds:g} s'))
+                faults.append(Fault(HANG, f'{name} neither ended nor printed anything within {seconds:g} s'))
         if not faults and not wait_until(lambda: not self.family(), seconds):
-            faults.append(Fault(ORPHAN, f'processes {self.family()} are left'))
+            faults.append(Fault(ORPHAN, f'processes {self.family()} are still running'))
         for name in self.started:
             faults += tracebacks(self.output(name), name)
         return faults
 
     def _ends(self, process: 'subprocess.Popen[bytes]', seconds: float) -> bool:
-        """Wait for the end of a process; while one of the run prints its progress, it is slow and does not hang."""
+        """Wait for the end of a process; a run that prints progress is slow and does not hang."""
         printed = -1
         while (present := sum(len(text) for text in self.outputs())) > printed:
             printed = present
@@ -95,7 +95,7 @@ class Processes:
         return False
 
     def close(self) -> None:
-        """End what is left."""
+        """Kill the remaining processes."""
         for pid in self.family():
             with contextlib.suppress(OSError):
                 os.kill(pid, signal.SIGKILL)
@@ -109,7 +109,7 @@ _MARK = 'HDD_SERVO_ROS_TRIAL'
 
 @contextlib.contextmanager
 def processes(folder: Path) -> Iterator[Processes]:
-    """Give a trial its processes, and end what it leaves."""
+    """Create the processes of a trial, and kill the remaining ones at its end."""
     made = Processes(folder)
     try:
         yield made

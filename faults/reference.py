@@ -1,4 +1,4 @@
-"""The undisturbed run of which every other one of the same parameters is a part."""
+"""The undisturbed run; every other run with the same parameters must be a part of it."""
 
 import contextlib
 import functools
@@ -11,23 +11,23 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.simulation.simulate import main
 
 LENGTH = '3.0'
-"""Longer than any run of a trial comes [s]."""
+"""Duration, longer than any run of a trial [s]."""
 
 
 @functools.cache
 def reference_run(where: Path) -> Run:
-    """Return it, made once, in a folder of one that is there."""
+    """Return the undisturbed run, recorded once in a new directory below ``where``."""
     folder = Path(tempfile.mkdtemp(prefix='reference-', dir=where)) / 'run'
     return Run.open(simulated(folder, '-p', f'duration:={LENGTH}'))
 
 
 def simulated(folder: Path, *arguments: str) -> Path:
-    """Record a run of the default parameters without middleware."""
+    """Record a run with the default parameters by `simulate`."""
     given = ['--ros-args', '--params-file', str(PARAMS), '-p', f'run_dir:={folder}', '-p', 'plot:=false', *arguments]
     printed = io.StringIO()
-    # Not judged by its time: the first one of a copy of the package compiles the kernels.
+    # Without a time limit: the first run of a copy of the package compiles the kernels.
     with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
         code = main(given)
     if code != 0:
-        raise RuntimeError(f'the undisturbed run has failed: {printed.getvalue()}')
+        raise RuntimeError(f'the undisturbed run failed: {printed.getvalue()}')
     return folder

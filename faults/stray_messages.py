@@ -1,4 +1,4 @@
-"""Messages that no process of a run sends, on every topic of it, while it goes on."""
+"""Messages of an external publisher on every topic of a run, during the run."""
 
 import collections
 import itertools
@@ -17,21 +17,21 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from faults.campaign import WRONG, Campaign, Fault, Trial
+from faults.external_node import external_node
 from faults.judging import false_claims, wait_until
-from faults.outside import outside
 from faults.processes import LONGEST_START, processes
 from faults.reference import reference_run
 
 SERVICE = {'lockstep': String, 'recorded': Header, 'scope': Float64MultiArray, 'parameter_events': ParameterEvent}
 LOOP = {'clock': Clock, 'reference': Vector3Stamped, 'ldv': Vector3Stamped, 'control': Vector3Stamped}
 MANY = 10
-"""Messages of a trial that the run must ignore; one that it need not ends it."""
+"""Number of messages of a trial on auxiliary topics, which the run must ignore; one on a loop topic ends the run."""
 _STATES = ('waiting', 'ready', 'running', 'done', 'finished', 'failed', 'interrupted', 'asleep', None, 3)
 _NODES = ('/vcm_plant', '/ldv_sensor', '/nobody', '', 7)
 
 
 def trial(folder: Path, choice: random.Random) -> Trial:
-    """Publish stray messages while a rig runs: some that it must ignore, or one that ends it."""
+    """Publish stray messages during a run: ten that the rig must ignore, or one that ends the run."""
     is_service = choice.random() < 0.8
     topics = choice.choices(list(SERVICE), k=MANY) if is_service else [choice.choice(list(LOOP))]
     strays = [(topic, payload({**SERVICE, **LOOP}[topic], choice)) for topic in topics]
@@ -46,7 +46,7 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         published = _publish(run.domain, strays, lambda: rig.poll() is None)
         faults = run.ended()
         code = rig.returncode
-        where = 'topics that serve the run' if is_service else f'/{topics[0]}'
+        where = 'auxiliary topics' if is_service else f'/{topics[0]}'
         if faults:
             return Trial(where, faults)
         faults += false_claims(folder / 'run', code, reference_run(folder.parent))
@@ -54,19 +54,21 @@ def trial(folder: Path, choice: random.Random) -> Trial:
             faults.append(Fault(WRONG, f'the run was ended: {run.output("rig")[-300:]}; {strays!r}'))
         if not is_service and code != 0 and f'/{topics[0]}: ' not in run.output('rig'):
             faults.append(Fault(WRONG, f'/{topics[0]} is not named: {run.output("rig")[-300:]}'))
-        outcome = f'{where}: {"goes on" if code == 0 else "ends with topic and publisher"}'
+        outcome = f'{where}: {"run continues" if code == 0 else "run ends and names topic and publisher"}'
         return Trial(outcome, faults, counts={f'messages on /{topic}': count for topic, count in published.items()})
 
 
-def _publish(domain: int, strays: Sequence[tuple[str, bytes]], goes_on: Callable[[], bool]) -> collections.Counter[str]:
-    """Publish the messages in turn while a run goes on; return how many different ones on each topic."""
+def _publish(
+    domain: int, strays: Sequence[tuple[str, bytes]], is_running: Callable[[], bool]
+) -> collections.Counter[str]:
+    """Publish the messages in a cycle during a run; return the number of different ones per topic."""
     different: set[tuple[str, bytes]] = set()
-    with outside(domain) as stranger:
+    with external_node(domain) as external:
         kinds = {**SERVICE, **LOOP}
-        create = stranger.node.create_publisher
+        create = external.node.create_publisher
         publishers = {topic: create(kinds[topic], f'/{topic}', 10) for topic in dict(strays)}
         for topic, message in itertools.cycle(strays):
-            if not goes_on():
+            if not is_running():
                 break
             if publishers[topic].get_subscription_count():
                 publishers[topic].publish(message)
@@ -76,11 +78,11 @@ def _publish(domain: int, strays: Sequence[tuple[str, bytes]], goes_on: Callable
 
 
 def payload(kind: Any, choice: random.Random) -> bytes:
-    """Return bytes that are, or are not, a message of a type."""
-    whole: bytes = serialize_message(_message(kind, choice))
+    """Return the bytes of a message of a type, intact or damaged."""
+    intact: bytes = serialize_message(_message(kind, choice))
     if choice.random() < 0.5:
-        return whole
-    damaged = bytearray(whole)
+        return intact
+    damaged = bytearray(intact)
     for _ in range(choice.randint(1, 8)):
         damaged[choice.randrange(len(damaged))] = choice.randrange(256)
     return bytes(damaged[: choice.randint(0, len(damaged))] if choice.random() < 0.5 else damaged)

@@ -1,4 +1,4 @@
-"""The tables of whole campaigns in ``docs/reliability.md``."""
+"""The tables of complete campaigns in ``docs/reliability.md``."""
 
 import datetime as dt
 import os
@@ -12,22 +12,22 @@ from faults.processes import ROOT
 
 DOCUMENT = ROOT / 'docs' / 'reliability.md'
 _MARK = '<!-- Below: written by `make faults`. -->\n'
-HOW_LONG = (
-    'A campaign whose time is over ends with the trials that it has made, and says how many. docs/reliability.md has\n'
-    'the durations of whole ones. The hour of long_run needs 20 GB on the disk.'
+DURATIONS = (
+    'A campaign that exceeds its time limit ends, and reports the number of its trials. docs/reliability.md lists the\n'
+    'durations of complete campaigns. long_run records one hour and needs 20 GB of disk space.'
 )
 
 
 def write(result: Result, titles: Sequence[str], document: Path = DOCUMENT) -> None:
     """
-    Put the table of a whole campaign into the document, in place of the one that was there.
+    Write the table of a complete campaign into the document, replacing the previous one.
 
     Parameters
     ----------
     result
-        What the campaign has shown.
+        Results of the campaign.
     titles
-        Of all campaigns, in the order of the document.
+        Titles of all campaigns, in the order of the document.
     document
         The document.
     """

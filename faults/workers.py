@@ -1,4 +1,4 @@
-"""Trials at the same time, in worker processes; one that does not return is ended, and the others go on."""
+"""Parallel trials in worker processes; a trial that does not return is killed, and the others continue."""
 
 import contextlib
 import multiprocessing
@@ -11,22 +11,22 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from faults.campaign import HANG, WRONG, Campaign, Fault, Made, Trial, judged
+from faults.campaign import HANG, WRONG, Campaign, Fault, Runner, Trial, judged
 
 _FORK = multiprocessing.get_context('fork')
 
 
-def at_the_same_time(jobs: int) -> Made:
+def parallel(jobs: int) -> Runner:
     """
-    Return what makes trials in worker processes.
+    Return a runner that makes trials in worker processes.
 
     Parameters
     ----------
     jobs
-        How many at a time; fewer where the campaign allows fewer.
+        Number of parallel trials; a campaign may allow fewer.
     """
 
-    def made(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iterator[tuple[int, Trial]]:
+    def run(campaign: Campaign, folder: Path, numbers: Iterator[int]) -> Iterator[tuple[int, Trial]]:
         workers = [_Worker(campaign, folder) for _ in range(min(jobs, campaign.jobs))]
         try:
             for worker in workers:
@@ -44,11 +44,11 @@ def at_the_same_time(jobs: int) -> Made:
             for worker in workers:
                 worker.end()
 
-    return made
+    return run
 
 
 class _Worker:
-    """A process that makes one trial after the other, and is replaced if it does not return."""
+    """A process that makes trials one after another, and is replaced if a trial does not return."""
 
     def __init__(self, campaign: Campaign, folder: Path) -> None:
         self._campaign, self._folder = campaign, folder
@@ -57,24 +57,24 @@ class _Worker:
         self._start()
 
     def _start(self) -> None:
-        self.pipe, theirs = _FORK.Pipe()
-        self._process = _FORK.Process(target=_work, args=(self._campaign, self._folder, theirs))
+        self.pipe, worker_end = _FORK.Pipe()
+        self._process = _FORK.Process(target=_work, args=(self._campaign, self._folder, worker_end))
         self._process.start()
-        theirs.close()
+        worker_end.close()
 
     def take(self, number: int | None) -> None:
-        """Begin a trial, none if None."""
+        """Start a trial; None starts nothing."""
         self.number, self._since = number, time.monotonic()
         if number is not None:
             self.pipe.send(number)
 
     def trial(self) -> Trial | None:
-        """Return the trial if it has ended, by itself or since it took too long."""
+        """Return the trial if it has returned or exceeded its time limit."""
         if self.pipe.poll():
             with contextlib.suppress(EOFError, ConnectionError):
                 found: Trial = self.pipe.recv()
                 return found
-            fault = Fault(WRONG, 'the process that made the trial ended in the middle of it')
+            fault = Fault(WRONG, 'the worker process ended during the trial')
         elif time.monotonic() - self._since > self._campaign.trial_seconds:
             fault = Fault(HANG, f'the trial did not return within {self._campaign.trial_seconds:g} s')
         else:
@@ -84,7 +84,7 @@ class _Worker:
         return Trial('did not return', [fault])
 
     def end(self) -> None:
-        """End the process, and what it has started."""
+        """Kill the process and its children."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._pid(), signal.SIGKILL)
         self._process.kill()
@@ -97,7 +97,7 @@ class _Worker:
 
 
 def _work(campaign: Campaign, folder: Path, pipe: Any) -> None:
-    # A group of its own: what a trial that hangs has started is ended with it. Ctrl-C reaches the parent alone.
+    # A process group, so that the children of a hanging trial are killed with it, and Ctrl-C reaches only the parent.
     os.setpgid(0, 0)
     with contextlib.suppress(EOFError):
         while True:

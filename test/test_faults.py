@@ -15,7 +15,7 @@ from faults.campaign import HANG, NOT_FINITE, ORPHAN, TRACEBACK, WRONG, Campaign
 from faults.files import damage, originals
 from faults.judging import call, false_claims
 from faults.processes import processes
-from faults.workers import at_the_same_time
+from faults.workers import parallel
 
 ROOT = Path(__file__).parent.parent
 
@@ -61,28 +61,28 @@ def test_a_trial_is_made_again_by_its_number_and_its_faults_are_kept(tmp_path):
         (folder / 'left').write_text(str(number))
         return Trial('odd' if number % 2 else 'even', [Fault(WRONG, str(number))] if number % 2 else [])
 
-    made = Campaign('made', 'Made', 20, 5, 60.0, trial)
-    whole = campaign.run(made, tmp_path / 'whole', 20)
+    example = Campaign('example', 'Example', 20, 5, 60.0, trial)
+    whole = campaign.run(example, tmp_path / 'whole', 20)
     assert whole.outcomes['odd'] == whole.count(WRONG) == len(list((tmp_path / 'whole').iterdir())) > 0
     number, fault = whole.faults[-1]
-    again = campaign.run(made, tmp_path / 'again', 1, first=number)
+    again = campaign.run(example, tmp_path / 'again', 1, first=number)
     assert again.faults == [(number, fault)]
     assert f'| wrong verdicts | {whole.count(WRONG)} |' in list(whole.lines())
 
 
-@pytest.mark.parametrize('made', [campaign.one_by_one, at_the_same_time(2)])
-def test_a_campaign_is_bounded_in_time_and_says_how_long_it_takes(made, tmp_path, monkeypatch):
+@pytest.mark.parametrize('runner', [campaign.sequential, parallel(2)])
+def test_a_campaign_is_bounded_in_time_and_logs_its_progress(runner, tmp_path, monkeypatch):
     def trial(folder, choice):
         time.sleep(0.02)
         return Trial('slept', counts={'naps': 2}, figures={'length [s]': choice.random()})
 
-    monkeypatch.setattr(campaign, 'SAID_EVERY', 0.05)
-    said: list[str] = []
+    monkeypatch.setattr(campaign, 'PROGRESS_INTERVAL', 0.05)
+    lines: list[str] = []
     bounded = Campaign('slow', 'Slow', 1000, 1, 0.3, trial)
-    result = campaign.run(bounded, tmp_path, 1000, say=said.append, made=made)
+    result = campaign.run(bounded, tmp_path, 1000, log=lines.append, runner=runner)
     assert 0 < result.trials < 100
-    assert said[0].startswith('slow: ')
-    assert 'trials, 0 faults, about 0.0 min left' in said[0]
+    assert lines[0].startswith('slow: ')
+    assert 'trials, 0 faults, about 0.0 min left' in lines[0]
     assert result.counts['naps'] == 2 * result.trials
     largest = max(random.Random(f'slow {number}').random() for number in range(result.trials))
     assert result.figures == {'length [s]': largest}
@@ -93,9 +93,9 @@ def test_trials_at_the_same_time_are_those_one_after_the_other(tmp_path):
     def trial(folder, choice):
         return Trial(str(choice.randrange(4)))
 
-    made = Campaign('made', 'Made', 40, 5, 60.0, trial)
-    alone = campaign.run(made, tmp_path / 'alone', 40)
-    assert campaign.run(made, tmp_path / 'together', 40, made=at_the_same_time(2)).outcomes == alone.outcomes
+    example = Campaign('example', 'Example', 40, 5, 60.0, trial)
+    alone = campaign.run(example, tmp_path / 'alone', 40)
+    assert campaign.run(example, tmp_path / 'together', 40, runner=parallel(2)).outcomes == alone.outcomes
 
 
 def test_a_trial_that_does_not_return_or_whose_process_ends_is_a_fault_and_the_others_go_on(tmp_path):
@@ -108,12 +108,12 @@ def test_a_trial_that_does_not_return_or_whose_process_ends_is_a_fault_and_the_o
             time.sleep(1000.0)
         return Trial(str(1 / (what != '3')))
 
-    made = Campaign('made', 'Made', 6, 1, 60.0, trial, trial_seconds=1.0)
-    result = campaign.run(made, tmp_path, 6, made=at_the_same_time(2))
-    assert result.outcomes == {'1.0': 3, 'did not return': 2, 'not judged': 1}
+    example = Campaign('example', 'Example', 6, 1, 60.0, trial, trial_seconds=1.0)
+    result = campaign.run(example, tmp_path, 6, runner=parallel(2))
+    assert result.outcomes == {'1.0': 3, 'did not return': 2, 'not checked': 1}
     faults = dict(result.faults)
     assert (faults[1].kind, faults[2].kind, faults[3].kind) == (WRONG, HANG, WRONG)
-    assert 'ZeroDivisionError' in faults[3].seen
+    assert 'ZeroDivisionError' in faults[3].message
 
 
 def test_the_tables_of_other_campaigns_stay(tmp_path, monkeypatch):
@@ -139,7 +139,7 @@ def test_help_tells_trials_and_durations(capsys):
         assert f'{chosen.seconds / 60:.0f} min' in line
     with pytest.raises(SystemExit):
         main(['nothing'])
-    assert 'there is no campaign nothing' in capsys.readouterr().err
+    assert 'unknown campaign nothing' in capsys.readouterr().err
 
 
 def test_what_a_call_does_wrong_is_seen(monkeypatch):
@@ -189,7 +189,7 @@ def test_a_false_claim_is_seen(tmp_path, simulated):
     text = (run / 'run.yaml').read_text()
     (run / 'run.yaml').write_text(text.replace('last_tick: 100', 'last_tick: 99'))
     (fault,) = false_claims(run, 0, None)
-    assert 'run.yaml says 99 for the last tick, the bag holds 100' in fault.seen
+    assert 'run.yaml says 99 for the last tick, the bag holds 100' in fault.message
 
 
 def test_a_file_is_damaged_as_the_seed_says(tmp_path):

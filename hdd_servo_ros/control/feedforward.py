@@ -59,7 +59,8 @@ class Feedforward:
     Trans. Acoust. Speech Signal Process. 31(3), 1983), since the last n samples of a slow vibration are nearly the same
     and the plain algorithm takes minutes. ``iir`` adds two recursive weights, projected so that their poles stay inside
     a circle. ``network`` adds W'S(z), radial basis functions of the linear part's output z (section 6.2), with
-    normalized gradient, sigma-modification and projection; see ``docs/controllers/vibration-feedforward.md`` for its boundedness.
+    normalized gradient, sigma-modification and projection; for its boundedness, see
+    ``docs/controllers/vibration-feedforward.md``.
 
     A supervisor compares the mean square of the error with that of the error as it would be without feedforward, and
     fades the feedforward out while it does harm.

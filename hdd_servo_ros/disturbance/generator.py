@@ -60,7 +60,8 @@ class DisturbanceGenerator:
 
     Notes
     -----
-    Source: models of this package, with the values and papers in ``docs/concepts/mobile-use.md`` and ``docs/runout.md``.
+    Source: models of this package, with the values and papers in ``docs/concepts/mobile-use.md`` and
+    ``docs/controllers/runout-compensation.md``.
 
     Examples
     --------

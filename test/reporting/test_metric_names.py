@@ -65,3 +65,8 @@ def test_every_known_name_is_that_of_a_metric(found):
 
 def test_no_name_is_there_twice():
     assert len(set(METRIC_NAMES)) == len(METRIC_NAMES)
+
+
+def test_every_metric_is_defined_in_the_reference():
+    page = (PARAMS.parent / 'docs' / 'reference' / 'metrics.md').read_text('utf8')
+    assert [name for name in METRIC_NAMES if f'`{name}`' not in page] == []

@@ -1,4 +1,4 @@
-"""An ordinary ROS node in the domain of a trial, in the process that judges it."""
+"""An ordinary ROS node in the domain of a trial, in the process that checks the trial."""
 
 import contextlib
 import os
@@ -14,15 +14,15 @@ from rclpy.node import Node
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 
-class Outside:
-    """A node that is no part of the run, and what spins it."""
+class ExternalNode:
+    """A node outside the run, with its executor."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
         self._executor = executor
 
     def spin_until(self, condition: Callable[[], Any], seconds: float) -> bool:
-        """Spin until a condition is true; return whether it came true in time."""
+        """Spin until a condition is true; return whether it became true in time."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:
@@ -32,17 +32,17 @@ class Outside:
 
 
 @contextlib.contextmanager
-def outside(domain: int) -> Iterator[Outside]:
-    """Give a trial a node in its domain, which keeps to this machine."""
+def external_node(domain: int) -> Iterator[ExternalNode]:
+    """Create a node in the domain of a trial, with discovery limited to this machine."""
     before = os.environ.get(_RANGE)
     os.environ[_RANGE] = 'LOCALHOST'
     context = Context()
     try:
         rclpy.init(context=context, domain_id=domain)
-        node = rclpy.create_node('stranger', context=context, enable_rosout=False)
+        node = rclpy.create_node('external_node', context=context, enable_rosout=False)
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
-        yield Outside(node, executor)
+        yield ExternalNode(node, executor)
         executor.shutdown()
         node.destroy_node()  # type: ignore[no-untyped-call]
     finally:
