@@ -1,7 +1,7 @@
 """
-Report what the style of this project avoids in its documentation, messages, docstrings and comments.
+Report phrases that documentation, messages, docstrings and comments should avoid.
 
-Exit code 1 if something is reported; ``python -m prose PATH ...`` checks some files only.
+The exit code is 1 if a phrase is found. ``python -m prose PATH ...`` checks only some files.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def files(given: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files to check, among those given if any are."""
+    """Yield the files to check; if paths are given, only those."""
     chosen = [path.resolve() for path in given]
     for path in sorted({path for pattern in CHECKED for path in ROOT.glob(pattern)}):
         if not chosen or any(path == one or one in path.parents for one in chosen):
@@ -49,7 +49,7 @@ def files(given: Sequence[Path]) -> Iterator[Path]:
 
 
 def complaints(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the line and the reason of each complaint about a file."""
+    """Yield the line and the text of each complaint about a file."""
     vocabulary = read_vocabulary()
     for passage in passages(path):
         for phrase in vocabulary:

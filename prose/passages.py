@@ -1,4 +1,4 @@
-"""The passages of a file that people read: paragraphs, comments, docstrings and messages."""
+"""Extraction of the prose of a file: paragraphs, comments, docstrings and messages."""
 
 import ast
 import io
@@ -19,13 +19,13 @@ _LITERAL_BLOCK = re.compile(r'::\n\n((?: {4,}.*\n|\n)+)')
 
 @dataclass(frozen=True)
 class Passage:
-    """A stretch of text, with code blanked out, so that its lines are those of the file."""
+    """A passage of prose; code is blanked out, so that line numbers match the file."""
 
     line: int
-    """Number of its first line."""
+    """Number of the first line."""
     text: str
     is_prose: bool = True
-    """False for messages and help texts, whose units are those of the code."""
+    """False for messages and help strings, which use the units of the code."""
 
 
 def passages(path: Path) -> Iterator[Passage]:
@@ -63,7 +63,7 @@ def _of_python(text: str) -> Iterator[Passage]:
 
 
 def _comments(text: str) -> Iterator[Passage]:
-    """Yield comments; those on consecutive lines are one passage."""
+    """Yield comments; consecutive lines form one passage."""
     first, lines = 0, list[str]()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type != tokenize.COMMENT:
@@ -83,5 +83,5 @@ def _without_code(text: str) -> str:
 
 
 def _blanked(pattern: re.Pattern[str], text: str) -> str:
-    """Return a text with what matches as a placeholder of the same lines."""
+    """Return the string with each match replaced by a placeholder with as many lines."""
     return pattern.sub(lambda found: '\x00' + '\n' * found[0].count('\n'), text)

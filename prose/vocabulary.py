@@ -14,21 +14,21 @@ from prose.passages import Passage
 
 @dataclass(frozen=True)
 class Phrase:
-    """A phrase to avoid, what to write instead, and longer phrases that are fine."""
+    """A phrase to avoid, its replacement, and longer phrases that are allowed."""
 
     avoid: re.Pattern[str]
     use: str
-    fine: tuple[re.Pattern[str], ...]
+    allowed: tuple[re.Pattern[str], ...]
     in_messages: bool
-    """False for a phrase that messages and help texts may use, such as the units of the code."""
+    """False for a phrase that messages and help strings may use, such as the units of the code."""
 
     def found(self, passage: Passage) -> Iterator[tuple[int, str]]:
-        """Yield the line and the words of each use in a passage."""
+        """Yield line and wording of each match in a passage."""
         if not (passage.is_prose or self.in_messages):
             return
-        fine = [span.span() for pattern in self.fine for span in pattern.finditer(passage.text)]
+        allowed = [span.span() for pattern in self.allowed for span in pattern.finditer(passage.text)]
         for match in self.avoid.finditer(passage.text):
-            if not any(start <= match.start() and match.end() <= end for start, end in fine):
+            if not any(start <= match.start() and match.end() <= end for start, end in allowed):
                 yield passage.line + passage.text.count('\n', 0, match.start()), ' '.join(match[0].split())
 
 
@@ -40,8 +40,8 @@ def read_vocabulary() -> tuple[Phrase, ...]:
 
 
 def _phrase(entry: Mapping[str, Any]) -> Phrase:
-    fine = tuple(map(_compiled, entry.get('except', ())))
-    return Phrase(_compiled(entry['avoid']), entry['use'], fine, entry.get('where', '') != 'prose')
+    allowed = tuple(map(_compiled, entry.get('except', ())))
+    return Phrase(_compiled(entry['avoid']), entry['use'], allowed, entry.get('where', '') != 'prose')
 
 
 def _compiled(pattern: str) -> re.Pattern[str]:
