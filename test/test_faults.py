@@ -1,4 +1,4 @@
-"""A short part of each campaign of faults, and the frame itself."""
+"""A few trials of each fault campaign, and the campaign runner."""
 
 import os
 import random
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parent.parent
 
 
 @pytest.mark.parametrize('name', [name for name in CAMPAIGNS if CAMPAIGNS[name].short])
-def test_a_short_part_has_no_fault(name, tmp_path, monkeypatch):
+def test_the_first_trials_find_no_fault(name, tmp_path, monkeypatch):
     if name == 'disk_full' and (why := disk_full.cannot_make()):
         pytest.skip(why)
     monkeypatch.setattr(parameter_services, 'SETS', 30)
@@ -32,8 +32,8 @@ def test_a_short_part_has_no_fault(name, tmp_path, monkeypatch):
 
 
 def test_a_short_recording_by_simulate_and_rig(tmp_path):
-    """Of 2^17 ticks or more, which are read in pieces; whole arrays of this one would take 300 MB."""
-    # Of a process of its own: the memory of its commands counts from what it takes itself.
+    """Runs of 2^17 ticks or more are read in pieces; complete arrays of this one would take 300 MB."""
+    # In a separate process, because the memory of a child starts from that of its parent.
     program = (
         'import pathlib, sys; from faults.long_run import recorded; '
         'trial = recorded(pathlib.Path(sys.argv[1]), 140_000, 0); print(trial); sys.exit(bool(trial.faults))'
@@ -46,16 +46,15 @@ def test_a_short_recording_by_simulate_and_rig(tmp_path):
         assert f'memory of long {name} [MB]' in ran.stdout
 
 
-def test_every_campaign_of_the_issue_is_there_and_whole():
-    """What is promised of them; a smaller number would have to change the document too."""
+def test_the_campaigns_have_the_documented_numbers_of_trials():
     trials = {name: chosen.trials for name, chosen in CAMPAIGNS.items()}
     assert (trials['kills'], trials['messages'], trials['files'], trials['disk_full']) == (300, 200, 2000, 30)
-    # Half of the requests of a service are of one parameter or several together, the others of one or more alone.
+    # A request sets one to three parameters.
     assert trials['parameters'] + trials['services'] * parameter_services.SETS >= 20_000
     assert all(f'`{name}`' in tables.DOCUMENT.read_text('utf8') for name in CAMPAIGNS)
 
 
-def test_a_trial_is_made_again_by_its_number_and_its_faults_are_kept(tmp_path):
+def test_a_trial_is_repeated_by_its_number_and_its_faults_are_kept(tmp_path):
     def trial(folder, choice):
         number = choice.randrange(1000)
         (folder / 'left').write_text(str(number))
@@ -89,7 +88,7 @@ def test_a_campaign_is_bounded_in_time_and_logs_its_progress(runner, tmp_path, m
     assert f'{result.trials} of 1000 trials' in '\n'.join(result.lines())
 
 
-def test_trials_at_the_same_time_are_those_one_after_the_other(tmp_path):
+def test_parallel_trials_equal_sequential_trials(tmp_path):
     def trial(folder, choice):
         return Trial(str(choice.randrange(4)))
 
@@ -98,7 +97,7 @@ def test_trials_at_the_same_time_are_those_one_after_the_other(tmp_path):
     assert campaign.run(example, tmp_path / 'together', 40, runner=parallel(2)).outcomes == alone.outcomes
 
 
-def test_a_trial_that_does_not_return_or_whose_process_ends_is_a_fault_and_the_others_go_on(tmp_path):
+def test_a_trial_that_does_not_return_or_whose_process_ends_is_a_fault_and_the_others_continue(tmp_path):
     def trial(folder, choice):
         what = folder.name.partition('-')[2]
         if what == '1':
@@ -116,7 +115,7 @@ def test_a_trial_that_does_not_return_or_whose_process_ends_is_a_fault_and_the_o
     assert 'ZeroDivisionError' in faults[3].message
 
 
-def test_the_tables_of_other_campaigns_stay(tmp_path, monkeypatch):
+def test_the_tables_of_other_campaigns_are_kept(tmp_path, monkeypatch):
     document = tmp_path / 'reliability.md'
     document.write_text('# Reliability\n\n<!-- Below: written by `make faults`. -->\n\n## B\n\nof b\n\n## C\n\nold\n')
     result = campaign.Result(Campaign('c', 'C', 3, 1, 1.0, lambda folder, choice: Trial('')))
@@ -129,12 +128,12 @@ def test_the_tables_of_other_campaigns_stay(tmp_path, monkeypatch):
     assert 'old' not in text
 
 
-def test_help_tells_trials_and_durations(capsys):
+def test_help_lists_trials_and_durations(capsys):
     with pytest.raises(SystemExit):
         main(['--help'])
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for name, chosen in CAMPAIGNS.items():
-        (line,) = [line for line in told.splitlines() if line.split()[:1] == [name] and 'trials' in line]
+        (line,) = [line for line in printed.splitlines() if line.split()[:1] == [name] and 'trials' in line]
         assert f'{chosen.trials} trials' in line
         assert f'{chosen.seconds / 60:.0f} min' in line
     with pytest.raises(SystemExit):
@@ -142,7 +141,7 @@ def test_help_tells_trials_and_durations(capsys):
     assert 'unknown campaign nothing' in capsys.readouterr().err
 
 
-def test_what_a_call_does_wrong_is_seen(monkeypatch):
+def test_faults_of_a_call_are_found(monkeypatch):
     monkeypatch.setattr('faults.judging.LONGEST_CALL', 0.1)
 
     def never_returns():
@@ -159,7 +158,7 @@ def test_what_a_call_does_wrong_is_seen(monkeypatch):
     assert call(lambda: 2) == (2, '', [])
 
 
-def test_an_orphan_and_a_hang_are_seen(tmp_path):
+def test_an_orphan_and_a_hang_are_found(tmp_path):
     with processes(tmp_path) as made:
         sleeper = [sys.executable, '-c', 'import time; time.sleep(100)']
         child = subprocess.Popen(sleeper, env=made.environment)
@@ -170,7 +169,7 @@ def test_an_orphan_and_a_hang_are_seen(tmp_path):
     assert child.poll() is not None
 
 
-def test_a_slow_run_that_prints_its_progress_is_no_hang(tmp_path):
+def test_a_slow_run_that_prints_its_progress_is_not_a_hang(tmp_path):
     program = 'import time\nfor _ in range(8): print(end="on ", flush=True); time.sleep(0.25)'
     with processes(tmp_path) as made, (tmp_path / 'slow.log').open('wb') as log:
         made.started['slow'] = subprocess.Popen([sys.executable, '-c', program], env=made.environment, stdout=log)
@@ -178,7 +177,7 @@ def test_a_slow_run_that_prints_its_progress_is_no_hang(tmp_path):
         assert made.started['slow'].returncode == 0
 
 
-def test_a_false_claim_is_seen(tmp_path, simulated):
+def test_a_false_claim_is_found(tmp_path, simulated):
     run = simulated(tmp_path / 'run', '-p', 'duration:=0.01', '-p', 'plot:=false')
     assert list(false_claims(run, 0, None)) == []
     assert [fault.kind for fault in false_claims(run, 1, None)] == [WRONG]
@@ -192,7 +191,7 @@ def test_a_false_claim_is_seen(tmp_path, simulated):
     assert 'run.yaml says 99 for the last tick, the bag holds 100' in fault.message
 
 
-def test_a_file_is_damaged_as_the_seed_says(tmp_path):
+def test_the_seed_determines_the_damage_of_a_file(tmp_path):
     original = originals(tmp_path)['mcap'] / 'bag' / 'bag.mcap'
     for number in range(20):
         contents = []
