@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.bench_bags import TICK_US, bag_figures, bag_rows
+from benchmarks.bench_bags import TICK_US, bag_rows, bag_values
 from benchmarks.bench_campaign import campaign_rows
 from benchmarks.bench_plant import call_cost, kernel_cost, nothing
-from benchmarks.bench_rig import rig_figures, rig_rows
-from benchmarks.bench_start import start_figures, start_rows
-from benchmarks.bench_study import study_figures
+from benchmarks.bench_rig import rig_rows, rig_values
+from benchmarks.bench_start import start_rows, start_values
+from benchmarks.bench_study import study_values
 from benchmarks.graph_runs import ROOT, Bench, alternating
 from hdd_servo_ros.drive.plant import PlantParameters, plant_step
 from hdd_servo_ros.messages.topics import LOOP_TOPICS
@@ -40,7 +40,7 @@ def resident(pid):
     return total
 
 
-def plant_figures():
+def plant_values():
     """Return table rows: time of one tick of the default drive, and of an empty compiled call [ns]."""
     controls = 0.2 * np.random.default_rng(1).normal(size=50_000)
     inside = 1e9 * kernel_cost(PlantParameters(), controls)
@@ -57,7 +57,7 @@ def plant_figures():
     ]
 
 
-def memory_figures(bench, seconds):
+def memory_values(bench, seconds):
     """Return the resident memory of rig and recorder at 6 s of the run and at its end [MiB]."""
     run = bench.folder()
     process = bench.popen('hdd_servo_ros.nodes.rig', *bench.ros_arguments(run, seconds * 10_000))
@@ -100,40 +100,42 @@ def main():
     with tempfile.TemporaryDirectory() as directory:
         bench = Bench(directory)
         print('one process: rig, rig over DDS, lower bound, default executor', flush=True)
-        one = rig_figures(bench, repeats, ticks, stock=lambda: bench.stock(ticks // 10))
+        one = rig_values(bench, repeats, ticks, default=lambda: bench.default(ticks // 10))
         print('one process per node: lockstep, default executors', flush=True)
         many = alternating(
             repeats,
             processes=lambda: bench.processes(ticks // 4),
-            stock_processes=lambda: bench.stock_processes(ticks // 10),
+            default_processes=lambda: bench.default_processes(ticks // 10),
         )
         print('simulate', flush=True)
-        bags = bag_figures(bench.directory, repeats, ticks * 10)
+        bags = bag_values(bench.directory, repeats, ticks * 10)
         print('runs of chapter 5', flush=True)
-        study = study_figures(bench.directory, repeats, 4 if options.quick else 20)
+        study = study_values(bench.directory, repeats, 4 if options.quick else 20)
         print('campaigns', flush=True)
         campaigns = campaign_rows(bench.directory, repeats, quick=options.quick)
         print('drive alone', flush=True)
-        plant = plant_figures()
+        plant = plant_values()
         print('memory', flush=True)
-        at_six, at_end = memory_figures(bench, 12 if options.quick else 60)
+        at_six, at_end = memory_values(bench, 12 if options.quick else 60)
         print('start', flush=True)
-        starts = start_figures(bench.directory, repeats)
+        starts = start_values(bench.directory, repeats)
     median = statistics.median
-    stock = median(one['stock'])
-    processes, stock_processes = median(many['processes']), median(many['stock_processes'])
+    default = median(one['default'])
+    processes, default_processes = median(many['processes']), median(many['default_processes'])
     sent = (ticks // 10 + 1) * len(LOOP_TOPICS)
-    losses = f'its recorder lost up to {bench.lost_by_stock} of {sent} messages' if bench.lost_by_stock else 'no losses'
+    losses = (
+        f'its recorder lost up to {bench.lost_by_default} of {sent} messages' if bench.lost_by_default else 'no losses'
+    )
     rows = [
         *rig_rows(one),
-        ('same graph with the default rclpy `SingleThreadedExecutor`', f'{stock:.3f}', '', 'baseline'),
+        ('same graph with the default rclpy `SingleThreadedExecutor`', f'{default:.3f}', '', 'baseline'),
         (
             'one process per node',
             f'{processes:.3f}',
             'at least 3 times the default executors',
-            f'{processes / stock_processes:.1f} times the default executors',
+            f'{processes / default_processes:.1f} times the default executors',
         ),
-        ('default executors, one process per node', f'{stock_processes:.4f}', '', f'baseline; {losses}'),
+        ('default executors, one process per node', f'{default_processes:.4f}', '', f'baseline; {losses}'),
         (
             '`simulate` without recording, one core',
             f'{TICK_US / bags["loop"][0]:.0f}',
@@ -152,13 +154,13 @@ def main():
         '',
         '| measurement | value | required |',
         '|---|---|---|',
-        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in plant),
+        *(f'| {name} | {value} | {required} |' for name, value, required in plant),
         f'| processor time of a run of 10 s in `study chapter5 --without-ros` | {median(study["study"]):.2f} s; with '
         f'one interpreter per run {median(study["processes"]):.2f} s | |',
-        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in campaigns),
+        *(f'| {name} | {value} | {required} |' for name, value, required in campaigns),
         f'| memory of `rig` and its recorder, 60 s run | {at_six:.0f} MiB at 6 s, {at_end:.0f} MiB at the end: '
         f'ratio {at_end / at_six:.2f} | ratio at most 1.2 |',
-        *(f'| {name} | {figure} | {asked} |' for name, figure, asked in start_rows(starts)),
+        *(f'| {name} | {value} | {required} |' for name, value, required in start_rows(starts)),
     ]
     table = '\n'.join(lines)
     print(table)

@@ -64,10 +64,10 @@ class Recording:
     def simulate(self, *arguments):
         """Run `simulate` into a bag, from its first tick to the closed bag."""
         run = self.directory / 'run'
-        figures = self._run(self._simulation('-p', f'run_dir:={run}', *arguments))
+        values = self._run(self._simulation('-p', f'run_dir:={run}', *arguments))
         self.sizes[arguments] = sum(file.stat().st_size for file in (run / 'bag').glob('*.mcap'))
         shutil.rmtree(run)
-        return figures
+        return values
 
     def _run(self, simulation):
         run = SimulatedRun(simulation)
@@ -77,7 +77,7 @@ class Recording:
                 run.recorder.close_bag()
         run.finish(outcome)
         assert outcome == FINISHED_OUTCOME
-        return clock.figures
+        return clock.values
 
     def rosbags(self):
         """Write the same messages with the `rosbags` writer, one by one."""
@@ -89,7 +89,7 @@ class Recording:
                 writer.write(kinds, (stamp,) * len(kinds), messages)
             writer.close()
         shutil.rmtree(self.directory / 'bare')
-        return clock.figures
+        return clock.values
 
     def writing_process(self):
         """Write them with the writer process of the rig, without its startup, which is a bag without a tick."""
@@ -122,7 +122,7 @@ class Clock:
 
     def __exit__(self, *_):
         ended = time.process_time(), time.perf_counter()
-        self.figures = tuple(1e6 * (end - start) / self.ticks for start, end in zip(self.started, ended, strict=True))
+        self.values = tuple(1e6 * (end - start) / self.ticks for start, end in zip(self.started, ended, strict=True))
 
 
 def messages_of(ticks):
@@ -140,7 +140,7 @@ def children_time():
     return usage.ru_utime + usage.ru_stime
 
 
-def bag_figures(directory, repeats, ticks):
+def bag_values(directory, repeats, ticks):
     """
     Run all benchmarks alternately, several times.
 
@@ -164,15 +164,15 @@ def bag_figures(directory, repeats, ticks):
             found[name].append(measure())
             processor, wall = found[name][-1]
             print(f'  {name:16} {processor:.3f} us processor time per tick, {wall:.3f} us wall time', flush=True)
-    best = {name: tuple(min(column) for column in zip(*figures, strict=True)) for name, figures in found.items()}
+    best = {name: tuple(min(column) for column in zip(*values, strict=True)) for name, values in found.items()}
     best['bytes'] = tuple(size / ticks for size in (recording.sizes[()], recording.sizes[ZSTD]))
     return best
 
 
-def bag_rows(figures):
+def bag_rows(values):
     """Return table rows: real-time factors by processor time, and comparisons."""
-    loop, simulate, rosbags, process = (figures[name][0] for name in ('loop', 'simulate', 'rosbags', 'writing process'))
-    plain, packed = figures['bytes']
+    loop, simulate, rosbags, process = (values[name][0] for name in ('loop', 'simulate', 'rosbags', 'writing process'))
+    plain, packed = values['bytes']
     return [
         (
             '`simulate` into an MCAP bag, all topics, one core',
@@ -182,7 +182,7 @@ def bag_rows(figures):
         ),
         (
             '`simulate` into an MCAP bag with `compression: zstd`',
-            f'{TICK_US / figures["simulate, zstd"][0]:.0f}',
+            f'{TICK_US / values["simulate, zstd"][0]:.0f}',
             '',
             f'{plain / packed:.2f} times smaller: {packed:.0f} instead of {plain:.0f} bytes per tick',
         ),
@@ -203,7 +203,7 @@ def main():
     options = parser.parse_args()
     repeats, ticks = (1, 20_000) if options.quick else (5, 200_000)
     with tempfile.TemporaryDirectory() as directory:
-        for row in bag_rows(bag_figures(directory, repeats, ticks)):
+        for row in bag_rows(bag_values(directory, repeats, ticks)):
             print(' | '.join(row))
 
 

@@ -105,7 +105,7 @@ def memory_of(runs, directory):
     return early, late
 
 
-def campaign_figures(directory, repeats, runs=RUNS, many=MANY):
+def campaign_values(directory, repeats, runs=RUNS, many=MANY):
     """Return wall times [s] of all rounds by name, processor time per run [s], and memory [MiB]."""
     campaign = campaign_of(runs)
     # Compiles and imports, so that the startup does not count.
@@ -126,7 +126,7 @@ def campaign_figures(directory, repeats, runs=RUNS, many=MANY):
 def campaign_rows(directory, repeats, *, quick):
     """Return rows of the second table of ``docs/performance.md``."""
     runs, many = (10, 200) if quick else (RUNS, MANY)
-    found, memory = campaign_figures(directory, repeats, runs, many)
+    found, memory = campaign_values(directory, repeats, runs, many)
     wall, one, processor, processes = (
         min(found[name]) for name in ('campaign', 'one worker', 'processor', 'processes')
     )

@@ -14,7 +14,7 @@ from benchmarks.graph_runs import Bench, alternating
 OVER_DDS = ('-p', 'rig:intra_process:=false')
 
 
-def rig_figures(bench, repeats, ticks, **others):
+def rig_values(bench, repeats, ticks, **others):
     """
     Run all benchmarks alternately, several times.
 
@@ -36,26 +36,26 @@ def rig_figures(bench, repeats, ticks, **others):
         repeats,
         rig=lambda: bench.rig(ticks),
         rig_over_dds=lambda: bench.rig(ticks, *OVER_DDS),
-        floor=lambda: bench.floor(ticks),
+        lower_bound=lambda: bench.lower_bound(ticks),
         **others,
     )
 
 
-def rig_rows(figures):
+def rig_rows(values):
     """Return table rows, with the ratios to the lower bound of the same rounds and to the default executor."""
     median = statistics.median
-    rig, over_dds, floor = (median(figures[name]) for name in ('rig', 'rig_over_dds', 'floor'))
+    rig, over_dds, lower_bound = (median(values[name]) for name in ('rig', 'rig_over_dds', 'lower_bound'))
     to_bound, to_bound_over_dds = (
-        median(factor / bare for factor, bare in zip(figures[name], figures['floor'], strict=True))
+        median(factor / bare for factor, bare in zip(values[name], values['lower_bound'], strict=True))
         for name in ('rig', 'rig_over_dds')
     )
-    stock = f'; {rig / median(figures["stock"]):.1f} times the default executor' if 'stock' in figures else ''
+    default = f'; {rig / median(values["default"]):.1f} times the default executor' if 'default' in values else ''
     return [
         (
             '`rig`, all topics recorded',
             f'{rig:.2f}',
             'at least 1.2 times the lower bound, goal 2',
-            f'{to_bound:.2f} times the lower bound{stock}',
+            f'{to_bound:.2f} times the lower bound{default}',
         ),
         (
             '`rig` with `intra_process:=false`',
@@ -63,7 +63,7 @@ def rig_rows(figures):
             '',
             f'{to_bound_over_dds:.2f} times the lower bound',
         ),
-        ('lower bound: serialized publish and take over DDS alone', f'{floor:.2f}', '', ''),
+        ('lower bound: serialized publish and take over DDS alone', f'{lower_bound:.2f}', '', ''),
     ]
 
 
@@ -74,7 +74,7 @@ def main():
     options = parser.parse_args()
     repeats, ticks = (1, 2000) if options.quick else (5, 20_000)
     with tempfile.TemporaryDirectory() as directory:
-        for row in rig_rows(rig_figures(Bench(directory), repeats, ticks)):
+        for row in rig_rows(rig_values(Bench(directory), repeats, ticks)):
             print(' | '.join(row))
 
 

@@ -86,7 +86,7 @@ def children_time():
     return usage.ru_utime + usage.ru_stime
 
 
-def start_figures(directory, repeats):
+def start_values(directory, repeats):
     """
     Run all benchmarks alternately, several times, after a warm-up round.
 
@@ -104,19 +104,19 @@ def start_figures(directory, repeats):
         for name, measure in measures.items():
             found[name].append(measure())
             print(f'  {name:16} {found[name][-1]:.2f} s', flush=True)
-    return {name: statistics.median(figures) for name, figures in found.items()}
+    return {name: statistics.median(values) for name, values in found.items()}
 
 
-def start_rows(figures):
+def start_rows(values):
     """Return table rows: measurement, value, requirement."""
-    numba, simulate = figures['numba'], figures['simulate']
+    numba, simulate = values['numba'], values['simulate']
     return [
         (
             'processor time of `simulate` for 0.1 s without recording',
             f'{simulate:.2f} s, {simulate / numba:.1f} times the import of Numba ({numba:.2f} s)',
             'at most 0.8 s, goal 0.5 s',
         ),
-        ('warm `make run` up to its first tick', f'{figures["make run"]:.2f} s', 'at most 0.9 s'),
+        ('warm `make run` up to its first tick', f'{values["make run"]:.2f} s', 'at most 0.9 s'),
     ]
 
 
@@ -126,7 +126,7 @@ def main():
     parser.add_argument('--quick', action='store_true', help='run one round, as a smoke test')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
-        for row in start_rows(start_figures(directory, 1 if options.quick else 9)):
+        for row in start_rows(start_values(directory, 1 if options.quick else 9)):
             print(' | '.join(row))
 
 

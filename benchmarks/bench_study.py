@@ -54,7 +54,7 @@ def _per_run(cases, directory, work):
     return sum(after[i] - before[i] for i in range(4)) / len(cases)
 
 
-def study_figures(directory, repeats, runs=RUNS):
+def study_values(directory, repeats, runs=RUNS):
     """Return the processor time per run of every round [s] by benchmark."""
     cases = study_cases(runs)
     found: dict[str, list[float]] = {'study': [], 'processes': []}
@@ -71,7 +71,7 @@ def main():
     parser.add_argument('--quick', action='store_true', help='run one round of a few runs, as a smoke test')
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as directory:
-        study_figures(directory, 1 if options.quick else 3, 4 if options.quick else RUNS)
+        study_values(directory, 1 if options.quick else 3, 4 if options.quick else RUNS)
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ from hdd_servo_ros.graph.catalog import CONTROLLER, CONTROLLERS, nodes_of_run
 ROOT = Path(__file__).parent.parent
 PARAMS = ROOT / 'params' / 'seagate_7200_10.yaml'
 NODES = nodes_of_run({CONTROLLER: CONTROLLERS['adaptive_nn']})
-STOCK_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer')
+DEFAULT_NODES = ('recorder', 'controller', 'sensor', 'plant', 'reference', 'timer')
 
 
 class Bench:
@@ -22,7 +22,7 @@ class Bench:
     def __init__(self, directory):
         self.directory = Path(directory)
         self.count = 0
-        self.lost_by_stock = 0
+        self.lost_by_default = 0
         self.environment = {**os.environ, 'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1)}
         self.environment.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         self.environment['PYTHONPATH'] = os.pathsep.join(
@@ -57,20 +57,20 @@ class Bench:
         self._finish([self.popen(f'hdd_servo_ros.nodes.{node}', *self.ros_arguments(run, ticks)) for node in NODES])
         return yaml.safe_load((run / 'run.yaml').read_text())['real_time_factor']
 
-    def stock(self, ticks):
-        return self._factor([self.popen('benchmarks.stock_graph', ticks, self.folder())])
+    def default(self, ticks):
+        return self._factor([self.popen('benchmarks.default_graph', ticks, self.folder())])
 
-    def stock_processes(self, ticks):
+    def default_processes(self, ticks):
         bag = self.folder()
-        processes = [self.popen('benchmarks.stock_graph', ticks, bag, node) for node in STOCK_NODES]
+        processes = [self.popen('benchmarks.default_graph', ticks, bag, node) for node in DEFAULT_NODES]
         factor = self._factor([processes[-1], processes[0]], wait=False)
         for process in processes:
             process.kill()
             process.wait()
         return factor
 
-    def floor(self, ticks):
-        return self._factor([self.popen('benchmarks.floor', ticks)])
+    def lower_bound(self, ticks):
+        return self._factor([self.popen('benchmarks.lower_bound', ticks)])
 
     def _finish(self, processes):
         for process in processes:
@@ -92,7 +92,7 @@ class Bench:
         if lost and int(lost.group(1)):
             # Not an error of the run: a recorder without flow control cannot slow the loop down.
             print(f'  the recorder of the default executors lost {lost.group(1)} messages', flush=True)
-            self.lost_by_stock = max(self.lost_by_stock, int(lost.group(1)))
+            self.lost_by_default = max(self.lost_by_default, int(lost.group(1)))
         found = re.search(r'real_time_factor (\S+)', text)
         if not found:
             raise RuntimeError(text)
@@ -101,9 +101,9 @@ class Bench:
 
 def alternating(repeats, **measures):
     """Run the benchmarks alternately, several times; return the values of each."""
-    figures: dict[str, list[float]] = {name: [] for name in measures}
+    values: dict[str, list[float]] = {name: [] for name in measures}
     for _ in range(repeats):
         for name, measure in measures.items():
-            figures[name].append(measure())
-            print(f'  {name:16} {figures[name][-1]:.4g}', flush=True)
-    return figures
+            values[name].append(measure())
+            print(f'  {name:16} {values[name][-1]:.4g}', flush=True)
+    return values

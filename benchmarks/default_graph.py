@@ -2,7 +2,7 @@
 The same graph as ordinary rclpy nodes, with callbacks, message objects and ``SingleThreadedExecutor``.
 
 This is the baseline of the benchmarks. Blocks, messages and recording are the same; only the transport differs.
-``python -m benchmarks.stock_graph TICKS BAG [NODE ...]`` runs the named nodes, all by default, in one process.
+``python -m benchmarks.default_graph TICKS BAG [NODE ...]`` runs the named nodes, all by default, in one process.
 """
 
 import functools
@@ -36,7 +36,7 @@ def tick_of(stamp):
     return (stamp.sec * 1_000_000_000 + stamp.nanosec) // 100_000
 
 
-class StockNode(Node):
+class DefaultNode(Node):
     """Node that collects inputs by tick and calls ``fire`` once all inputs of a tick have arrived."""
 
     inputs: tuple[str, ...] = ()
@@ -71,7 +71,7 @@ class StockNode(Node):
         self.out[topic].publish(message)
 
 
-class StockTimer(StockNode):
+class DefaultTimer(DefaultNode):
     inputs = ('control',)
     outputs = ('clock',)
     done = False
@@ -92,7 +92,7 @@ class StockTimer(StockNode):
             print(f'real_time_factor {self.last_tick * T / elapsed:.5g}', flush=True)
 
 
-class StockReference(StockNode):
+class DefaultReference(DefaultNode):
     inputs = ('clock',)
     outputs = ('reference',)
 
@@ -104,7 +104,7 @@ class StockReference(StockNode):
         self.publish('reference', stamp, *self.block.step(tick))
 
 
-class StockPlant(StockNode):
+class DefaultPlant(DefaultNode):
     inputs = ('clock', 'control')
     outputs = ('head',)
 
@@ -130,7 +130,7 @@ class StockPlant(StockNode):
         self.publish('head', stamp, *head)
 
 
-class StockSensor(StockNode):
+class DefaultSensor(DefaultNode):
     inputs = ('head',)
     outputs = ('ldv',)
 
@@ -143,7 +143,7 @@ class StockSensor(StockNode):
         self.publish('ldv', stamp, *self.block.step(tick, vector.x, vector.y), 0.0)
 
 
-class StockController(StockNode):
+class DefaultController(DefaultNode):
     inputs = ('reference', 'ldv')
     outputs = ('control', 'estimates')
 
@@ -163,7 +163,7 @@ class StockController(StockNode):
         self.out['estimates'].publish(message)
 
 
-class StockRecorder(Node):
+class DefaultRecorder(Node):
     def __init__(self, name, last_tick, bag):
         super().__init__(name)
         topics = [(f'/{topic.name}', topic.type_name, QUEUE_DEPTH) for topic in LOOP_TOPICS]
@@ -191,12 +191,12 @@ class StockRecorder(Node):
 
 
 NODES = {
-    'timer': StockTimer,
-    'reference': StockReference,
-    'plant': StockPlant,
-    'sensor': StockSensor,
-    'controller': StockController,
-    'recorder': StockRecorder,
+    'timer': DefaultTimer,
+    'reference': DefaultReference,
+    'plant': DefaultPlant,
+    'sensor': DefaultSensor,
+    'controller': DefaultController,
+    'recorder': DefaultRecorder,
 }
 
 
