@@ -155,7 +155,7 @@ def test_section_4_4_keeps_the_theorem_and_shows_how_loose_it_is():
         assert certificate.violations == 0
         assert certificate.bounds.c1 == pytest.approx(0.1)
         assert min(certificate.rates.values()) == certificate.rates['sigma_hat']
-    # What docs/controllers.md says of it.
+    # The values in docs/concepts/stability-certificate.md.
     ratio = {c.kind: c.bounds.r_of(c.bounds.ultimate) / c.late(c.r) for c in certificates}
     assert ratio['theorem'] == pytest.approx(3.5e4, rel=0.02)
     assert ratio['run'] == pytest.approx(98.0, rel=0.02)

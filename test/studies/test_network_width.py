@@ -24,7 +24,7 @@ def errors(**changes: object) -> float:
 
 
 def test_the_page_has_the_error_over_the_width() -> None:
-    text = (ROOT / 'docs' / 'thesis-map.md').read_text()
+    text = (ROOT / 'docs' / 'results' / 'thesis.md').read_text('utf8')
     table = text.split('| width (chosen) |')[1].split('\n\n')[0]
     rows = re.findall(r'^\| \**([\d.]+)\** \| ([\d.]+) \| ([\d.]+) % \|', table, flags=re.MULTILINE)
     assert [float(width) for width, _, _ in rows] == [0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 30.0]
