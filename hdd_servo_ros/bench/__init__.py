@@ -1,4 +1,4 @@
-"""The instruments around the drive; no ROS."""
+"""Instruments of the bench, without ROS."""
 
 from typing import TYPE_CHECKING
 

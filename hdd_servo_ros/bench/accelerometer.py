@@ -1,4 +1,4 @@
-"""Two accelerometers on the base of the drive, and the converter that reads them."""
+"""Pair of accelerometers on the base of the drive, with ADC."""
 
 import dataclasses
 import math
@@ -17,19 +17,19 @@ from hdd_servo_ros.parameters import ParameterSet, parameter
 
 Array = NDArray[np.float64]
 AccelerometerArrays = tuple[Array, Array, Array, Array]
-"""Constants, transition of a sensor over a sample, state, motion of the two sensors."""
+"""Constants, state transition of a sensor over a sample, state, motion of the two sensors."""
 
 OUTPUTS = ('x', 'y')
 _STREAM = 2
-"""Of the noise: the vibrometer and its drop-outs have others, and seeds are often the same."""
+"""Noise stream; differs from the streams of the vibrometer and its drop-outs, because seeds are often equal."""
 
 ACCELEROMETER = layout('lever', 'parasitic', 'gain_x', 'gain_y', 'offset', 'noise', 'seed', 'delay', ('output', OUTPUT))
-"""Lever [m]; parasitic gain [m/s^2/V]; volts per m/s^2 of each sensor; offset and noise [V]; delay [samples]."""
+"""Lever arm [m]; parasitic gain [m/s^2/V]; gain of each sensor [V per m/s^2]; offset, noise [V]; delay [samples]."""
 
 ACCELEROMETER_STATE = layout(('x', OVERRANGE), ('y', OVERRANGE), 'x_held', 'y_held')
 
 _STATES = 4
-"""Deflection and rate of the beam, output and rate of the low pass; rates are over their natural frequency."""
+"""Deflection and rate of the beam, output and rate of the low-pass filter; rates are divided by natural frequency."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,47 +37,50 @@ class AccelerometerParameters(ParameterSet):
     """Parameters of :class:`Accelerometer`."""
 
     sensitivity: float = parameter(
-        0.1, 'volts per acceleration, as the data sheet gives it', unit='V s^2/m', above=0.0, read_only=True
+        0.1, 'sensitivity according to the data sheet', unit='V s^2/m', above=0.0, read_only=True
     )
     separation: float = parameter(
         0.1,
-        'distance between the two sensors, each at half of it from the pivot axis',
+        'distance d between the two sensors; each is at d/2 from the pivot axis',
         unit='m',
         above=0.0,
         read_only=True,
     )
     bandwidth: float = parameter(
-        1000.0, 'natural frequency of the two-pole low pass', unit='Hz', above=0.0, maximum=1e6
+        1000.0, 'natural frequency of the two-pole low-pass filter', unit='Hz', above=0.0, maximum=1e6
     )
-    damping_ratio: float = parameter(0.707, 'damping ratio of the low pass', above=0.0, maximum=10.0)
+    damping_ratio: float = parameter(0.707, 'damping ratio of the low-pass filter', above=0.0, maximum=10.0)
     beam_frequency: float = parameter(
         0.0,
-        "frequency of the sensing beam's resonance in front of the low pass, 0 for none",
+        'resonance frequency of the sensing beam, before the low-pass filter; 0 for no resonance',
         unit='Hz',
         minimum=0.0,
         maximum=1e6,
     )
-    beam_damping_ratio: float = parameter(0.02, "damping ratio of the beam's resonance", above=0.0, maximum=10.0)
+    beam_damping_ratio: float = parameter(0.02, 'damping ratio of the sensing beam resonance', above=0.0, maximum=10.0)
     gain_error: float = parameter(
-        0.0, 'relative error of both gains; 0.125 reads an eighth too much', minimum=-1.0, maximum=1.0
+        0.0, 'relative error of both gains; 0.125 reads 12.5 % too much', minimum=-1.0, maximum=1.0
     )
     gain_mismatch: float = parameter(
-        0.0, 'relative difference between the gains, half of it added to x and taken from y', minimum=-1.0, maximum=1.0
+        0.0,
+        'relative difference between the gains: half is added to x and half subtracted from y',
+        minimum=-1.0,
+        maximum=1.0,
     )
-    offset: float = parameter(0.0, 'output of both sensors at rest', unit='V')
-    noise: float = parameter(0.0125, 'rms noise of each sensor in a sample, white', unit='m/s^2', minimum=0.0)
+    offset: float = parameter(0.0, 'output offset of both sensors', unit='V')
+    noise: float = parameter(0.0125, 'rms white noise of each sensor per sample', unit='m/s^2', minimum=0.0)
     seed: int = parameter(1, 'seed of the noise', minimum=0, maximum=2**53)
     parasitic_gain: float = parameter(
         0.0,
-        "acceleration that the actuator's reaction makes at a sensor per volt of control: added at x, taken from y",
+        'acceleration at a sensor per volt of control, due to the actuator reaction: added to x, subtracted from y',
         unit='m/s^2/V',
     )
-    delay: int = parameter(0, 'samples by which the reading comes late', unit='samples', minimum=0, maximum=1)
+    delay: int = parameter(0, 'delay of both outputs', unit='samples', minimum=0, maximum=1)
     output_range: float = parameter(
-        10.0, 'largest magnitude of either output, 0 for none; an output beyond it saturates', unit='V', minimum=0.0
+        10.0, 'saturation limit of each output, -output_range to +output_range; 0 for no limit', unit='V', minimum=0.0
     )
-    adc_bits: int = parameter(16, 'resolution of the converter, 0 for an ideal one', unit='bit', minimum=0, maximum=32)
-    adc_range: float = parameter(10.0, 'the converter covers -adc_range to +adc_range', unit='V', above=0.0)
+    adc_bits: int = parameter(16, 'ADC resolution; 0 for an ideal ADC', unit='bit', minimum=0, maximum=32)
+    adc_range: float = parameter(10.0, 'ADC input range, -adc_range to +adc_range', unit='V', above=0.0)
 
 
 @compiled_apart
@@ -91,7 +94,7 @@ def accelerometer_step(
     angular: float,
     control: float,
 ) -> tuple[float, float]:
-    """Return the two outputs [V] at ``tick``; see :meth:`Accelerometer.step`."""
+    """Return the outputs x and y at ``tick`` [V]; see :meth:`Accelerometer.step`."""
     c = record(constants, ACCELEROMETER)
     s = record(state, ACCELEROMETER_STATE)
     difference = c.lever * angular + c.parasitic * control
@@ -109,7 +112,7 @@ def accelerometer_step(
 
 @compiled
 def _move(transition: Array, motion: Array, sensor: int, acceleration: float) -> None:
-    """Advance a sensor over a sample in which it is accelerated [m/s^2]."""
+    """Advance a sensor by one sample at a constant acceleration [m/s^2]."""
     q0, q1, q2, q3 = motion[sensor, 0], motion[sensor, 1], motion[sensor, 2], motion[sensor, 3]
     for i in range(_STATES):
         motion[sensor, i] = (
@@ -123,20 +126,20 @@ def _move(transition: Array, motion: Array, sensor: int, acceleration: float) ->
 
 class Accelerometer:
     """
-    Two linear accelerometers on the base, from whose difference the rotation follows.
+    Pair of linear accelerometers on the base, whose difference measures the rotation.
 
-    They stand on both sides of the pivot axis along the arm's direction, and both sense across the arm: x reads
-    a + alpha d/2, y reads a - alpha d/2, with the linear acceleration a, the angular acceleration alpha and the
-    distance d. The reaction of the actuator on the base, a parasitic path from control to sensor, acts like a rotation.
+    The sensors are mounted along the arm on both sides of the pivot axis, and both sense across the arm: x measures
+    a + alpha d/2, y measures a - alpha d/2, with linear acceleration a, angular acceleration alpha and distance d. The
+    actuator reaction on the base is a parasitic path from control to sensor, and acts like a rotation.
 
-    Each reading passes the resonance of the sensing beam, if there is one, and a two-pole low pass, both exactly for an
-    acceleration that is held over a sample, as the drive takes it; then come gain, offset, noise, range and converter.
-    What is drawn for a tick is a function of the seed and the tick alone.
+    Each reading passes the resonance of the sensing beam (optional) and a two-pole low-pass filter. Both are exact for
+    an acceleration that is held over a sample, as in the drive model. Gain, offset, noise, output range and ADC follow.
+    The noise of a tick is a function of the seed and the tick only.
 
     Parameters
     ----------
     parameters
-        Sensors and converter.
+        Parameters of the sensors and the ADC.
     sample_time
         T [s].
 
@@ -163,7 +166,7 @@ class Accelerometer:
         self.update(parameters)
 
     def update(self, parameters: AccelerometerParameters) -> None:
-        """Take other parameters from the next tick on; counts and the sensors' motion go on."""
+        """Change the parameters from the next tick on; the counts and the motion of the sensors continue."""
         self.parameters = parameters
         constants = zeros(ACCELEROMETER)
         c = record(constants, ACCELEROMETER)
@@ -186,24 +189,24 @@ class Accelerometer:
 
     @property
     def saturated_samples(self) -> dict[str, int]:
-        """How many samples of each output so far were clipped, by its range or by the converter."""
+        """Number of samples of each output clipped so far, by the output range or by the ADC."""
         state = record(self.state, ACCELEROMETER_STATE)
         return {name: int(state[name].samples) for name in OUTPUTS}
 
     @property
     def largest_output(self) -> float:
-        """The magnitude that no unsaturated output exceeds [V]."""
+        """Largest magnitude of an unsaturated output [V]."""
         p = self.parameters
         highest = converter_codes(p.adc_bits, p.adc_range)
         of_converter = highest[0] * highest[2] if p.adc_bits else math.inf
         return min(of_converter, p.output_range or math.inf)
 
     def saturation_warnings(self) -> dict[str, str]:
-        """Return, for each output that has been clipped, what a user should be told."""
+        """Return a warning for each output that was clipped, by name."""
         state = record(self.state, ACCELEROMETER_STATE)
         volts = self.largest_output
         return {
-            name: f'output {name} saturates at tick {int(state[name].first_tick)}: it ends at {volts:g} V, '
+            name: f'output {name} saturates at tick {int(state[name].first_tick)}: the limit is {volts:g} V, '
             f'{volts / self.parameters.sensitivity:g} m/s^2; further samples are counted, not logged'
             for name in OUTPUTS
             if state[name].samples
@@ -211,23 +214,23 @@ class Accelerometer:
 
     def step(self, tick: int, linear: float, angular: float, control: float) -> tuple[float, float]:
         """
-        Return the outputs x and y [V] at a tick.
+        Return the outputs x and y at a tick [V].
 
         Parameters
         ----------
         tick
-            The tick k.
+            Tick k.
         linear, angular
-            Acceleration of the base across the arm [m/s^2] and about the pivot axis [rad/s^2], held since the tick
-            before.
+            Acceleration of the base across the arm [m/s^2] and about the pivot axis [rad/s^2], held since the previous
+            tick.
         control
-            Drive voltage held since the tick before [V].
+            Drive voltage held since the previous tick [V].
         """
         return accelerometer_step(*self.arrays, tick, linear, angular, control)
 
 
 def _transition(parameters: AccelerometerParameters, sample_time: float) -> Array:
-    """Return the transition of a sensor over a sample, shape (4, 5); its last column is that of the acceleration."""
+    """Return the state transition of a sensor over a sample, shape (4, 5); the last column is for the acceleration."""
     low_pass = TWO_PI * parameters.bandwidth
     beam = TWO_PI * parameters.beam_frequency
     has_beam = float(beam > 0.0)

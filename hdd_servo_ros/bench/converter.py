@@ -1,4 +1,4 @@
-"""An ideal bipolar converter with 2^bits codes: the vibrometer's ADC and the DSP's DAC."""
+"""Ideal bipolar converter with 2^bits codes, for the ADCs of the sensors and the DAC of the DSP."""
 
 import math
 
@@ -10,9 +10,10 @@ from hdd_servo_ros.numerics.compiled import compiled
 @compiled
 def converted(volts: float, step: float, lowest: float, highest: float) -> float:
     """
-    Return a finite voltage as a converter gives it: rounded to its step, clipped to its lowest and highest code.
+    Return the converted voltage: rounded to the step and clipped to the lowest and highest code.
 
-    Half a step rounds up: the sides of zero are alike but for exact ties. ``step`` = 0 is an ideal converter.
+    The voltage must be finite. Half a step rounds up, so positive and negative voltages are symmetric except for exact
+    ties. ``step`` = 0 is an ideal converter.
     """
     if step > 0.0:
         code = np.floor(volts / step + 0.5)
@@ -22,7 +23,7 @@ def converted(volts: float, step: float, lowest: float, highest: float) -> float
 
 @compiled
 def beyond_codes(volts: float, step: float, lowest: float, highest: float) -> bool:
-    """Return whether a converter clips a voltage."""
+    """Return whether the converter clips a voltage."""
     if step > 0.0:
         code = np.floor(volts / step + 0.5)
         return code < lowest or code > highest  # type: ignore[no-any-return]
@@ -38,7 +39,7 @@ def converter_codes(bits: int, full_scale: float) -> tuple[float, float, float]:
     bits
         Resolution; 0 is an ideal converter, with step 0 and no lowest or highest code.
     full_scale
-        The converter covers -full_scale to +full_scale [V]; the highest code lies one step below.
+        Range of the converter, -full_scale to +full_scale [V]; the highest code is one step below +full_scale.
     """
     if bits == 0:
         return 0.0, -math.inf, math.inf

@@ -1,4 +1,4 @@
-"""What lies between a controller's law and the drive: the DSP's computation delay and digital-to-analog converter."""
+"""Command path from controller to drive: computation delay and digital-to-analog converter of the DSP."""
 
 import dataclasses
 import math
@@ -15,58 +15,54 @@ DspArrays = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Constants and state."""
 
 DSP = layout('delay', 'limit', 'step', 'lowest', 'highest')
-"""Delay [samples], limit and converter of :func:`dsp_step`."""
+"""Delay [samples], voltage limit and converter of :func:`dsp_step`."""
 
 DSP_STATE = layout('command', 'unsaturated', 'feedback', 'saturated_samples')
-"""The last command, and how many were limited."""
+"""Last command, and the number of limited commands."""
 
 
 @dataclasses.dataclass(frozen=True)
 class DspParameters(ParameterSet):
-    """Parameters of :class:`Dsp`; with the defaults it passes every command on as it is."""
+    """Parameters of :class:`Dsp`; with the defaults, commands pass unchanged."""
 
-    dac_bits: int = parameter(
-        0, 'resolution of the digital-to-analog converter, 0 for an ideal one', unit='bit', minimum=0, maximum=32
-    )
+    dac_bits: int = parameter(0, 'DAC resolution; 0 for an ideal DAC', unit='bit', minimum=0, maximum=32)
     dac_range: float = parameter(
         0.0,
-        'the converter covers -dac_range to +dac_range; 0 for no limit, which only an ideal converter can have',
+        'DAC output range, -dac_range to +dac_range; 0 for no limit (ideal DAC only)',
         unit='V',
         minimum=0.0,
     )
-    computation_delay: int = parameter(
-        0, 'samples by which the command comes late, since it has to be computed', unit='samples', minimum=0, maximum=1
-    )
+    computation_delay: int = parameter(0, 'computation delay of the command', unit='samples', minimum=0, maximum=1)
 
     def check_together(self) -> None:
-        """Reject a resolution without a range, and a converter without a positive code."""
+        """Reject a resolution without a range, and a DAC without a positive code."""
         if self.dac_bits == 1:
-            raise ParameterError('dac_bits', self.dac_bits, '0 (ideal), or at least 2')
+            raise ParameterError('dac_bits', self.dac_bits, '0 (ideal DAC) or at least 2')
         if self.dac_bits > 0 and self.dac_range == 0.0:
-            raise ParameterError('dac_range', self.dac_range, f'above 0 V with dac_bits = {self.dac_bits}')
+            raise ParameterError('dac_range', self.dac_range, f'above 0 V, because dac_bits is {self.dac_bits}')
 
 
 @dataclasses.dataclass(frozen=True)
 class ControllerOutputParameters(ParameterSet):
-    """Parameters of every controller node after its law."""
+    """Parameters of the command path, declared by every controller node."""
 
     dsp: DspParameters = group(DspParameters)
 
 
 @dataclasses.dataclass(frozen=True)
 class ControllerInputParameters(ParameterSet):
-    """Parameters of every controller node before its law: how it scales the sensor's outputs."""
+    """Parameters of the sensor input, declared by every controller node: scales of the sensor outputs."""
 
     displacement_scale: float = parameter(
         0.0,
-        "head displacement per volt of the sensor's displacement output; 0 takes that of ldv_sensor",
+        'head displacement per volt of the displacement output; 0 uses the value of ldv_sensor',
         unit='um/V',
         minimum=0.0,
         read_only=True,
     )
     velocity_scale: float = parameter(
         0.0,
-        "head velocity per volt of the sensor's velocity output; 0 takes that of ldv_sensor",
+        'head velocity per volt of the velocity output; 0 uses the value of ldv_sensor',
         unit='um/s/V',
         minimum=0.0,
         read_only=True,
@@ -81,7 +77,7 @@ def dsp_step(
     unsaturated: float,
     feedback: float,
 ) -> tuple[float, float, float]:
-    """Return what `/control` carries at the tick at which a law has computed (u, unsaturated, feedback)."""
+    """Return the values for ``/control`` at the tick at which the controller computed (u, unsaturated, feedback)."""
     c = record(constants, DSP)
     s = record(state, DSP_STATE)
     if abs(u) < math.inf:
@@ -101,27 +97,27 @@ def dsp_step(
 
 class Dsp:
     """
-    The digital side's way out: saturation, quantization and computation delay between any controller and `/control`.
+    Command output of the DSP: saturation, quantization and computation delay between controller and ``/control``.
 
-    The law's voltage is clipped to the converter's range and to what the drive takes, rounded to the converter's step,
-    and held from this tick on, or from the next with a computation delay of one sample; before the first command is
-    there, 0 V is held. What is returned belongs together: with a delay, the voltage before the limit and the feedback
-    part are those of the voltage that is held now. Values that are not finite pass through.
+    The controller voltage is clipped to the DAC range and to the input limit of the drive, and rounded to the DAC step.
+    It is held from this tick on, or from the next tick with a computation delay of one sample. Until the first command
+    has arrived, 0 V is held. The returned values belong to the same command: with a delay, the voltage before the limit
+    and the feedback part are those of the voltage held now. Non-finite values pass through.
 
     Parameters
     ----------
     parameters
-        Converter and delay.
+        Parameters of the DAC and the delay.
     sample_time
-        T [s]; for likeness with the other blocks, the delay counts in samples.
+        T [s]; unused, because the delay is in samples, but present for consistency with the other blocks.
     drive_limit
-        Largest magnitude of voltage that the drive takes [V], so that what is said to be held is held.
+        Input voltage limit of the drive [V], so that the reported command equals the applied voltage.
 
     Attributes
     ----------
     state
-        The last command (voltage, voltage before the limit, feedback part [V]) and the number of commands that were
-        limited, by the controller or here.
+        Last command (voltage, voltage before the limit, feedback part [V]), and the number of commands limited by the
+        controller or by the DSP.
 
     Notes
     -----
@@ -129,7 +125,7 @@ class Dsp:
 
     Examples
     --------
-    A command of 12 V, for a drive that takes 10 V, held one sample late:
+    A command of 12 V for a drive with a limit of 10 V, held with a delay of one sample:
 
     >>> from hdd_servo_ros.bench import Dsp, DspParameters
     >>> dsp = Dsp(DspParameters(computation_delay=1), sample_time=1e-4, drive_limit=10.0)
@@ -148,7 +144,7 @@ class Dsp:
         self.update(parameters)
 
     def update(self, parameters: DspParameters) -> None:
-        """Take other parameters from the next tick on; the command under way and the count stay."""
+        """Change the parameters from the next tick on; the pending command and the count are kept."""
         self.parameters = parameters
         constants = zeros(DSP)
         c = record(constants, DSP)
@@ -159,7 +155,7 @@ class Dsp:
 
     @property
     def limit(self) -> float:
-        """The largest magnitude of voltage that comes out on both sides of zero [V], infinity if there is none."""
+        """Largest output voltage available with both signs [V]; infinity without a limit."""
         c = record(self.arrays[0], DSP)
         if self.parameters.dac_bits > 0:
             return min(float(c.highest * c.step), self.drive_limit)
@@ -167,21 +163,21 @@ class Dsp:
 
     @property
     def saturated_samples(self) -> int:
-        """How many commands so far were limited, by the controller, the converter or the drive."""
+        """Number of commands limited so far, by the controller, the DAC or the drive limit."""
         return int(record(self.state, DSP_STATE).saturated_samples)
 
     def step(self, u: float, unsaturated: float, feedback: float) -> tuple[float, float, float]:
         """
-        Take a law's output of this tick and return what is held from this tick on.
+        Process the controller output of this tick; return the command held from this tick on.
 
         Parameters
         ----------
         u, unsaturated, feedback
-            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V].
+            Result of :meth:`~hdd_servo_ros.control.controller.Controller.step` [V].
 
         Returns
         -------
         u, unsaturated, feedback
-            The voltage held until the next tick, the same command's voltage before any limit, its feedback part [V].
+            Voltage held until the next tick; voltage of the same command before any limit; its feedback part [V].
         """
         return dsp_step(*self.arrays, u, unsaturated, feedback)

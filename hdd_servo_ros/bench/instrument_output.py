@@ -1,4 +1,4 @@
-"""The output of an instrument as its converter reads it: clipped to a range, rounded to a step, clipping counted."""
+"""Instrument output read by an ADC: clipped to a range, rounded to a step, with a count of the clipped samples."""
 
 import math
 
@@ -9,27 +9,27 @@ from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.records import layout
 
 OUTPUT = layout('range', 'step', 'lowest', 'highest')
-"""Largest magnitude [V], 0 for none; step [V], lowest and highest code of the converter."""
+"""Output range [V], 0 for no limit; step [V], lowest and highest code of the ADC."""
 
 OVERRANGE = layout('samples', 'first_tick')
-"""How many samples of an output were clipped, and the tick of the first."""
+"""Number of clipped samples of an output, and the tick of the first."""
 
 
 @compiled
 def read_output(output: np.record, overrange: np.record, tick: int, volts: float) -> float:
     """
-    Return an output as the converter reads it [V].
+    Return an output as read by the ADC [V].
 
     Parameters
     ----------
     output
-        A record of :data:`OUTPUT`.
+        Record with the layout :data:`OUTPUT`.
     overrange
-        A record of :data:`OVERRANGE`, which counts.
+        Record with the layout :data:`OVERRANGE`; updated if the sample is clipped.
     tick
-        The tick.
+        Tick of the sample.
     volts
-        The output before its limits [V]; what is not finite passes through.
+        Output before the limits [V]; non-finite values pass through.
     """
     if not abs(volts) < math.inf:
         return volts

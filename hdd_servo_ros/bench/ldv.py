@@ -1,4 +1,4 @@
-"""The laser Doppler vibrometer and the converter that reads it."""
+"""Laser Doppler vibrometer with ADC."""
 
 import dataclasses
 import math
@@ -18,10 +18,10 @@ OUTPUTS = ('displacement', 'velocity')
 NOISE_MEASURES = ('rms', 'density')
 DROPOUT_EFFECTS = ('hold', 'zero')
 LONGEST_DELAY = 1e-3
-"""Upper bound of the demodulator's delay [s]: the motion of so long is kept."""
+"""Upper bound of the demodulator delay [s]; sets the length of the motion history."""
 
 LdvArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Constants, state, and the motion of the last ticks."""
+"""Constants, state, and motion history of the last ticks."""
 
 LDV = layout(
     'displacement_gain',
@@ -61,12 +61,12 @@ LDV_STATE = layout(
 )
 
 NOISE_STREAM, DROPOUT_STREAM = range(2)
-"""Which numbers of a tick are for the noise, and which for drop-outs."""
+"""Random number streams of the noise and of the drop-outs."""
 
 
 @dataclasses.dataclass(frozen=True)
 class LdvParameters(ParameterSet):
-    """Parameters of :class:`Ldv`; defaults as in chapter 5 (8 um/V), where the thesis gives a number."""
+    """Parameters of :class:`Ldv`; defaults as in thesis chapter 5 (8 µm/V) where the thesis gives a value."""
 
     displacement_scale: float = parameter(
         8.0, 'head displacement per volt of the displacement output', unit='um/V', above=0.0, read_only=True
@@ -74,76 +74,83 @@ class LdvParameters(ParameterSet):
     velocity_scale: float = parameter(
         5000.0, 'head velocity per volt of the velocity output', unit='um/s/V', above=0.0, read_only=True
     )
-    noise: bool = parameter(True, 'whether the outputs carry noise')
+    noise: bool = parameter(True, 'enable the noise of both outputs')
     noise_measure: str = parameter(
         'rms',
-        'what the noise is given by: the rms values displacement_noise and velocity_noise, or the densities',
+        'noise specification: rms uses displacement_noise and velocity_noise, density uses the noise densities',
         choices=NOISE_MEASURES,
     )
-    displacement_noise: float = parameter(
-        3e-3, 'rms value of the noise on the displacement output', unit='um', minimum=0.0
-    )
-    velocity_noise: float = parameter(3.0, 'rms value of the noise on the velocity output', unit='um/s', minimum=0.0)
+    displacement_noise: float = parameter(3e-3, 'rms noise of the displacement output', unit='um', minimum=0.0)
+    velocity_noise: float = parameter(3.0, 'rms noise of the velocity output', unit='um/s', minimum=0.0)
     displacement_noise_density: float = parameter(
         4.24e-5,
-        'one-sided amplitude density, at low frequency, of the noise on the displacement output',
+        'one-sided amplitude spectral density of the displacement noise at low frequency',
         unit='um/sqrt(Hz)',
         minimum=0.0,
     )
     velocity_noise_density: float = parameter(
         4.24e-2,
-        'one-sided amplitude density, at low frequency, of the noise on the velocity output',
+        'one-sided amplitude spectral density of the velocity noise at low frequency',
         unit='um/s/sqrt(Hz)',
         minimum=0.0,
     )
     noise_bandwidth: float = parameter(
         0.0,
-        'corner frequency of the first-order low pass that has formed the noise; 0 for noise that is white up to half '
-        'the sampling frequency',
+        'corner frequency of the first-order low-pass noise filter; 0 for white noise up to half the sampling rate',
         unit='Hz',
         minimum=0.0,
     )
     seed: int = parameter(
         1,
-        'seed of noise and drop-outs; what is drawn for a tick depends on seed and tick alone',
+        'seed of noise and drop-outs; the random numbers of a tick depend on seed and tick only',
         minimum=0,
         maximum=2**53,
     )
     demodulator_delay: float = parameter(
-        0.0, 'delay of the demodulator, any part of a sample; 0 for none', unit='s', minimum=0.0, maximum=LONGEST_DELAY
+        0.0,
+        'demodulator delay, not necessarily a whole number of samples',
+        unit='s',
+        minimum=0.0,
+        maximum=LONGEST_DELAY,
     )
     demodulator_bandwidth: float = parameter(
-        0.0, 'corner frequency of the first-order low pass of the demodulator, 0 for none', unit='Hz', minimum=0.0
+        0.0,
+        'corner frequency of the first-order low-pass filter of the demodulator; 0 for no filter',
+        unit='Hz',
+        minimum=0.0,
     )
     dropout_rate: float = parameter(
-        0.0, 'mean number of drop-outs (dark speckles) in a second of light, 0 for none', unit='1/s', minimum=0.0
+        0.0,
+        'mean number of drop-outs (dark speckles) per second outside drop-outs; 0 for no drop-outs',
+        unit='1/s',
+        minimum=0.0,
     )
     dropout_duration: float = parameter(2e-4, 'mean duration of a drop-out', unit='s', above=0.0)
     dropout_effect: str = parameter(
         'hold',
-        'what the demodulator takes for the motion during a drop-out: the last it has seen, or none (0 um, 0 um/s)',
+        'demodulator output during a drop-out: hold the last motion, or zero (0 um, 0 um/s)',
         choices=DROPOUT_EFFECTS,
     )
     output_range: float = parameter(
-        10.0, 'largest magnitude of either output, 0 for none; an output beyond it saturates', unit='V', minimum=0.0
+        10.0, 'saturation limit of each output, -output_range to +output_range; 0 for no limit', unit='V', minimum=0.0
     )
-    adc_bits: int = parameter(16, 'resolution of the converter, 0 for an ideal one', unit='bit', minimum=0, maximum=32)
-    adc_range: float = parameter(10.0, 'the converter covers -adc_range to +adc_range', unit='V', above=0.0)
+    adc_bits: int = parameter(16, 'ADC resolution; 0 for an ideal ADC', unit='bit', minimum=0, maximum=32)
+    adc_range: float = parameter(10.0, 'ADC input range, -adc_range to +adc_range', unit='V', above=0.0)
 
     def levels(self) -> tuple[float, float]:
-        """Return the lowest and the highest voltage that an output can show [V]; infinities if nothing limits it."""
+        """Return the lowest and the highest possible output voltage [V]; infinities without a limit."""
         step, lowest, highest = converter_codes(self.adc_bits, self.adc_range)
         reach = self.output_range if self.output_range > 0.0 else math.inf
         if step == 0.0:
             return -reach, reach
-        # Rounding may take the range's end to the next code.
+        # Rounding may move the end of the range to the next code.
         ends = [converted(volts, step, lowest, highest) for volts in (-reach, reach)]
         return ends[0], ends[1]
 
 
 @compiled
 def _start(s: np.record, history: NDArray[np.float64], position: float, velocity: float) -> None:
-    """Let the past be the first motion seen, at rest."""
+    """Initialize the history and the filters with the first motion, at rest before it."""
     for i in range(len(history)):
         history[i, 0], history[i, 1] = position, 0.0
     s.position_held, s.velocity_held = position, velocity
@@ -156,9 +163,9 @@ def _delayed(
     c: np.record, history: NDArray[np.float64], tick: int, position: float, velocity: float
 ) -> tuple[float, float]:
     """
-    Return position and velocity of the demodulator's delay ago.
+    Return position and velocity delayed by the demodulator delay.
 
-    Between two samples the motion is the cubic that has their positions and velocities.
+    Between two samples the motion is interpolated by the cubic Hermite polynomial of their positions and velocities.
     """
     kept = len(history)
     history[tick % kept, 0], history[tick % kept, 1] = position, velocity
@@ -181,7 +188,7 @@ def _delayed(
 
 @compiled
 def _seen(c: np.record, s: np.record, tick: int, position: float, velocity: float) -> tuple[float, float]:
-    """Return the motion, or what the demodulator takes for it while a speckle is dark."""
+    """Return the motion, or the substitute of the demodulator during a drop-out."""
     if c.dropout_chance > 0.0:
         if s.dropout_left < 1.0:
             begins, lasts = uniform_pair(np.int64(c.seed), DROPOUT_STREAM, tick)
@@ -200,7 +207,7 @@ def _seen(c: np.record, s: np.record, tick: int, position: float, velocity: floa
 
 @compiled
 def _filtered(c: np.record, s: np.record, position: float, velocity: float) -> tuple[float, float]:
-    """Return the motion behind the demodulator's low pass, exact for an input that is linear between samples."""
+    """Return the motion after the demodulator low-pass filter, exact for an input that is linear between samples."""
     decay, last, now = c.filter_decay, c.filter_last, c.filter_now
     if decay > 0.0:
         x = decay * s.position_filtered + last * s.position_seen + now * position
@@ -215,17 +222,17 @@ def _filtered(c: np.record, s: np.record, position: float, velocity: float) -> t
 @compiled
 def fill_ldv_deviates(constants: NDArray[np.float64], first_tick: int, deviates: NDArray[np.float64]) -> None:
     """
-    Write the standard normal deviates of the noise of consecutive ticks, for :func:`ldv_output`.
+    Write the standard normal deviates of the noise at consecutive ticks, for :func:`ldv_output`.
 
     Parameters
     ----------
     constants
-        Laid out as ``LDV``.
+        Array with the layout ``LDV``.
     first_tick
-        The first tick.
+        First tick.
     deviates
-        Takes the deviate of the displacement and of the velocity output of each tick, one after the other, shape
-        (2 n,); left as it is if the outputs carry no noise.
+        Output array, shape (2 n,): the deviates of the displacement and the velocity output of each tick, interleaved.
+        Unchanged if the noise is disabled.
     """
     c = record(constants, LDV)
     if c.has_noise != 0.0:
@@ -241,7 +248,7 @@ def ldv_step(
     head_position: float,
     head_velocity: float,
 ) -> tuple[float, float]:
-    """Return displacement and velocity output [V] at ``tick``; see :class:`Ldv`."""
+    """Return displacement and velocity output at ``tick`` [V]; see :class:`Ldv`."""
     c = record(constants, LDV)
     deviate_0, deviate_1 = 0.0, 0.0
     if c.has_noise != 0.0:
@@ -260,7 +267,7 @@ def ldv_output(
     deviate_0: float,
     deviate_1: float,
 ) -> tuple[float, float]:
-    """Return what :func:`ldv_step` does, for given deviates of the noise of ``tick``; see :func:`fill_ldv_deviates`."""
+    """Return the result of :func:`ldv_step` for given noise deviates of ``tick``; see :func:`fill_ldv_deviates`."""
     c = record(constants, LDV)
     s = record(state, LDV_STATE)
     first = s.has_started == 0.0
@@ -287,43 +294,44 @@ def ldv_output(
 
 class Ldv:
     """
-    The laser Doppler vibrometer of chapter 5 with its analog-to-digital converter.
+    Laser Doppler vibrometer of thesis chapter 5, with ADC.
 
-    The head's motion passes the demodulator (delay, drop-outs, first-order low pass); each output is the result over
-    its scale, plus noise, clipped to the output's range, rounded to the converter's step. Each of these can be switched
-    off by itself. ``docs/instruments/ldv.md`` has the models and what each does to the error.
+    The head motion passes the demodulator (delay, drop-outs, first-order low-pass filter). Each output is the result
+    divided by its scale, plus noise, clipped to the output range and rounded to the ADC step. Each effect can be
+    disabled separately. ``docs/instruments/ldv.md`` describes the models and their effect on the error.
 
-    With ``noise_bandwidth`` = 0 the noise is one deviate a sample: white up to half the sampling frequency, of the
-    given rms value or, given as density D, of D sqrt(1/(2T)). With a bandwidth f it is white noise behind a first-order
-    low pass, sampled: an autoregression with the pole exp(-2 pi f T), which has the autocovariance of the sampled
-    process, what folds down included. Its rms value is the given one, or D sqrt(pi f/2).
+    With ``noise_bandwidth`` = 0 the noise is one deviate per sample: white up to half the sampling rate, with the given
+    rms value or, for a density D, with the rms value D sqrt(1/(2T)). With a bandwidth f it is sampled first-order
+    low-pass noise: an autoregressive process with the pole exp(-2 pi f T), which has the autocovariance of the sampled
+    process, including aliasing. Its rms value is the given one, or D sqrt(pi f/2).
 
-    What is drawn for a tick is a function of the seed and the tick alone. Values that are not finite pass through, so
-    that a run that has diverged is seen to have.
+    The random numbers of a tick are a function of the seed and the tick only. Non-finite values pass through, so that
+    a diverged run remains visible.
 
     Parameters
     ----------
     parameters
-        Scales, demodulator, noise, range and converter.
+        Scales, demodulator, noise, output range and ADC.
     sample_time
         T [s].
 
     Attributes
     ----------
     state
-        Counts and first ticks of saturation and drop-outs, then what filters and noise remember.
+        Counts and first ticks of saturation, drop-outs, and the states of filters and noise.
     history
-        Position and velocity of the last ticks, of the longest delay's length; tick k is in row k modulo the length.
+        Position and velocity of the last ticks, long enough for the largest delay; tick k is in row k modulo its
+        length.
 
     Notes
     -----
-    Source: thesis section 5.2 for the 8 um/V; the demodulator and the noise are models of this package.
+    Source: thesis section 5.2 for the 8 µm/V; the demodulator and the noise are models of this package.
 
     Examples
     --------
     >>> from hdd_servo_ros.bench import Ldv, LdvParameters
     >>> ldv = Ldv(LdvParameters(), sample_time=1e-4)
-    >>> displacement, velocity = ldv.step(0, 2.0, 100.0)  # V, of a head at 2 um and 100 um/s
+    >>> displacement, velocity = ldv.step(0, 2.0, 100.0)  # V, for a head at 2 um and 100 um/s
     >>> round(displacement, 5), round(velocity, 5)
     (0.25055, 0.02014)
     >>> ldv.saturated_samples
@@ -337,7 +345,7 @@ class Ldv:
         self.update(parameters)
 
     def update(self, parameters: LdvParameters) -> None:
-        """Take other parameters from the next tick on; counts and what filters, noise and delay remember go on."""
+        """Change the parameters from the next tick on; the counts and all states are kept."""
         self.parameters = parameters
         constants = zeros(LDV)
         c = record(constants, LDV)
@@ -354,7 +362,7 @@ class Ldv:
         corner = parameters.noise_bandwidth
         displacement, velocity = parameters.displacement_noise, parameters.velocity_noise
         if parameters.noise_measure == 'density':
-            # Of the low pass, pi/2 times its corner; of white noise, half the sampling frequency.
+            # Noise bandwidth: pi/2 times the corner frequency of the low pass, or half the sampling rate if white.
             bandwidth = 0.25 * TWO_PI * corner if corner > 0.0 else 0.5 / time_step
             displacement = parameters.displacement_noise_density * math.sqrt(bandwidth)
             velocity = parameters.velocity_noise_density * math.sqrt(bandwidth)
@@ -386,35 +394,35 @@ class Ldv:
 
     @property
     def saturated_samples(self) -> dict[str, int]:
-        """How many samples of each output so far were clipped, by its range or by the converter."""
+        """Number of samples of each output clipped so far, by the output range or by the ADC."""
         state = record(self.state, LDV_STATE)
         return {name: int(state[name].samples) for name in OUTPUTS}
 
     @property
     def first_saturated_tick(self) -> dict[str, int | None]:
-        """The first tick at which each output was clipped, None if it never was."""
+        """First tick at which each output was clipped; None if it was not clipped."""
         state = record(self.state, LDV_STATE)
         return {name: int(state[name].first_tick) if state[name].samples else None for name in OUTPUTS}
 
     @property
     def dropped_samples(self) -> int:
-        """How many samples so far fell into a drop-out."""
+        """Number of samples lost in drop-outs so far."""
         return int(record(self.state, LDV_STATE).dropped_samples)
 
     def saturation_warnings(self) -> dict[str, str]:
-        """Return, for each output that has been clipped, what a user should be told."""
+        """Return a warning for each output that was clipped, by name."""
         scales = {
             'displacement': (self.parameters.displacement_scale, 'um'),
             'velocity': (self.parameters.velocity_scale, 'um/s'),
         }
         highest = self.parameters.levels()[1]
         return {
-            name: f'the {name} output saturates at tick {tick}: it ends at {highest:g} V, '
-            f'{highest * scales[name][0]:g} {scales[name][1]}; further samples are counted, not told'
+            name: f'the {name} output saturates at tick {tick}: the limit is {highest:g} V, '
+            f'{highest * scales[name][0]:g} {scales[name][1]}; further samples are counted, not logged'
             for name, tick in self.first_saturated_tick.items()
             if tick is not None
         }
 
     def step(self, tick: int, head_position: float, head_velocity: float) -> tuple[float, float]:
-        """Return displacement and velocity output [V] for a head position [um] and velocity [um/s] at ``tick``."""
+        """Return displacement and velocity output at ``tick`` [V] for a head position [um] and velocity [um/s]."""
         return ldv_step(*self.arrays, tick, head_position, head_velocity)

@@ -1,4 +1,4 @@
-"""A measured frequency response: what a signal analyzer writes and an identification reads."""
+"""Measured frequency response, written by the signal analyzer and read by the identification."""
 
 import csv
 import dataclasses
@@ -32,56 +32,57 @@ _SIDE_UNITS = {
     'amplitude': {'': 1.0, 'v': 1.0, 'mv': 1e-3, 'uv': 1e-6, 'µv': 1e-6},
     'hold': {'': 1.0, 's': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9},
 }
-"""Factors from the units of the other columns to those of :class:`FrequencyResponse`, in lower case."""
+"""Conversion factors from the units of the other columns (in lower case) to those of :class:`FrequencyResponse`."""
 _SEPARATORS = ';\t,'
 _DECIBEL = re.compile(r'dB\b[ ,]*(re\b *)?', re.IGNORECASE)
 _RATE = re.compile(r'\(?\s*([^/()]+?)\s*/\s*(?:s(\^?2|²)?\s*\)?(\s*/.+)?|\(\s*s(\^?2|²)?[\s*]+([^/()]+)\))')
-"""A unit of a velocity or an acceleration over that of the input: um/s/V, (um/s)/V, um/(s V), m/s^2/V, um/s."""
+"""Unit of velocity or acceleration per input unit, such as um/s/V, (um/s)/V, um/(s V), m/s^2/V, um/s."""
 _VELOCITY, _DISPLACEMENT = 'velocity', 'displacement'
 _NUMBERS = ('frequency', 'magnitude', 'phase', *_SIDE_UNITS)
-"""The columns that hold numbers."""
+"""Columns with numbers."""
 _AS_WRITTEN = {'hz': 'Hz', 'khz': 'kHz', 'v': 'V', 'mv': 'mV', 'uv': 'uV', 'µv': 'µV'}
 _RANGES = {
     'coherence': (0.0, 1.0, 'from 0 to 1 (or in [%])'),
-    'averages': (1.0, 2.0**53, 'a whole number from 1 on'),
+    'averages': (1.0, 2.0**53, 'a whole number, at least 1'),
     'amplitude': (0.0, np.inf, 'not negative'),
     'hold': (0.0, np.inf, 'not negative'),
 }
-"""Lowest and highest value of the other columns, and what is allowed in words."""
-_LINEAR_MISS, _DECIBEL_MISS = 1.0, 0.3
+"""Lowest and highest value of the other columns, and the allowed values in words."""
+_LINEAR_MISMATCH, _DECIBEL_MISMATCH = 1.0, 0.3
 """
-By how much slopes must miss the phase if linear, and may miss it if in dB, for a magnitude to be taken for one in dB.
+Limits of the mismatch between slope and phase at which a magnitude is taken for one in dB.
 
-Of 1500 random plants 2 were rejected by these though linear, and half of those in dB found.
+The mismatch must exceed the first limit if the magnitude is read as linear, and be below the second if it is read as
+dB. Among the responses of 1500 random plants, these limits rejected 2 that were linear and found half of those in dB.
 """
 _LEAST_POINTS, _LEAST_SPAN, _PARTS = 12, 2.0, 12
-"""Points and ratio of highest to lowest frequency from which on slopes are compared, and in how many parts."""
+"""Minimum points and frequency ratio for the comparison of slope and phase, and its number of parts of the band."""
 _NAMES = {'gain': 'magnitude', 'freq': 'frequency', 'mag': 'magnitude'}
 
 
 @dataclasses.dataclass(frozen=True)
 class FrequencyResponse:
     """
-    A response at n frequencies.
+    Frequency response at n frequencies.
 
     Attributes
     ----------
     frequency
-        [Hz], shape (n,), rising.
+        Frequencies in rising order [Hz], shape (n,).
     response
-        Output over input, complex, shape (n,): head displacement over drive voltage [um/V] on this bench.
+        Complex response, output over input, shape (n,); on this bench head displacement over drive voltage [um/V].
     coherence
-        Between input and output, over the averages, shape (n,); 1 where it was not measured.
+        Coherence of input and output over the averages, shape (n,); 1 where it was not measured.
     amplitude
-        Of the excitation [V], shape (n,); 0 where it is not known.
+        Amplitude of the excitation [V], shape (n,); 0 where it is unknown.
     averages
-        Number of records behind each point, shape (n,); 1 says that the coherence means nothing.
+        Number of records per point, shape (n,); with 1 the coherence is meaningless.
     by_velocity
-        Whether the output's velocity was read and divided by j 2 pi f, shape (n,).
+        Whether the velocity output was measured and divided by j 2 pi f, shape (n,).
     hold
-        How long the input was held from one sample to the next [s]: the response has that hold in it; 0 for none.
+        Duration of the zero-order hold of the input, which the response includes [s]; 0 for no hold.
     unit
-        Of the response; empty where it is not known.
+        Unit of the response; empty if it is unknown.
 
     Examples
     --------
@@ -106,11 +107,11 @@ class FrequencyResponse:
 
     @property
     def is_seen(self) -> NDArray[np.bool_]:
-        """At which points an output was measured; below the step of a converter it is 0. Shape (n,)."""
+        """Mask of the points with a nonzero output, shape (n,); an output below the ADC step reads 0."""
         return np.asarray(self.response != 0.0)
 
     def at(self, kept: NDArray[np.bool_]) -> 'FrequencyResponse':
-        """Return the response at some of the points, given by a mask of shape (n,)."""
+        """Return the response at the points selected by a mask of shape (n,)."""
         return FrequencyResponse(
             self.frequency[kept],
             self.response[kept],
@@ -124,7 +125,7 @@ class FrequencyResponse:
 
     @classmethod
     def of(cls, frequency: ArrayLike, response: ArrayLike, hold: float = 0.0) -> 'FrequencyResponse':
-        """Return a response of which nothing else is known."""
+        """Return a response without information about its measurement."""
         frequencies = np.asarray(frequency, dtype=np.float64)
         count = len(frequencies)
         values = np.asarray(response, dtype=np.complex128)
@@ -153,9 +154,9 @@ class FrequencyResponse:
 
     def relative_deviation(self) -> Array | None:
         """
-        Return the standard deviation of each point over its magnitude, shape (n,), None if it was not measured.
+        Return the relative standard deviation of each point, shape (n,), or None if it was not measured.
 
-        With K records of coherence g^2, the mean of their complex responses has the relative variance
+        With K records of coherence g^2, the mean of the complex responses has the relative variance
         (1/g^2 - 1)/(K - 1) (Bendat and Piersol, *Random Data*, section 9.2, for a known input).
         """
         if len(self.frequency) == 0 or self.averages.min() < 2:
@@ -164,7 +165,7 @@ class FrequencyResponse:
         return np.asarray(np.sqrt((1.0 / coherence - 1.0) / (self.averages - 1.0)))
 
     def write_csv(self, path: Path) -> None:
-        """Write one row a frequency, units in the header; every number as short as it can be without loss."""
+        """Write a CSV file with one row per frequency and units in the header; numbers are written without loss."""
         columns = (
             self.frequency,
             np.abs(self.response),
@@ -184,9 +185,9 @@ class FrequencyResponse:
 
 def held(frequency: ArrayLike, hold: float, delay: float = 0.0) -> ComplexArray:
     """
-    Return the response of a zero-order hold over ``hold`` [s] with a ``delay`` [s] before it, at frequencies [Hz].
+    Return the frequency response of a zero-order hold of ``hold`` [s] after a ``delay`` [s], at frequencies [Hz].
 
-    A sampled response divided by it is that of the continuous system, but for what sampling folds back.
+    A sampled response divided by it is the response of the continuous system, except for aliasing.
     """
     turns = np.asarray(frequency, dtype=np.float64)
     return np.asarray(np.sinc(turns * hold) * np.exp(-2j * np.pi * turns * (0.5 * hold + delay)))
@@ -198,31 +199,32 @@ def decibels(response: FrequencyResponse) -> Array:
 
 
 def degrees(response: FrequencyResponse) -> Array:
-    """Return the phase [deg] without jumps, shape (n,); from -180 rather than +180 for a double integrator."""
+    """Return the unwrapped phase [deg], shape (n,); it starts at -180, not +180, for a double integrator."""
     values = np.degrees(np.unwrap(np.angle(response.response)))
     return np.asarray(values - 360.0 if values[0] > 90.0 else values)
 
 
 def read_csv(path: Path) -> FrequencyResponse:
     """
-    Return the response in a CSV file.
+    Read a frequency response from a CSV file.
 
-    Commas, semicolons or tabs part the columns. The first line may name them, with units in brackets, whatever their
-    case: ``frequency [Hz]`` (or kHz, rad/s), ``magnitude`` (linear or [dB]), ``phase [deg]`` (or rad), and perhaps
-    ``coherence`` (or [%]), ``averages``, ``amplitude [V]`` (or mV, uV), ``hold [s]`` (or ms, us, ns), ``output``
-    (``velocity`` where that was read). Without such a line the first three columns are frequency [Hz], linear magnitude
-    and phase [deg]. Lines that begin with ``#`` are comments. The rows may come in any order.
+    The columns are separated by commas, semicolons or tabs. The first line may name them, with units in brackets; case
+    does not matter. The columns are ``frequency [Hz]`` (or kHz, rad/s), ``magnitude`` (linear or [dB]) and
+    ``phase [deg]`` (or rad). Optional columns are ``coherence`` (or [%]), ``averages``, ``amplitude [V]`` (or mV, uV),
+    ``hold [s]`` (or ms, us, ns) and ``output`` (``velocity`` where the velocity output was measured). Without a header
+    the first three columns are frequency [Hz], linear magnitude and phase [deg]. Lines that start with ``#`` are
+    comments. The rows may be in any order.
 
-    A magnitude in a unit of velocity or acceleration, such as um/s/V, is divided by j 2 pi f, once or twice, so that
-    the response is that of the position, in um/V.
+    A magnitude in a unit of velocity or acceleration, such as um/s/V, is divided by j 2 pi f once or twice, so the
+    result is the response of the position, in um/V.
 
-    A magnitude without a unit whose slope agrees with its phase only if it is in dB is rejected, and so is a phase
-    without a unit that agrees with the slope only if it is in rad.
+    A magnitude without a unit is rejected if its slope agrees with its phase only when it is read as dB. A phase
+    without a unit is rejected if it agrees with the slope only when it is read as rad.
 
     Raises
     ------
     ValueError
-        If the file holds no such table; the message names the file and the line.
+        If the file does not contain such a table; the message names the file and the line.
 
     Examples
     --------
@@ -243,13 +245,13 @@ def read_csv(path: Path) -> FrequencyResponse:
             if row and row[0].strip() and not row[0].lstrip().startswith('#')
         ]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f'{path} is no CSV file: {error}') from None
+        raise ValueError(f'{path} is not a CSV file: {error}') from None
     if lines and not _is_number(lines[0][1][0]):
         columns = _columns(lines.pop(0)[1], path)
     else:
         columns = {'frequency': (0, ''), 'magnitude': (1, ''), 'phase': (2, '')}
     if not lines:
-        raise ValueError(f'{path}: no row of numbers')
+        raise ValueError(f'{path} has no row of numbers')
     try:
         table = {
             name: np.array([_cell(row, index, name, number) for number, row in lines])
@@ -277,16 +279,16 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, tuple[int, str]]:
         name, unit = (match[1].strip().lower(), (match[2] or '').strip()) if match else (title, '')
         name = _NAMES.get(name, name)
         if name in found and name in _NUMBERS:
-            raise ValueError(f'{path}: two columns are {name}: {header[found[name][0]]!r} and {title!r}')
-        # Of the response the unit is kept as it is written.
+            raise ValueError(f'{path} has two columns for {name}: {header[found[name][0]]!r} and {title!r}')
+        # The unit of the response keeps its case.
         found.setdefault(name, (index, unit if name == 'magnitude' else unit.lower()))
     for name in ('frequency', 'magnitude', 'phase'):
         if name not in found:
-            raise ValueError(f'{path}: no column {name!r}; there are {shown(", ".join(header))}')
+            raise ValueError(f'{path} has no column {name!r}; its columns are {shown(", ".join(header))}')
     for name, units in {'frequency': _FREQUENCY_UNITS, 'phase': _PHASE_UNITS, **_SIDE_UNITS}.items():
         if name in found and found[name][1] not in units:
             known = ', '.join(_AS_WRITTEN.get(unit, unit) for unit in units if unit)
-            raise ValueError(f'{path}: the unit of {name} is {shown(found[name][1])}; known are {known}')
+            raise ValueError(f'{path}: invalid unit of {name}: {shown(found[name][1])}; expected one of {known}')
     return found
 
 
@@ -294,17 +296,17 @@ def _cell(row: Sequence[str], index: int, name: str, number: int) -> float:
     text = row[index] if index < len(row) else ''
     if name in _NUMBERS:
         if not _is_number(text) or not np.isfinite(float(text)):
-            raise ValueError(f'line {number}: {name} is {shown(text)}, not a finite number')
+            raise ValueError(f'line {number}: invalid {name}: {shown(text)}; expected a finite number')
         return float(text)
     if name == 'output' and text.lower() not in (_VELOCITY, _DISPLACEMENT):
-        raise ValueError(f'line {number}: output is {text!r}, neither {_VELOCITY} nor {_DISPLACEMENT}')
+        raise ValueError(f'line {number}: invalid output: {text!r}; expected {_VELOCITY} or {_DISPLACEMENT}')
     return float(name == 'output' and text.lower() == _VELOCITY)
 
 
 def _response(
     table: Mapping[str, Array], units: Mapping[str, str], numbers: Sequence[int], path: Path
 ) -> FrequencyResponse:
-    """Return the response of the columns; ``numbers`` are the lines of the rows in the file."""
+    """Return the response from the columns; ``numbers`` are the line numbers of the rows in the file."""
     _check_side_columns(table, units, numbers, path)
     table = {
         name: column * _SIDE_UNITS[name][units.get(name, '')] if name in _SIDE_UNITS else column
@@ -315,28 +317,30 @@ def _response(
     magnitude = 10.0 ** (table['magnitude'] / 20.0) if decibel else table['magnitude']
     phase = np.radians(table['phase'] * _PHASE_UNITS[units['phase']])
     for row in np.flatnonzero(frequency <= 0.0)[:1]:
-        raise ValueError(f'{path}, line {numbers[row]}: frequency is {table["frequency"][row]:g}, not above 0')
+        raise ValueError(
+            f'{path}, line {numbers[row]}: invalid frequency: {table["frequency"][row]:g}; expected above 0'
+        )
     for row in np.flatnonzero(magnitude <= 0.0)[:1]:
         raise ValueError(
-            f'{path}, line {numbers[row]}: magnitude is {table["magnitude"][row]:g}, not above 0; a magnitude in dB '
-            'needs the unit [dB] in the header'
+            f'{path}, line {numbers[row]}: invalid magnitude: {table["magnitude"][row]:g}; expected above 0; '
+            'a magnitude in dB needs the unit [dB] in the header'
         )
     order = np.argsort(frequency, kind='stable')
     for index in np.flatnonzero(np.diff(frequency[order]) == 0.0)[:1]:
         first, second = order[index], order[index + 1]
         raise ValueError(
-            f'{path}, line {numbers[second]}: frequency {table["frequency"][second]:.12g} is that of line '
-            f'{numbers[first]} already; each may be given once'
+            f'{path}, line {numbers[second]}: duplicate frequency {table["frequency"][second]:.12g}, already in line '
+            f'{numbers[first]}'
         )
     if not units['phase'] and _looks_like_radians(frequency[order], magnitude[order], table['phase'][order]):
         raise ValueError(
-            f'{path}: the phase is what the slope of the magnitude says only if it is in rad; write its unit in the '
-            'header: phase [rad], or phase [deg]'
+            f'{path}: the phase agrees with the slope of the magnitude only if it is in rad; add its unit to the '
+            'header: phase [rad] or phase [deg]'
         )
     if not units['magnitude'] and _looks_like_decibels(frequency[order], magnitude[order], phase[order]):
         raise ValueError(
-            f'{path}: the magnitude falls with frequency as its phase says only if it is in dB; write its unit in the '
-            'header: [dB], or that of a linear magnitude, such as [um/V]'
+            f'{path}: the slope of the magnitude agrees with the phase only if it is in dB; add its unit to the '
+            'header: [dB], or the unit of a linear magnitude, such as [um/V]'
         )
     unit, derivatives = _of_position(units['magnitude'][decibel.end() :] if decibel else units['magnitude'])
     response = magnitude * np.exp(1j * phase) / (2j * np.pi * frequency) ** derivatives
@@ -358,110 +362,110 @@ def _response(
 
 
 def _of_position(unit: str) -> tuple[str, int]:
-    """Return the unit of the position's response for one of its derivatives, and which derivative; 0 for none."""
+    """Return the unit of the position response, and the order of the derivative that ``unit`` is for (0, 1 or 2)."""
     match = _RATE.fullmatch(unit.strip())
     if not match:
         return unit, 0
     length, square, over, other_square, below = match.groups()
-    behind = f'/{below.strip()}' if below else (over or '').replace(' ', '')
-    return f'{length}{behind}', 2 if square or other_square else 1
+    per_input = f'/{below.strip()}' if below else (over or '').replace(' ', '')
+    return f'{length}{per_input}', 2 if square or other_square else 1
 
 
 def _check_side_columns(
     table: Mapping[str, Array], units: Mapping[str, str], numbers: Sequence[int], path: Path
 ) -> None:
-    """Reject a coherence, a number of averages, an amplitude or a hold that cannot be."""
+    """Reject an invalid coherence, number of averages, amplitude or hold."""
     for name, (lowest, highest, allowed) in _RANGES.items():
         if name not in table:
             continue
         values = table[name] * _SIDE_UNITS[name][units.get(name, '')]
-        # A coherence of 1 may be rounded up.
+        # The tolerance accepts a coherence of 1 that was rounded up.
         wrong = (values < lowest) | (values > highest * (1.0 + 1e-9))
         if name == 'averages':
             wrong |= values != np.rint(values)
         for row in np.flatnonzero(wrong)[:1]:
-            raise ValueError(f'{path}, line {numbers[row]}: {name} is {table[name][row]:g}; it must be {allowed}')
+            raise ValueError(f'{path}, line {numbers[row]}: invalid {name}: {table[name][row]:g}; expected {allowed}')
     if 'coherence' in table and not np.any(table['coherence']):
         raise ValueError(
-            f'{path}: coherence is 0 in every row: the output has nothing to do with the input; leave the column out '
-            'if it was not measured'
+            f'{path}: coherence is 0 in every row, so the output is unrelated to the input; omit the column if the '
+            'coherence was not measured'
         )
 
 
 def reject_hold(hold: float, highest: float, where: str) -> None:
     """
-    Reject a hold that cannot be that of a response.
+    Reject a hold that is inconsistent with the frequencies of a response.
 
     Parameters
     ----------
     hold
-        The hold [s].
+        Duration of the hold [s].
     highest
         Highest frequency of the response [Hz].
     where
-        The file.
+        File name, for the message.
 
     Raises
     ------
     ValueError
-        If a frequency is above half the sampling rate that the hold is of.
+        If a frequency is above half the sampling rate, 1/hold.
     """
     if hold * highest > 0.5 * (1.0 + 1e-6):
         raise ValueError(
-            f'{where}: hold is {hold:g} s, which is of frequencies up to {0.5 / hold:g} Hz, and there are some up to '
-            f'{highest:g} Hz; its unit may be another: hold [s], [ms], [us] or [ns]'
+            f'{where}: a hold of {hold:g} s allows frequencies up to {0.5 / hold:g} Hz, but the highest frequency is '
+            f'{highest:g} Hz; check the unit of the column: hold [s], [ms], [us] or [ns]'
         )
 
 
 def _looks_like_decibels(frequency: Array, magnitude: Array, phase: Array) -> bool:
     """
-    Return whether a magnitude agrees with its phase if it is in dB, and does not if it is linear.
+    Return whether a magnitude agrees with its phase when read as dB, but not when read as linear.
 
-    Where a response has no zeros on the right, its phase is about 90 degrees times its slope in a double logarithmic
-    plot (Bode's relation); a delay adds to the phase, and both readings miss that alike.
+    For a minimum-phase response, the phase is about 90 degrees times the slope in a log-log plot (Bode's relation). A
+    delay adds to the phase; it affects both readings equally.
     """
-    misses = _misses(frequency, [np.log(magnitude), magnitude * (np.log(10.0) / 20.0)], [phase, phase])
-    return misses is not None and _is_the_other(*misses)
+    mismatches = _mismatches(frequency, [np.log(magnitude), magnitude * (np.log(10.0) / 20.0)], [phase, phase])
+    return mismatches is not None and _is_other_reading(*mismatches)
 
 
 def _looks_like_radians(frequency: Array, magnitude: Array, phase: Array) -> bool:
-    """Return whether a phase agrees with the slope of its magnitude if it is in rad, and does not if in degrees."""
-    misses = _misses(frequency, [np.log(magnitude)] * 2, [np.radians(phase), phase])
-    return misses is not None and _is_the_other(*misses)
+    """Return whether a phase agrees with the slope of its magnitude when read as rad, but not when read as degrees."""
+    mismatches = _mismatches(frequency, [np.log(magnitude)] * 2, [np.radians(phase), phase])
+    return mismatches is not None and _is_other_reading(*mismatches)
 
 
-def _is_the_other(usual: float, other: float) -> bool:
-    return usual > _LINEAR_MISS and other < min(_DECIBEL_MISS, 0.2 * usual)
+def _is_other_reading(usual: float, other: float) -> bool:
+    return usual > _LINEAR_MISMATCH and other < min(_DECIBEL_MISMATCH, 0.2 * usual)
 
 
-def _misses(frequency: Array, logarithms: Sequence[Array], phases: Sequence[Array]) -> list[float] | None:
+def _mismatches(frequency: Array, logarithms: Sequence[Array], phases: Sequence[Array]) -> list[float] | None:
     """
-    Return by how much the slope of readings of a response misses what their phase says, None where too little is known.
+    Return the mismatch of slope and phase for each reading of a response, or None if the data do not suffice.
 
     Parameters
     ----------
     frequency
-        Rising, shape (n,).
+        Frequencies in rising order, shape (n,).
     logarithms
-        Natural logarithm of the magnitude by each reading, shape (n,).
+        Natural logarithm of the magnitude in each reading, shape (n,).
     phases
-        Phase by each reading [rad], shape (n,).
+        Phase in each reading [rad], shape (n,).
     """
     if len(frequency) < _LEAST_POINTS or frequency[-1] < _LEAST_SPAN * frequency[0]:
         return None
-    # Means over a few parts of the band, since noise outweighs the slope between two close points.
+    # Means over a few parts of the band, because noise dominates the slope between two neighboring points.
     parts = np.array_split(np.arange(len(frequency)), min(_PARTS, len(frequency) // 2))
 
     def between_parts(values: Array) -> Array:
         return np.diff([values[part].mean() for part in parts])
 
     steps = between_parts(np.log(frequency))
-    misses = []
+    mismatches = []
     for logarithm, phase in zip(logarithms, phases, strict=True):
         expected = np.array([np.unwrap(phase)[part].mean() for part in parts]) / (0.5 * np.pi)
         expected = 0.5 * (expected[1:] + expected[:-1])
         slope = between_parts(logarithm) / steps
-        # The phase is known but for whole turns, which are four in the slope.
+        # The phase is known up to whole turns; one turn is 4 in the slope.
         turns = 4.0 * np.rint(np.median(slope - expected) / 4.0)
-        misses.append(float(np.median(np.abs(slope - expected - turns))))
-    return misses
+        mismatches.append(float(np.median(np.abs(slope - expected - turns))))
+    return mismatches

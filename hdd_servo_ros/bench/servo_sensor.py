@@ -1,4 +1,4 @@
-"""The servo sensor: the position as a drive decodes it from the bursts and track numbers of its servo sectors."""
+"""Servo sensor: position decoded from the bursts and track numbers of the servo sectors of a drive."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 
 Array = NDArray[np.float64]
 ServoSensorArrays = tuple[Array, Array, Array]
-"""Constants, which sectors are missing, state."""
+"""Constants, mask of the missing sectors, state."""
 
 SERVO_SENSOR = layout(
     'pitch', 'sectors', 'noise', 'seed', 'nonlinearity', 'step', 'lowest', 'highest', 'missing_probability'
@@ -24,47 +24,45 @@ SERVO_SENSOR = layout(
 SERVO_SENSOR_STATE = layout(('fraction', OVERRANGE), 'error', 'position', 'missing_sectors')
 
 NOISE_STREAM, MISSING_STREAM = 40, 41
-"""Streams of the counter-based noise, apart from those of the other instruments and of the disturbances."""
+"""Streams of the counter-based noise; distinct from those of the other instruments and of the disturbances."""
 
 
 @dataclasses.dataclass(frozen=True)
 class MissingSectorParameters(ParameterSet):
-    """Sectors that cannot be read: the last decoded values are held."""
+    """Sectors that cannot be read; the sensor holds the last decoded values."""
 
     sectors: tuple[int, ...] = parameter(
         (), 'numbers of the sectors that are missing in every revolution', minimum=0, element=int
     )
     probability: float = parameter(
-        0.0, 'probability with which any further sector is missing, drawn by seed', minimum=0.0, maximum=1.0
+        0.0, 'probability that any other sector is missing (random, set by seed)', minimum=0.0, maximum=1.0
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class ServoSensorParameters(ParameterSet):
-    """Parameters of :class:`ServoSensor`; every sample is a servo sector."""
+    """Parameters of :class:`ServoSensor`; each sample is one servo sector."""
 
-    track_pitch: float = parameter(
-        1.016, 'distance between two track centers; 1.016 um are 25 000 tracks per inch', unit='um', above=0.0
-    )
+    track_pitch: float = parameter(1.016, 'track pitch p; 1.016 um is 25 000 tracks per inch', unit='um', above=0.0)
     sectors: int = parameter(
         0,
-        'servo sectors of a revolution, by which they are numbered; 0 numbers them on without end',
+        'servo sectors per revolution, for the sector number; 0 numbers the sectors continuously',
         minimum=0,
         maximum=1_000_000,
         read_only=True,
     )
-    noise: float = parameter(0.003, 'rms noise of the fraction in a sector, white', unit='um', minimum=0.0)
+    noise: float = parameter(0.003, 'rms white noise of the track fraction per sector', unit='um', minimum=0.0)
     seed: int = parameter(1, 'seed of noise and missing sectors', minimum=0, maximum=2**53)
     bits: int = parameter(
         12,
-        'resolution of the fraction of a track: 2^bits codes per pitch, 0 for an ideal one',
+        'resolution of the track fraction, 2^bits codes per pitch; 0 for no quantization',
         unit='bit',
         minimum=0,
         maximum=32,
     )
     nonlinearity: float = parameter(
         0.0,
-        'amplitude of the sinusoidal error of the fraction, which is zero at the track center and half way between two',
+        'amplitude of the sinusoidal error of the track fraction; the error is 0 at and halfway between track centers',
         unit='% of pitch',
         minimum=-15.0,
         maximum=15.0,
@@ -72,12 +70,14 @@ class ServoSensorParameters(ParameterSet):
     missing: MissingSectorParameters = group(MissingSectorParameters)
 
     def check_together(self) -> None:
-        """Check that the numbers of the missing sectors are such, and that one is left."""
+        """Check that the numbers of the missing sectors are valid, and that at least one sector remains."""
         missing = self.missing.sectors
         if missing and not self.sectors:
-            raise ParameterError('missing.sectors', missing, 'empty with sectors = 0: no revolution is known')
+            raise ParameterError(
+                'missing.sectors', missing, 'an empty list, because sectors = 0 does not define a revolution'
+            )
         if missing and max(missing) >= self.sectors:
-            raise ParameterError('missing.sectors', missing, f'below sectors, which is {self.sectors}')
+            raise ParameterError('missing.sectors', missing, f'numbers below sectors, which is {self.sectors}')
         if missing and len(set(missing)) == self.sectors:
             raise ParameterError('missing.sectors', missing, f'fewer than all {self.sectors} sectors')
 
@@ -95,12 +95,12 @@ def _is_missing(c: np.record, missing: Array, sector: int, tick: int) -> bool:
 def servo_sensor_step(
     constants: Array, missing: Array, state: Array, tick: int, head: float, track_center: float
 ) -> tuple[float, float, float]:
-    """Return error [um], position [um] and sector number at ``tick``; see :meth:`ServoSensor.step`."""
+    """Return position error [um], position [um] and sector number at ``tick``; see :meth:`ServoSensor.step`."""
     c = record(constants, SERVO_SENSOR)
     s = record(state, SERVO_SENSOR_STATE)
     sectors = int(c.sectors)
     sector = tick % sectors if sectors > 0 else tick
-    # At tick 0 there is nothing to hold: the sector from which the drive has found its track was read.
+    # No value can be held at tick 0: assume that the drive has read the sector from which it found its track.
     if tick > 0 and _is_missing(c, missing, sector, tick):
         s.missing_sectors += 1.0
         return s.error, s.position, float(sector)
@@ -129,23 +129,23 @@ def servo_sensor_step(
 
 class ServoSensor:
     """
-    The position sensor of a drive: servo sectors with track number and bursts, one per sample.
+    Position sensor of a drive: servo sectors with track number and bursts, one sector per sample.
 
-    The head's distance from the center of track 0, which runout and flutter displace, is split into the number of the
-    nearest track and a fraction within half a track on either side. Onto the fraction come, in this order, the
-    nonlinearity a p sin(2 pi x/p) of the burst pattern with pitch p, white noise, the limits of half a track and the
-    quantization. The position is track number times pitch plus fraction: with a reference on a track center, x_d = n p,
-    position - x_d is the position error signal. The track number is always read right.
+    The distance of the head from the center of track 0, which runout and flutter displace, is split into the number of
+    the nearest track and a fraction within half a track on either side. These effects are applied to the fraction in
+    this order: nonlinearity a p sin(2 pi x/p) of the burst pattern with pitch p, white noise, limits of half a track,
+    quantization. The position is track number times pitch plus fraction. With the reference on a track center,
+    x_d = n p, the position error signal (PES) is position - x_d. The track number is always decoded correctly.
 
-    Of a missing sector the last values are held. What is drawn for a tick is a function of the seed and the tick alone.
-    There is no velocity.
+    At a missing sector the last values are held. The random numbers of a tick are a function of the seed and the tick
+    only. The sensor has no velocity output.
 
     Parameters
     ----------
     parameters
-        Tracks, sectors and errors.
+        Parameters of tracks, sectors and errors.
     sample_time
-        T [s]; for likeness with the other blocks, every sample is a sector.
+        T [s]; unused, because each sample is one sector, but present for consistency with the other blocks.
 
     Notes
     -----
@@ -153,7 +153,7 @@ class ServoSensor:
 
     Examples
     --------
-    A head 5.2 um from the track center, with 25 000 tracks per inch:
+    A head 5.2 µm from the center of track 0, with 25 000 tracks per inch:
 
     >>> from hdd_servo_ros.bench import ServoSensor, ServoSensorParameters
     >>> sensor = ServoSensor(ServoSensorParameters(noise=0.0), sample_time=1e-4)
@@ -168,7 +168,7 @@ class ServoSensor:
         self.update(parameters)
 
     def update(self, parameters: ServoSensorParameters) -> None:
-        """Take other parameters from the next tick on; counts and held values stay."""
+        """Change the parameters from the next tick on; the counts and the held values are kept."""
         self.parameters = parameters
         constants = zeros(SERVO_SENSOR)
         c = record(constants, SERVO_SENSOR)
@@ -178,7 +178,7 @@ class ServoSensor:
         c.seed = float(parameters.seed)
         c.nonlinearity = 0.01 * parameters.nonlinearity * parameters.track_pitch
         if parameters.bits:
-            # As many codes on both sides of the track center, itself one of them.
+            # The codes are symmetric about the track center, which is a code itself.
             c.step = parameters.track_pitch / 2.0**parameters.bits
             c.highest = 2.0 ** (parameters.bits - 1)
             c.lowest = -c.highest
@@ -189,33 +189,33 @@ class ServoSensor:
 
     @property
     def saturated_samples(self) -> dict[str, int]:
-        """How many fractions so far were clipped to half a track."""
+        """Number of track fractions clipped to half a track so far."""
         return {'fraction': int(record(self.state, SERVO_SENSOR_STATE).fraction.samples)}
 
     @property
     def missing_sectors(self) -> int:
-        """How many sectors so far could not be read."""
+        """Number of sectors that could not be read so far."""
         return int(record(self.state, SERVO_SENSOR_STATE).missing_sectors)
 
     def saturation_warnings(self) -> dict[str, str]:
-        """Return what a user should be told once a fraction has been clipped."""
+        """Return a warning if a track fraction was clipped."""
         found = record(self.state, SERVO_SENSOR_STATE).fraction
         if not found.samples:
             return {}
         text = (
-            f'the fraction of a track is beyond half the pitch, {0.5 * self.parameters.track_pitch:g} um, at tick '
+            f'the track fraction exceeds half the pitch, {0.5 * self.parameters.track_pitch:g} um, at tick '
             f'{int(found.first_tick)}; further samples are counted, not logged'
         )
         return {'fraction': text}
 
     def step(self, tick: int, head: float, track_center: float = 0.0) -> tuple[float, float, float]:
         """
-        Return what the servo sector of a tick tells.
+        Return the decoded position at the servo sector of a tick.
 
         Parameters
         ----------
         tick
-            The tick k.
+            Tick k.
         head
             Head position [um].
         track_center
@@ -224,6 +224,6 @@ class ServoSensor:
         Returns
         -------
         error, position, sector
-            Distance from the nearest track center [um], position with the track number [um], number of the sector.
+            Distance from the nearest track center [um], position including the track number [um], sector number.
         """
         return servo_sensor_step(*self.arrays, tick, head, track_center)

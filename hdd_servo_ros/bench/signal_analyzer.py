@@ -1,4 +1,4 @@
-"""The dynamic signal analyzer: an open-loop swept sine, one frequency at a time, and what it measures (HP 35670A)."""
+"""Dynamic signal analyzer (modeled on the HP 35670A): open-loop swept sine, one frequency at a time."""
 
 import math
 from typing import Any
@@ -25,14 +25,14 @@ SignalAnalyzerArrays = tuple[
 ]
 
 
-# Array of constants, and of the points, one in a row.
+# Constants, and the points (one row per point).
 CONSTANTS = layout('time_step', 'overload_level', 'level_reductions')
 POINT = layout('cycles', 'length', 'settle', 'averages', 'amplitude', 'band', 'by_velocity')
 
-# Mean of an output over a record of whole cycles, and its correlation with the excitation; running sums in the state.
+# Mean of an output over a record of whole cycles, and its correlation with the excitation; in the state, running sums.
 CORRELATION = layout('mean_output', 'in_phase', 'quadrature')
 
-# Point, record of the point, tick of the record; how far the amplitude is reduced, and what an overload read.
+# Current point, record of the point, tick of the record; amplitude reduction; outputs at an overload.
 STATE = layout(
     'point',
     'segment',
@@ -46,7 +46,7 @@ STATE = layout(
     'fault_velocity',
 )
 
-# What is found at a point, one in a row; without amplitude if an overload has cost it.
+# Result of each point (one row per point); amplitude 0 if the point was discarded because of an overload.
 RESULT = layout('response_real', 'response_imag', 'coherence', 'amplitude')
 
 ESTIMATE_NAMES = ('t', 'point', 'frequency', 'amplitude', 'real', 'imag', 'coherence')
@@ -64,26 +64,26 @@ def signal_analyzer_step(
     *values: Any,
 ) -> tuple[float, float, float]:
     """
-    Return (u, u, 0), the excitation of a tick; see :class:`SignalAnalyzer`.
+    Return (u, u, 0), where u is the excitation at a tick; see :class:`SignalAnalyzer`.
 
     Parameters
     ----------
     constants, state, estimates
-        Laid out as ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
+        Arrays with the layouts ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
     points
         ``POINT`` of each frequency, shape (n, 7).
     correlations
-        ``CORRELATION`` of the present point's measured records of whole cycles, shape (64, 3).
+        ``CORRELATION`` of each measured record of the current point, shape (64, 3).
     results
         ``RESULT`` of each frequency, shape (n, 4).
     *values
-        The fields of :class:`ControllerInputs`.
+        Fields of :class:`ControllerInputs`.
     """
     c, s, found = record(constants, CONSTANTS), record(state, STATE), record(estimates, ESTIMATES)
     inputs = ControllerInputs(*values)
     displacement_volts, velocity_volts = inputs.displacement_volts, inputs.velocity_volts
     found.t = float(inputs.tick) * c.time_step
-    # What has diverged must be seen to; the reference plays no part here.
+    # A diverged output must end the run; the reference is not used.
     if not abs(displacement_volts) + abs(velocity_volts) < math.inf or s.fault != 0.0:
         return math.nan, math.nan, math.nan
     index = int(s.point)
@@ -111,7 +111,7 @@ def signal_analyzer_step(
             return math.nan, math.nan, math.nan
         s.reductions += 1.0
         s.level *= 0.5
-    # Half a tick ahead, the held cosine turns about the middle of each sample.
+    # With a lead of half a tick, the held cosine has its nominal phase at the middle of each sample.
     turns = float((cycles * (2 * tick + 1)) % (2 * length)) / float(2 * length)
     sine, cosine = sine_cosine_of_turns(turns)
     amplitude = point.amplitude * s.level
@@ -155,9 +155,9 @@ def signal_analyzer_step(
 
 @compiled
 def _conclude(time_step: float, point: Any, correlations: NDArray[np.float64], amplitude: float, result: Any) -> None:
-    """Write the response and coherence that the records of a point give into its result."""
+    """Compute response and coherence of a point from its records, and write them to its result."""
     averages = int(point.averages)
-    # The trend of the records' means, over whole cycles each, is the drift; it adds i slope/sin to every correlation.
+    # The trend of the record means is the drift; it adds i slope/sin to every correlation.
     middle = 0.5 * float(averages - 1)
     above = 0.0
     below = 0.0
@@ -205,45 +205,46 @@ def _replay(
     first_tick: int,
     control: NDArray[np.float64],
 ) -> None:
-    """Step through recorded outputs of the vibrometer, shape (n, 2 or more), and write the excitation, shape (n,)."""
+    """Step through recorded vibrometer outputs, shape (n, 2 or more), and write the excitation, shape (n,)."""
     for tick in range(len(ldv)):
         x, v = ldv[tick, 0], ldv[tick, 1]
-        # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
+        # The fields of ControllerInputs, in order: numba cannot concatenate named tuples.
         inputs = (first_tick + tick, x * displacement_scale, v * velocity_scale, x, v, 0.0, 0.0, 0.0)
         control[tick] = signal_analyzer_step(constants, points, state, correlations, results, estimates, *inputs)[0]
 
 
 class SignalAnalyzer:
     """
-    A swept sine in a controller's place: u = A cos at one frequency after the other, and the response to it.
+    Swept-sine analyzer used instead of a controller: excites one frequency after another and measures the response.
 
-    At each frequency it waits, then correlates the vibrometer's output with the excitation over records of whole
-    cycles. A linear drift of the head is found from the records' means and taken out. The excitation is a cosine that
-    starts and ends with whole cycles, half a tick ahead: held over the samples it leaves a rigid body no net velocity,
-    so that a drive without friction does not run away between the points. The coherence is that of the records.
+    At each frequency the analyzer first lets the response settle. It then correlates the vibrometer output with the
+    excitation over records of whole cycles. A linear drift of the head is estimated from the record means and removed.
+    The excitation is a cosine that starts and ends with whole cycles, with a lead of half a tick. Held over the
+    samples, it leaves no net velocity on a rigid body, so a drive without friction does not drift away between the
+    points. The coherence is computed over the records.
 
-    If an output of the vibrometer exceeds ``overload_level``, the point is discarded, and its amplitude and that of the
-    points after it in the same range of amplitudes are halved. After ``level_reductions`` such halvings u is not a
-    number, which ends the run, and :meth:`fault` says why.
+    If a vibrometer output exceeds ``overload_level``, the point is discarded, and the amplitude is halved for this
+    point and the remaining points of the same range. After ``level_reductions`` halvings, another overload sets u to
+    NaN, which ends the run; :meth:`fault` returns the reason.
 
     Parameters
     ----------
     parameters
-        The sweep.
+        Parameters of the sweep.
     sample_time
         T [s].
 
     Attributes
     ----------
     points
-        The sweep in whole ticks.
+        Points of the sweep, in whole ticks.
     last_tick
-        The last tick of the sweep; the excitation is 0 behind it.
+        Last tick of the sweep; the excitation is 0 after it.
 
     Raises
     ------
     ParameterError
-        If the sweep goes too high for the sample time.
+        If the highest frequency of the sweep is too high for the sample time.
 
     Notes
     -----
@@ -266,7 +267,7 @@ class SignalAnalyzer:
         self.update(parameters)
 
     def update(self, parameters: SignalAnalyzerParameters) -> None:
-        """Take other parameters and begin the sweep anew: half of one sweep and half of another mean nothing."""
+        """Change the parameters and restart the sweep, because two partial sweeps cannot be combined."""
         self.parameters = parameters
         self.points = plan(parameters, self.sample_time)
         self.last_tick = sum(point.ticks for point in self.points) - 1
@@ -295,52 +296,52 @@ class SignalAnalyzer:
 
     @property
     def arrays(self) -> SignalAnalyzerArrays:
-        """The arrays that the kernel takes first; the estimates are the last."""
+        """First arguments of the kernel; the estimates are the last array."""
         return self.constants, self._point_rows, self.state, self._correlations, self._results, self.estimates
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
-        """Return u, u again, and 0 for its feedback part [V]; the reference plays no part."""
+        """Return u, u before saturation (the same) and 0 as the feedback part [V]; the reference is not used."""
         return signal_analyzer_step(*self.arrays, *inputs)
 
     def replay(
         self, ldv: NDArray[np.float64], displacement_scale: float, velocity_scale: float, first_tick: int = 0
     ) -> NDArray[np.float64]:
         """
-        Measure from recorded outputs of the vibrometer.
+        Measure from recorded vibrometer outputs.
 
         Parameters
         ----------
         ldv
             Displacement and velocity output at every tick from ``first_tick`` on [V], shape (n, 2 or more).
         displacement_scale, velocity_scale
-            The vibrometer's scales [um/V], [um/s/V].
+            Scales of the vibrometer [um/V], [um/s/V].
         first_tick
-            The first tick: 0, or the one behind those that were measured last.
+            First tick: 0, or the tick after the last one processed.
 
         Returns
         -------
         ndarray
-            The excitation at these ticks [V], shape (n,).
+            Excitation at these ticks [V], shape (n,).
         """
         control: NDArray[np.float64] = np.empty(len(ldv))
         _replay(*self.arrays, ldv, displacement_scale, velocity_scale, first_tick, control)
         return control
 
     def fault(self) -> str:
-        """Return why the sweep cannot go on, empty while it can."""
+        """Return the reason why the sweep cannot continue, or an empty string."""
         s = record(self.state, STATE)
         if s.fault == 0.0:
             return ''
         point = self.points[int(s.point)]
         return (
-            f'signal_analyzer: the vibrometer reads {s.fault_displacement:.4g} V of displacement and '
-            f'{s.fault_velocity:.4g} V of velocity at {self._frequency(point):.5g} Hz with '
-            f'{point.amplitude * s.level:.4g} V, after {int(s.reductions)} halvings: beyond parameter '
-            f'overload_level = {self.parameters.overload_level:g} V; lower amplitudes, or keep the head from drifting'
+            f'signal_analyzer: vibrometer overload at {self._frequency(point):.5g} Hz with '
+            f'{point.amplitude * s.level:.4g} V, after {int(s.reductions)} halvings: displacement output '
+            f'{s.fault_displacement:.4g} V, velocity output {s.fault_velocity:.4g} V, parameter overload_level = '
+            f'{self.parameters.overload_level:g} V; lower amplitudes, or keep the head from drifting'
         )
 
     def _complete(self) -> tuple[tuple[Point, ...], NDArray[np.void]]:
-        """Return the points that are complete, and their ``RESULT``, shape (n,)."""
+        """Return the completed points, and their ``RESULT``, shape (n,)."""
         done = int(record(self.state, STATE).point)
         return self.points[:done], self._results.view(RESULT)[:done, 0]
 
@@ -351,7 +352,7 @@ class SignalAnalyzer:
         return tuple(self._frequency(point) for point, gone in zip(points, discarded, strict=True) if gone)
 
     def response(self) -> FrequencyResponse:
-        """Return what has been measured so far: every point that is complete and not discarded."""
+        """Return the response measured so far: all completed points that were not discarded."""
         complete, results = self._complete()
         kept = results['amplitude'] > 0.0
         points = [point for point, keep in zip(complete, kept, strict=True) if keep]

@@ -1,4 +1,4 @@
-"""The plan of a swept sine: which frequencies, for how many whole ticks each, and with which amplitude."""
+"""Plan of a swept sine: its frequencies, and duration in whole ticks and amplitude at each frequency."""
 
 import dataclasses
 import math
@@ -9,26 +9,26 @@ from hdd_servo_ros.numerics.elementary import exp, log
 from hdd_servo_ros.parameters import ParameterError
 
 HIGHEST = 0.45
-"""Highest frequency over the sampling rate."""
+"""Highest frequency, relative to the sampling rate."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Point:
     """
-    One frequency of a sweep, in whole ticks: records of ``length`` ticks hold ``cycles`` whole cycles.
+    One frequency of a sweep, in whole ticks: a record of ``length`` ticks contains ``cycles`` whole cycles.
 
     Attributes
     ----------
     cycles, length
-        Of a record.
+        Cycles and ticks per record.
     settle
-        Records that are not measured.
+        Number of settling records, before the measurement.
     averages
-        Records that are.
+        Number of measured records.
     amplitude
-        [V].
+        Amplitude of the excitation [V].
     band
-        Number of its range of amplitudes.
+        Number of its frequency range.
     """
 
     cycles: int
@@ -40,7 +40,7 @@ class Point:
 
     @property
     def ticks(self) -> int:
-        """Ticks that the point takes."""
+        """Duration of the point [ticks]."""
         return (self.settle + self.averages) * self.length
 
 
@@ -48,13 +48,13 @@ def plan(parameters: SignalAnalyzerParameters, sample_time: float) -> tuple[Poin
     """
     Return the points of a sweep.
 
-    Each frequency is moved to the nearest at which so many whole cycles take whole ticks: the correlation over a record
-    is then exact, and neither the mean nor another harmonic leaks into it.
+    Each frequency is moved to the nearest one at which the whole cycles of a record take a whole number of ticks. The
+    correlation over a record is then exact: neither the mean nor another harmonic leaks into it.
 
     Raises
     ------
     ParameterError
-        If the sweep goes too high for the sample time [s].
+        If the highest frequency of the sweep is too high for the sample time [s].
     """
     p = parameters
     if p.stop_frequency * sample_time > HIGHEST:
@@ -69,17 +69,17 @@ def plan(parameters: SignalAnalyzerParameters, sample_time: float) -> tuple[Poin
         settle_time = max(p.settle_cycles / frequency, p.settle_time)
         settle = math.ceil(settle_time / (length * sample_time) - 1e-9)
         if points and cycles * points[-1].length <= points[-1].cycles * length:
-            continue  # the same whole ticks again
+            continue  # same number of whole ticks as the previous point
         points.append(Point(cycles, length, settle, averages, _of_range(p.amplitudes, band), band))
     return tuple(points)
 
 
 def _wanted(parameters: SignalAnalyzerParameters) -> Iterator[tuple[float, int]]:
-    """Iterate over the frequencies [Hz] and their ranges, from the first frequency to the last, both included."""
+    """Yield the frequencies [Hz] and their ranges, from the first frequency to the last, both included."""
     first, last = log(parameters.start_frequency), log(parameters.stop_frequency)
     logarithm = first
     while True:
-        # Kept clear of rounding, so that a whole number of steps ends on stop_frequency.
+        # The margin against rounding makes a whole number of steps end at stop_frequency.
         if logarithm > last - 1e-9:
             logarithm = last
         frequency = exp(logarithm)

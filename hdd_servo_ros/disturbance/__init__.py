@@ -1,4 +1,4 @@
-"""What acts on a drive in use: runout, flutter, windage, vibration and shock; no ROS, no clock."""
+"""Disturbances of a drive in use, without ROS and without a clock: runout, flutter, windage, vibration and shock."""
 
 from typing import TYPE_CHECKING
 

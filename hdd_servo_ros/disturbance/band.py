@@ -1,12 +1,12 @@
 """
-A steep frequency band: Butterworth low pass and high pass as digital sections, scaled to a given variance.
+Steep band-pass filter: Butterworth low-pass and high-pass filters as digital sections, scaled to a given variance.
 
-The bilinear transform with prewarped edges gives, with W = tan(pi f T),
+The bilinear transform with prewarped edge frequencies gives, with W = tan(pi f T),
 
     |H(f)|^2 = 1/(1 + (W/W_high)^(2 n)) * 1/(1 + (W_low/W)^(2 m)),
 
-with the orders n of the low pass and m of the high pass. All numbers are from our own elementary functions, so that
-they are the same on every machine.
+with the orders n of the low-pass and m of the high-pass filter. All coefficients come from the elementary functions of
+this package, so they are identical on every machine.
 """
 
 import math
@@ -20,30 +20,30 @@ from hdd_servo_ros.numerics.noise import normal_pair
 from hdd_servo_ros.numerics.records import layout, record
 
 SECTION = layout('b0', 'b1', 'b2', 'a1', 'a2')
-"""A section (b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)."""
+"""Section (b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)."""
 
 _NATS = 40.0
-"""What is below exp(-40) of the largest does not count."""
-_LEFT_OVER = 16.0
+"""Integrands below exp(-40) of the largest are neglected."""
+_RUN_IN_DECAY = 16.0
 """Before tick 0 the filter runs until its slowest oscillation has decayed to exp(-16)."""
 
 
 def warped(frequency: float, sample_time: float) -> float:
-    """Return tan(pi f T) of a frequency [Hz] at T [s]."""
+    """Return the prewarped frequency tan(pi f T) of a frequency f [Hz] at sample time T [s]."""
     sine, cosine = sine_cosine_of_turns(0.5 * frequency * sample_time)
     return sine / cosine
 
 
 def band_sections(low: float, high: float, low_order: int, high_order: int, sample_time: float) -> NDArray[np.float64]:
     """
-    Return the sections of a band, high pass first, shape (n, 5): a row of the layout :data:`SECTION` each.
+    Return the sections of a band-pass filter, high pass first, shape (n, 5), one row of layout :data:`SECTION` each.
 
     Parameters
     ----------
     low, high
-        Edges [Hz], where the power has fallen to a half; no high pass if ``low`` is 0.
+        Edge frequencies at half power [Hz]; no high pass if ``low`` is 0.
     low_order, high_order
-        Orders of the high pass at the low edge, and of the low pass at the high edge.
+        Order of the high pass at the low edge, and of the low pass at the high edge.
     sample_time
         T [s].
     """
@@ -54,9 +54,9 @@ def band_sections(low: float, high: float, low_order: int, high_order: int, samp
 
 
 def _dampings(order: int) -> list[float]:
-    """Return 2 z of each pair of Butterworth poles s^2 + 2 z s + 1, and 0 for the real pole of an odd order."""
+    """Return 2 z for each pair of Butterworth poles s^2 + 2 z s + 1, and 0 for the real pole of an odd order."""
     pairs = [2.0 * sine_cosine_of_turns((2 * k + 1) / (4.0 * order))[0] for k in range(order // 2)]
-    # Those with little damping, which raise what is near the edge, come last.
+    # Lightly damped sections, which amplify near the edge, come last.
     return ([0.0] if order % 2 else []) + sorted(pairs, reverse=True)
 
 
@@ -82,18 +82,18 @@ def _high_pass(damping: float, edge: float) -> tuple[float, ...]:
 
 def band_power(low: float, high: float, low_order: int, high_order: int, sample_time: float) -> float:
     """
-    Return the variance of white noise of variance 1 behind the sections of a band: the mean of ``|H|^2``.
+    Return the variance of filtered white noise of variance 1: the mean of ``|H|^2``.
 
-    With u = log tan(pi f T) the mean over all frequencies is an integral over the whole axis of a smooth function that
-    decays at both ends, for which the trapezoidal rule is exact to rounding.
+    With u = log tan(pi f T) the mean over all frequencies is an integral over the whole axis. The integrand is smooth
+    and decays at both ends, so the trapezoidal rule is exact to rounding.
     """
     upper = log(warped(high, sample_time))
-    # Without a high pass the power is what W leaves at low frequency.
+    # Without a high pass, W itself limits the integrand at low frequency.
     has_low = low > 0.0
     lower = log(warped(low, sample_time)) if has_low else -math.inf
     first = lower - _NATS / (2 * low_order + 1) if has_low else min(upper, 0.0) - _NATS
     last = upper + _NATS / (2 * high_order)
-    # The poles nearest to the axis are at pi/(2 n); the rule's error is exp(-2 pi/step) to the power of their distance.
+    # The poles nearest to the axis are at pi/(2 n); the trapezoidal error is exp(-2 pi/step) to the power of that.
     steepest = max(high_order, low_order if has_low else 1)
     step = 0.5 * TWO_PI * TWO_PI / (2.0 * steepest * _NATS)
     count = math.ceil((last - first) / step)
@@ -116,16 +116,16 @@ def _power_sum(
 
 
 def run_in_ticks(low: float, high: float, low_order: int, high_order: int, sample_time: float) -> int:
-    """Return for how many ticks a band's sections must run until they have forgotten that they began at rest."""
+    """Return the run-in time of a band-pass filter, after which its start at rest has decayed [ticks]."""
     edges = [(high, high_order)] + ([(low, low_order)] if low > 0.0 else [])
-    # Of a Butterworth filter's poles the slowest decays by w sin(pi/(2 n)).
+    # The slowest pole of a Butterworth filter has the decay rate w sin(pi/(2 n)).
     slowest = min(TWO_PI * edge * sine_cosine_of_turns(0.25 / order)[0] for edge, order in edges)
-    return math.ceil(_LEFT_OVER / (slowest * sample_time))
+    return math.ceil(_RUN_IN_DECAY / (slowest * sample_time))
 
 
 @compiled
 def filtered(sections: NDArray[np.float64], states: NDArray[np.float64], x: float) -> float:
-    """Return a sample behind all sections (direct form 2, transposed); advances their states, shape (n, 2)."""
+    """Filter a sample through all sections (transposed direct form 2); advances their states, shape (n, 2)."""
     for i in range(len(sections)):
         section = record(sections, SECTION, i)
         y = section.b0 * x + states[i, 0]
@@ -137,13 +137,13 @@ def filtered(sections: NDArray[np.float64], states: NDArray[np.float64], x: floa
 
 @compiled
 def run_in(sections: NDArray[np.float64], states: NDArray[np.float64], seed: int, stream: int, ticks: int) -> None:
-    """Run the sections on white noise of their own stream."""
+    """Run the sections on white noise from a separate stream."""
     for tick in range(ticks):
         filtered(sections, states, normal_pair(seed, stream, tick)[0])
 
 
 def stationary_band(sections: NDArray[np.float64], seed: int, stream: int, ticks: int) -> NDArray[np.float64]:
-    """Return the states of sections that have run so many ticks on white noise of a stream, shape (n, 2)."""
+    """Return the states of the sections after ``ticks`` ticks of white noise from a stream, shape (n, 2)."""
     states = np.zeros((len(sections), 2))
     run_in(sections, states, seed, stream, ticks)
     return states

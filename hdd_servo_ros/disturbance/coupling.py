@@ -1,4 +1,4 @@
-"""How the base's acceleration becomes a force on the actuator: arm radius, imbalance, and a mount that may be hard."""
+"""Coupling of the base acceleration to the actuator: arm radius, actuator imbalance, hardening mount."""
 
 import dataclasses
 
@@ -15,26 +15,24 @@ _UM_PER_M = 1e6
 
 @dataclasses.dataclass(frozen=True)
 class CouplingParameters(ParameterSet):
-    """From the acceleration of the base to a force against u, referred to the control."""
+    """Coupling of the base acceleration to a force against u, referred to the control voltage."""
 
     arm_radius: float = parameter(
         50.8e3,
-        'distance R of the head from the pivot: a rotation of the base moves the track by R',
+        'arm radius R: distance from pivot to head; a base rotation by an angle moves the track by R times the angle',
         unit='um',
         above=0.0,
     )
     imbalance: float = parameter(
         0.01,
-        "part eta of the base's linear acceleration that the head takes relative to it: m e R/J of the actuator's "
-        'imbalance',
+        'imbalance coefficient eta = m e R/J of the actuator: head acceleration relative to the base, divided by the '
+        'linear base acceleration',
     )
-    gain: float = parameter(
-        4.0968e7, 'acceleration of the head per volt, of the drive that is disturbed', unit='um/s^2/V', above=0.0
-    )
+    gain: float = parameter(4.0968e7, 'head acceleration per volt of the disturbed drive', unit='um/s^2/V', above=0.0)
     cubic: float = parameter(
-        0.0, 'part by which a hard mount raises the force where it would be cubic_scale; 0 for a linear mount'
+        0.0, 'relative increase of the force by a hardening mount at cubic_scale; 0 for a linear mount'
     )
-    cubic_scale: float = parameter(0.031, 'force for which cubic is given', unit='V', above=0.0)
+    cubic_scale: float = parameter(0.031, 'force at which cubic applies', unit='V', above=0.0)
 
 
 def fill_coupling(c: np.record, parameters: CouplingParameters) -> None:
@@ -47,7 +45,7 @@ def fill_coupling(c: np.record, parameters: CouplingParameters) -> None:
 
 @compiled
 def coupled_force(c: np.record, linear: float, angular: float) -> float:
-    """Return the force against u [V] of a linear [m/s^2] and an angular acceleration [rad/s^2] of the base."""
+    """Return the force against u [V] caused by a linear [m/s^2] and an angular [rad/s^2] acceleration of the base."""
     force: float = c.rotational * angular + c.linear * linear
     relative: float = force / c.cubic_scale
     hardening: float = c.cubic * relative * relative

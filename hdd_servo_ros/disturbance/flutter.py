@@ -1,14 +1,14 @@
 """
-Flutter and windage: second-order modes on white noise, discretized exactly.
+Flutter and windage: second-order modes driven by white noise, with exact discretization.
 
-A mode with frequency w/(2 pi), damping ratio z and standard deviation sigma is
+A mode with frequency w/(2 pi), damping ratio z and standard deviation sigma obeys
 
     y'' + 2 z w y' + w^2 y = 2 sigma sqrt(z w^3) xi
 
-with white noise xi of unit two-sided density, that is white noise through A 2 z w^2/(s^2 + 2 z w s + w^2). In
-stationary operation y and y'/w are uncorrelated and both have the standard deviation sigma. With the transition Phi
-over T the noise of a sample therefore has the covariance sigma^2 (I - Phi Phi'), and the sampled mode has exactly the
-variance and the autocovariance of the continuous one.
+with white noise xi of unit two-sided density. This is white noise filtered by A 2 z w^2/(s^2 + 2 z w s + w^2). In the
+stationary state y and y'/w are uncorrelated, and both have the standard deviation sigma. With the transition matrix Phi
+over T, the noise of a sample therefore has the covariance sigma^2 (I - Phi Phi'), and the sampled mode has exactly the
+variance and the autocovariance of the continuous mode.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 FLUTTER_LAYOUT = layout('is_enabled', 'seed')
 
 MODE = layout('a11', 'a12', 'a21', 'a22', 'own_noise', 'shared_noise', 'rate_noise', 'sigma')
-"""Transition of (y, y'/w) over T, the Cholesky factor of its noise, both for sigma = 1, and sigma [um]."""
+"""Transition of (y, y'/w) over T, Cholesky factor of its noise (both for sigma = 1), and sigma [um]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,10 +35,11 @@ class FlutterParameters(ParameterSet):
     """
     Non-repeatable motion of the track center.
 
-    The default modes are those of the NSS benchmark 3.1 (github.com/macs-lab/NSS-HDD-Benchmark) at its pitch of 254 nm.
+    The default modes are those of the NSS benchmark 3.1 (github.com/macs-lab/NSS-HDD-Benchmark), at its track pitch of
+    254 nm.
     """
 
-    enabled: bool = parameter(False, 'whether the track center has non-repeatable motion')
+    enabled: bool = parameter(False, 'enable the non-repeatable motion of the track center')
     seed: int = parameter(1, 'seed of the white noise', minimum=0, maximum=2**53)
     frequencies: tuple[float, ...] = parameter(
         (750.0, 780.0, 900.0, 1020.0, 1080.0, 1230.0, 1800.0, 3000.0, 5000.0),
@@ -65,11 +66,11 @@ class FlutterParameters(ParameterSet):
         for name in ('damping_ratios', 'sigmas'):
             value = getattr(self, name)
             if len(value) != count:
-                raise ParameterError(name, value, f'as many elements as frequencies, which has {count}')
+                raise ParameterError(name, value, f'{count} elements, as many as frequencies')
 
 
 def flutter_modes(parameters: FlutterParameters, sample_time: float) -> NDArray[np.float64]:
-    """Return the modes for the kernel at T [s], a row of the layout :data:`MODE` per mode."""
+    """Return the modes for the kernel at sample time T [s], one row of layout :data:`MODE` per mode."""
     modes = np.zeros((len(parameters.frequencies), size(MODE)))
     lists = zip(parameters.frequencies, parameters.damping_ratios, parameters.sigmas, strict=True)
     for i, (frequency, damping, sigma) in enumerate(lists):
@@ -82,7 +83,7 @@ def flutter_modes(parameters: FlutterParameters, sample_time: float) -> NDArray[
         row.a12 = a12
         row.a21 = -a12
         row.a22 = decay * cosine - damping * a12
-        # The rate first: over a short T it has most of the noise, and the rest loses nothing by rounding.
+        # Factor the rate first: for a short T it has most of the noise, so the rest loses no precision.
         rate = 1.0 - (row.a21 * row.a21 + row.a22 * row.a22)
         shared = -(row.a11 * row.a21 + row.a12 * row.a22)
         own = 1.0 - (row.a11 * row.a11 + row.a12 * row.a12)
@@ -94,7 +95,7 @@ def flutter_modes(parameters: FlutterParameters, sample_time: float) -> NDArray[
 
 
 def stationary_states(modes: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-    """Return (y, y'/w)/sigma of each mode at tick 0, in stationary operation, shape (n, 2)."""
+    """Return the stationary (y, y'/w)/sigma of each mode at tick 0, shape (n, 2)."""
     states = np.zeros((len(modes), 2))
     for i in range(len(modes)):
         states[i] = normal_pair(seed, FLUTTER + i, 0)
@@ -103,7 +104,7 @@ def stationary_states(modes: NDArray[np.float64], seed: int) -> NDArray[np.float
 
 @compiled
 def flutter_step(c: np.record, modes: NDArray[np.float64], states: NDArray[np.float64], tick: int) -> float:
-    """Return the displacement of the track center at a tick [um]; advances the modes from the tick before."""
+    """Return the displacement of the track center at a tick [um]; advances the modes from the previous tick."""
     seed = np.int64(c.seed)
     total = 0.0
     for i in range(len(modes)):

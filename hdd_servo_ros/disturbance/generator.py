@@ -1,4 +1,4 @@
-"""The disturbance generator: runout, flutter, force noise, vibration and shock of a drive in use."""
+"""Disturbance generator: runout, flutter, force noise, vibration and shock."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ _STREAMS = {'rotational': ROTATIONAL_VIBRATION, 'linear': LINEAR_VIBRATION}
 
 
 class _Band:
-    """The filter of one axis' random vibration: its states live on while their number stays the same."""
+    """Filter of the random vibration of one axis; keeps its states while their number does not change."""
 
     def __init__(self, stream: int) -> None:
         self._stream = stream
@@ -31,7 +31,7 @@ class _Band:
         self.states: NDArray[np.float64] = np.zeros((0, 2))
 
     def use(self, parameters: VibrationParameters, sections: NDArray[np.float64], sample_time: float) -> None:
-        """Prepare for other parameters; a filter with other states than before starts in stationary operation."""
+        """Change the parameters; a filter whose number of states changes starts in the stationary state."""
         if parameters.is_random and parameters.structure != self._structure:
             ticks = run_in_ticks(*parameters.band, sample_time)
             self.states = stationary_band(sections, parameters.seed, self._stream + 1, ticks)
@@ -40,28 +40,28 @@ class _Band:
 
 class DisturbanceGenerator:
     """
-    What acts on a drive in use, tick by tick.
+    Generator of the disturbances on a drive in use, one value per tick.
 
-    The base moves linearly along y, the head's direction of motion, and turns about z, the pivot axis; what comes from
-    it to the head is a force against u, see :mod:`hdd_servo_ros.disturbance.coupling`.
+    The base moves linearly along y, the direction of the head motion, and rotates about z, the pivot axis. Its effect
+    on the head is a force against u; see :mod:`hdd_servo_ros.disturbance.coupling`.
 
     Parameters
     ----------
     parameters
-        The sources and their numbers; the files that they name are read here, once.
+        Parameters of the sources; the files they name are read once, in the constructor.
     sample_time
         T [s].
 
     Raises
     ------
     ParameterError
-        If a file cannot be used, or a source does not go with T: a frequency beyond half the sampling frequency, or a
-        sequence per sector where a revolution has no whole number of samples.
+        If a file is invalid, or a source is incompatible with T: a frequency above half the sampling rate, or a
+        sequence per sector where a revolution is not a whole number of samples.
 
     Notes
     -----
-    Source: models of this package, with the values and papers in ``docs/concepts/mobile-use.md`` and
-    ``docs/controllers/runout-compensation.md``.
+    Source: models of this package; ``docs/concepts/mobile-use.md`` and ``docs/controllers/runout-compensation.md`` list
+    the values and the papers.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class DisturbanceGenerator:
     """
 
     topics: tuple[LoopTopic, ...] = (DISTURBANCE, BASE_ACCELERATION)
-    """The topics that :meth:`rows` gives the rows of."""
+    """Topics whose rows :meth:`rows` returns."""
 
     def __init__(self, parameters: DisturbanceParameters, sample_time: float) -> None:
         self.sample_time = sample_time
@@ -95,7 +95,7 @@ class DisturbanceGenerator:
         self.update(parameters)
 
     def check(self, parameters: DisturbanceParameters) -> None:
-        """Reject parameters that do not go with T: raises :class:`ParameterError`."""
+        """Check that the parameters are compatible with T; raise :class:`ParameterError` otherwise."""
         self._sequence(parameters)
         for axis in _STREAMS:
             own: VibrationParameters = getattr(parameters.vibration, axis)
@@ -107,12 +107,12 @@ class DisturbanceGenerator:
 
     def update(self, parameters: DisturbanceParameters) -> None:
         """
-        Take other parameters from the next tick on; filters keep their states where those have the same number.
+        Change the parameters from the next tick on; filters keep their states if the number of states is the same.
 
         Raises
         ------
         ParameterError
-            As :meth:`check` does; nothing is changed then.
+            If :meth:`check` rejects the parameters; nothing is changed in that case.
         """
         self.check(parameters)
         sample_time = self.sample_time
@@ -166,7 +166,7 @@ class DisturbanceGenerator:
 
     def step(self, tick: int) -> tuple[float, float, Vector, Vector]:
         """
-        Return what acts from a tick to the next one; the ticks follow each other from 0 on.
+        Return the disturbances held from a tick to the next tick; call it for consecutive ticks, starting at 0.
 
         Returns
         -------
@@ -180,15 +180,15 @@ class DisturbanceGenerator:
 
     def rows(self, first_tick: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
-        Return what :meth:`step` does for consecutive ticks, by the same compiled step.
+        Return the disturbances for consecutive ticks, computed by the same compiled step as :meth:`step`.
 
         Returns
         -------
         disturbance, base_acceleration
-            Rows of the topics: force, track center, 0, shape (count, 3); linear x, y, z and angular x, y, z, shape
+            Rows of the topics: force, track center and 0, shape (count, 3); linear x, y, z and angular x, y, z, shape
             (count, 6).
         """
         disturbances, accelerations = np.zeros((count, 3)), np.zeros((count, 6))
-        # A plain tuple: Numba does not put a named one together with a tick.
+        # A plain tuple, because numba cannot combine a named tuple with a tick.
         disturbance_rows(first_tick, tuple(self.arrays), disturbances, accelerations)
         return disturbances, accelerations

@@ -1,4 +1,4 @@
-"""All sources of a tick in one compiled step, and the rows of many ticks by the same step."""
+"""Compiled step of all disturbance sources, for one tick and for many."""
 
 from typing import Any, NamedTuple
 
@@ -23,13 +23,13 @@ CONSTANTS = layout(
     ('shock', SHOCK),
     ('coupling', COUPLING),
 )
-"""The constants of all sources."""
+"""Constants of all sources."""
 
 Array = NDArray[np.float64]
 
 
 class DisturbanceArrays(NamedTuple):
-    """What :func:`disturbance_step` takes: constants, tables, and states, which are advanced."""
+    """Array arguments of :func:`disturbance_step`: constants, tables, and states (which the step advances)."""
 
     constants: Array
     harmonics: Array
@@ -60,12 +60,12 @@ def disturbance_step(
     linear_samples: Array,
 ) -> tuple[float, float, float, float]:
     """
-    Return what acts from a tick to the next; advances the states from the tick before.
+    Return the disturbances held from a tick to the next tick; advances the states from the previous tick.
 
     Returns
     -------
     force, track_center, linear, angular
-        Force against u [V], displacement of the track center [um], acceleration of the base along the head's motion
+        Force against u [V], displacement of the track center [um], acceleration of the base along the head motion
         [m/s^2] and about the pivot axis [rad/s^2].
     """
     c = record(constants, CONSTANTS)
@@ -92,16 +92,16 @@ def disturbance_step(
 @compiled
 def disturbance_rows(first_tick: int, arrays: Any, disturbances: Array, accelerations: Array) -> None:
     """
-    Write what :func:`disturbance_step` returns for consecutive ticks into rows of zeros.
+    Write the results of :func:`disturbance_step` for consecutive ticks into zero-initialized rows.
 
     Parameters
     ----------
     first_tick
-        The first tick.
+        First tick.
     arrays
-        The fields of :class:`DisturbanceArrays` as a plain tuple.
+        Fields of :class:`DisturbanceArrays` as a plain tuple.
     disturbances, accelerations
-        The rows, shapes (n, 3) and (n, 6).
+        Output rows, shapes (n, 3) and (n, 6).
     """
     for row in range(len(disturbances)):
         force, track_center, linear, angular = disturbance_step(first_tick + row, *arrays)

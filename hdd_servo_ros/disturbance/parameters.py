@@ -1,4 +1,4 @@
-"""Parameters of the disturbance generator: a group for each source."""
+"""Parameters of the disturbance generator, one group per source."""
 
 import dataclasses
 
@@ -14,7 +14,7 @@ from hdd_servo_ros.parameters import ParameterSet, group
 
 @dataclasses.dataclass(frozen=True)
 class DisturbanceParameters(ParameterSet):
-    """Parameters of :class:`~hdd_servo_ros.disturbance.generator.DisturbanceGenerator`; no source is on by default."""
+    """Parameters of :class:`~hdd_servo_ros.disturbance.generator.DisturbanceGenerator`; all sources default to off."""
 
     spindle: SpindleParameters = group(SpindleParameters)
     runout: RunoutParameters = group(RunoutParameters)
@@ -26,7 +26,7 @@ class DisturbanceParameters(ParameterSet):
 
     @property
     def sources(self) -> dict[str, bool]:
-        """Whether each source is on, by its name, which is that of its parameters."""
+        """Whether each source is enabled, by the name of its parameter group."""
         return {
             'runout.repeatable': self.runout.repeatable.enabled,
             'flutter': self.flutter.enabled,
@@ -38,5 +38,5 @@ class DisturbanceParameters(ParameterSet):
 
     @property
     def enabled_sources(self) -> tuple[str, ...]:
-        """Names of the sources that are on."""
+        """Names of the enabled sources."""
         return tuple(name for name, enabled in self.sources.items() if enabled)

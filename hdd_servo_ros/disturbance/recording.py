@@ -1,4 +1,4 @@
-"""A recorded acceleration from a CSV file, at the ticks of a run."""
+"""Recorded acceleration from a CSV file, resampled to the ticks of a run."""
 
 import itertools
 import math
@@ -13,50 +13,50 @@ from hdd_servo_ros.parameters import ParameterError
 INTERPOLATIONS = ('linear', 'hold')
 
 LONGEST = 86_400.0
-"""Of a recording [s]; it is kept in memory at the sample time of the run."""
+"""Longest recording [s]; it is kept in memory at the sample time of the run."""
 _SLACK = 1e-9
-"""Part of a sample by which a recorded time may be late and still count [1]."""
+"""Tolerance of a recorded time, as a fraction of a sample."""
 
 
 def read_recording(parameter: str, path: str, quantity: str) -> NDArray[np.float64]:
     """
-    Return times [s] and accelerations of a CSV file, shape (n, 2).
+    Return times [s] and accelerations from a CSV file, shape (n, 2).
 
     Parameters
     ----------
     parameter
-        Name of the parameter that holds the path, for errors.
+        Name of the parameter with the path, for error messages.
     path
-        The file: time and acceleration in columns, the times ascending.
+        CSV file with the columns time and acceleration; the times must increase.
     quantity
-        What the second column holds, with unit, for errors.
+        Quantity of the second column with its unit, for error messages.
 
     Raises
     ------
     ParameterError
-        If the file cannot be read, has fewer than two rows, a number that is not finite, or times that do not ascend.
+        If the file cannot be read, or has fewer than two rows, a non-finite number, or times that do not increase.
     """
     rows = read_table(parameter, path, ['time [s]', quantity], 2)
     for number, (before, after) in enumerate(itertools.pairwise(rows), start=2):
         if not after[0] > before[0]:
-            allowed = f'a CSV file whose times ascend; row {number} has {after[0]!r} s after {before[0]!r} s'
+            allowed = f'a CSV file with increasing times; row {number} has {after[0]!r} s after {before[0]!r} s'
             raise ParameterError(parameter, path, allowed)
     span = rows[-1][0] - rows[0][0]
     if not span <= LONGEST:
-        raise ParameterError(parameter, path, f'a recording of at most {LONGEST:g} s; this one spans {span:g} s')
+        raise ParameterError(parameter, path, f'a recording of at most {LONGEST:g} s; this recording takes {span:g} s')
     return np.array(rows)
 
 
 def at_ticks(recording: NDArray[np.float64], interpolation: str, sample_time: float) -> NDArray[np.float64]:
     """
-    Return a recording at its first time and every T [s] after it, up to its last time.
+    Return a recording resampled at T [s], from its first time up to its last time.
 
     Parameters
     ----------
     recording
         Times [s] and accelerations, shape (n, 2).
     interpolation
-        ``linear`` between two rows, or ``hold``: that of the last row that is not later.
+        ``linear`` interpolates between two rows; ``hold`` uses the last row that is not later.
     sample_time
         T [s].
     """

@@ -1,4 +1,4 @@
-"""Repeatable runout: the part of the track center's motion that is the same in every revolution."""
+"""Repeatable runout (RRO): the part of the track center motion that repeats every revolution."""
 
 import dataclasses
 import math
@@ -23,36 +23,41 @@ RUNOUT = layout('is_enabled', 'turns_per_sample', 'samples_per_revolution')
 
 @dataclasses.dataclass(frozen=True)
 class RepeatableRunoutParameters(ParameterSet):
-    """Repeatable runout: harmonics of the spindle's speed, and a sequence with a value per servo sector."""
+    """Repeatable runout: harmonics of the spindle speed, and a sequence with one value per servo sector."""
 
-    enabled: bool = parameter(False, 'whether the track center has repeatable runout')
+    enabled: bool = parameter(False, 'enable the repeatable runout')
     seed: int = parameter(1, 'seed of the phases and of the random sequence', minimum=0, maximum=2**53)
-    orders: tuple[int, ...] = parameter((1, 2, 3), 'orders of the harmonics: multiples of the speed', minimum=1)
+    orders: tuple[int, ...] = parameter((1, 2, 3), 'orders of the harmonics: multiples of the spindle speed', minimum=1)
     amplitudes: tuple[float, ...] = parameter((0.038, 0.0076, 0.0015), 'amplitude of each harmonic', unit='um')
-    phases: tuple[float, ...] = parameter((), 'phase of each harmonic at time 0; empty draws them by seed', unit='turn')
+    phases: tuple[float, ...] = parameter(
+        (), 'phase of each harmonic at time 0; an empty list selects random phases set by seed', unit='turn'
+    )
     sequence: str = parameter(
-        'none', 'the sequence per sector: none, drawn by seed, or read from sequence_file', choices=SEQUENCES
+        'none',
+        'displacement sequence per sector: none, random (set by seed), or read from sequence_file',
+        choices=SEQUENCES,
     )
     sequence_sigma: float = parameter(
         0.0037, 'standard deviation of the random sequence over a revolution', unit='um', minimum=0.0
     )
     sequence_cutoff: float = parameter(
         20.0,
-        'order at which the amplitude spectrum of the random sequence, that of a first-order low pass, has fallen to '
-        '1/sqrt(2)',
+        'cutoff order of the random sequence: its amplitude spectrum is a first-order low pass, down to 1/sqrt(2) here',
         above=0.0,
     )
-    sequence_file: str = parameter('', 'CSV file with the displacement in each sector [um], a row each', read_only=True)
+    sequence_file: str = parameter(
+        '', 'CSV file with the displacement in each sector [um], one row per sector', read_only=True
+    )
 
     def check_together(self) -> None:
-        """Check the lengths of the lists, and that there is a file where one is needed."""
+        """Check the lengths of the lists, and that a file is given if one is needed."""
         count = len(self.orders)
         if len(self.amplitudes) != count:
-            raise ParameterError('amplitudes', self.amplitudes, f'as many elements as orders, which has {count}')
+            raise ParameterError('amplitudes', self.amplitudes, f'{count} elements, as many as orders')
         if self.phases and len(self.phases) != count:
-            raise ParameterError('phases', self.phases, f'empty, or as many elements as orders, which has {count}')
+            raise ParameterError('phases', self.phases, f'an empty list or {count} elements, as many as orders')
         if self.sequence == 'file' and not self.sequence_file:
-            raise ParameterError('sequence_file', '', 'the path of a CSV file with sequence = file')
+            raise ParameterError('sequence_file', '', 'the path of a CSV file, because sequence is file')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,14 +71,21 @@ def harmonics_of(parameters: RepeatableRunoutParameters) -> NDArray[np.float64]:
     """Return order, amplitude [um] and phase [turn] of each harmonic, shape (n, 3)."""
     rows = np.zeros((len(parameters.orders), 3))
     for i, order in enumerate(parameters.orders):
-        # By the order, so that a harmonic keeps its phase whatever others there are.
+        # The order selects the random number, so a harmonic keeps its phase when other harmonics change.
         phase = parameters.phases[i] if parameters.phases else uniform_pair(parameters.seed, RUNOUT_PHASES, order)[0]
         rows[i] = float(order), parameters.amplitudes[i], phase
     return rows
 
 
 def read_sequence(parameters: RepeatableRunoutParameters) -> NDArray[np.float64]:
-    """Return the rows of the sequence's file [um], shape (n,); none without one; raises ParameterError."""
+    """
+    Return the rows of the sequence file [um], shape (n,); empty without a file.
+
+    Raises
+    ------
+    ParameterError
+        If the file is invalid.
+    """
     if not parameters.sequence_file:
         return np.zeros(0)
     rows = read_table(_SEQUENCE_FILE, parameters.sequence_file, ['displacement [um]'], 1)
@@ -87,7 +99,7 @@ def sequence_of(
     recorded: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """
-    Return the displacement in each sector [um], shape (sectors,); empty if there is no sequence.
+    Return the displacement in each sector [um], shape (sectors,); empty without a sequence.
 
     Parameters
     ----------
@@ -96,19 +108,19 @@ def sequence_of(
     sample_time
         T [s].
     recorded
-        What :func:`read_sequence` has read.
+        Result of :func:`read_sequence`.
 
     Raises
     ------
     ParameterError
-        If T and the spindle are not synchronous, or the file has another number of rows than there are sectors.
+        If T and the spindle are not synchronous, or the number of rows differs from the number of sectors.
     """
     if not parameters.enabled or parameters.sequence == 'none':
         return np.zeros(0)
     samples = spindle.require_synchronous(sample_time, f'runout.repeatable.sequence = {parameters.sequence}')
     if parameters.sequence == 'file':
         if len(recorded) != samples:
-            allowed = f'a CSV file with a row for each of the {samples} sectors; it has {len(recorded)}'
+            allowed = f'a CSV file with {samples} rows, one per sector; it has {len(recorded)}'
             raise ParameterError(_SEQUENCE_FILE, parameters.sequence_file, allowed)
         return recorded
     sequence = np.zeros(samples)
@@ -119,21 +131,21 @@ def sequence_of(
 @compiled
 def _fill_low_pass_sequence(sequence: NDArray[np.float64], seed: int, cutoff: float, sigma: float) -> None:
     """
-    Fill a periodic sequence: white noise through a first-order low pass that has run for ever, mean 0, exactly sigma.
+    Fill a periodic sequence: first-order low-pass noise in steady state, with mean 0 and standard deviation sigma.
 
     Parameters
     ----------
     sequence
-        One period, to be filled.
+        Output array for one period.
     seed
         Seed of the white noise.
     cutoff
-        Order at which the low pass has fallen to 1/sqrt(2).
+        Order at which the low pass has decreased to 1/sqrt(2).
     sigma
-        Standard deviation over the period.
+        Standard deviation over the period, met exactly.
     """
     count = len(sequence)
-    # The low pass 1/(1 - d z^-1) with |H| = |H(1)|/sqrt(2) at the cutoff, of which d is the root below 1.
+    # Low pass 1/(1 - d z^-1) with |H| = |H(1)|/sqrt(2) at the cutoff; d is the root below 1.
     _, cosine = sine_cosine_of_turns(min(cutoff / count, 0.5))
     half = 2.0 - cosine
     decay = half - math.sqrt(half * half - 1.0)
@@ -141,7 +153,7 @@ def _fill_low_pass_sequence(sequence: NDArray[np.float64], seed: int, cutoff: fl
     for i in range(count):
         last = decay * last + normal_pair(seed, RUNOUT_SEQUENCE, i)[0]
         sequence[i] = last
-    # After infinitely many periods the value before the first one is that after the last one.
+    # In steady state the value before the first sample equals the value after the last.
     power = 1.0
     for _ in range(count):
         power *= decay
@@ -167,7 +179,7 @@ def repeatable_runout(c: np.record, harmonics: NDArray[np.float64], sequence: ND
     samples = int(c.samples_per_revolution)
     sector = 0
     if samples > 0:
-        # Exactly the same in every revolution.
+        # Identical in every revolution, without rounding.
         sector = tick % samples
         turns = float(sector) / c.samples_per_revolution
     else:

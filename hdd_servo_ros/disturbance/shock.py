@@ -1,8 +1,8 @@
 """
-Shocks: half-sine, saw-tooth and trapezoidal pulses of the base's acceleration.
+Shocks: half-sine, sawtooth and trapezoidal pulses of the base acceleration.
 
-What is held over a sample is the mean of the pulse over that sample, so that the velocity that a shock leaves behind is
-right at every sample time.
+The value held over a sample is the mean of the pulse over that sample, so the velocity change of a shock is correct at
+any sample time.
 """
 
 import dataclasses
@@ -18,11 +18,11 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 STANDARD_GRAVITY = 9.80665
 """1 G [m/s^2]."""
 RISE = 0.1
-"""Part of its duration in which a trapezoidal pulse rises, and in which it falls."""
+"""Rise time and fall time of a trapezoidal pulse, as a fraction of its duration."""
 
 
 class Shape(IntEnum):
-    """The shapes by the number that compiled code knows them by."""
+    """Pulse shapes, numbered for compiled code."""
 
     HALF_SINE = 0
     SAW_TOOTH = 1
@@ -35,37 +35,36 @@ SHOCK = layout('is_enabled', 'pulse', 'time_step', 'time', 'duration', 'period',
 
 
 _SHORTEST_PERIOD = 1e-4
-"""Of repeated pulses [s]: all that fall into a tick are summed."""
+"""Shortest period of repeated pulses [s], because all pulses within a tick are summed."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ShockParameters(ParameterSet):
-    """A shock, once or repeated: a pulse of the linear acceleration, of the rotational one, or of both."""
+    """Single or repeated shock: a pulse of the linear acceleration, the rotational acceleration, or both."""
 
-    enabled: bool = parameter(False, 'whether there are shocks')
+    enabled: bool = parameter(False, 'enable the shocks')
     shape: str = parameter(
         'half_sine',
-        'shape of the pulse; a saw-tooth ends with its peak, a trapezoid rises and falls in a tenth of its duration '
-        'each',
+        'pulse shape; a sawtooth ends at its peak, a trapezoid has rise and fall times of a tenth of the duration',
         choices=SHAPES,
     )
-    linear_amplitude: float = parameter(63.0, "peak linear acceleration along the head's motion", unit='G')
+    linear_amplitude: float = parameter(63.0, 'peak linear acceleration along the head motion', unit='G')
     rotational_amplitude: float = parameter(0.0, 'peak rotational acceleration about the pivot axis', unit='rad/s^2')
     duration: float = parameter(2e-3, 'duration of the pulse', unit='s', above=0.0)
-    time: float = parameter(0.1, 'time at which the first pulse begins', unit='s', minimum=0.0)
-    period: float = parameter(0.0, 'time from one pulse to the next; 0 for a single one', unit='s', minimum=0.0)
+    time: float = parameter(0.1, 'start time of the first pulse', unit='s', minimum=0.0)
+    period: float = parameter(0.0, 'period of repeated pulses; 0 for a single pulse', unit='s', minimum=0.0)
 
     def check_together(self) -> None:
-        """Reject pulses that overlap, and trains of pulses that no sampling frequency could show."""
+        """Reject overlapping pulses, and pulse trains too fast for any practical sampling rate."""
         if 0.0 < self.period < _SHORTEST_PERIOD:
-            raise ParameterError('period', self.period, f'0, or at least {_SHORTEST_PERIOD:g} s [s]')
+            raise ParameterError('period', self.period, f'0, or at least {_SHORTEST_PERIOD:g} [s]')
         if 0.0 < self.period < self.duration:
-            raise ParameterError('period', self.period, f'0, or at least the duration of {self.duration!r} s [s]')
+            raise ParameterError('period', self.period, f'0, or at least duration, which is {self.duration!r} [s]')
 
 
 @compiled_apart
 def _impulse(shape: int, t: float, duration: float) -> float:
-    """Return the integral over time of a pulse of height 1, from its beginning to ``t`` [s]."""
+    """Return the time integral of a pulse of height 1, from its start to ``t`` [s]."""
     t = min(max(t, 0.0), duration)
     if shape == Shape.SAW_TOOTH:
         return 0.5 * t * t / duration
@@ -77,7 +76,7 @@ def _impulse(shape: int, t: float, duration: float) -> float:
             return t - 0.5 * rise
         left = duration - t
         return duration - rise - 0.5 * left * left / rise
-    # (1 - cos(pi t/D)) D/pi, without the difference of two numbers close to 1.
+    # (1 - cos(pi t/D)) D/pi, without cancellation.
     sine, _ = sine_cosine_of_turns(0.25 * t / duration)
     return 4.0 * duration / TWO_PI * sine * sine
 
@@ -93,7 +92,7 @@ def shock_mean(c: np.record, tick: int) -> float:
         return 0.0
     first, count = 0.0, 1
     if period > 0.0:
-        # Up to the last pulse that has begun, since a sample may be longer than a period.
+        # Include all pulses up to the last one that has started: a sample may be longer than a period.
         first = np.floor(max(begin, 0.0) / period)
         count = int(np.floor(end / period) - first) + 1
     total = 0.0

@@ -1,15 +1,15 @@
 """
-Streams of the counter-based noise, so that sources with equal seeds are independent.
+Streams of the counter-based noise, which make sources with equal seeds independent.
 
-The numbers are apart from those of the vibrometer, whose seed may be equal as well.
+The numbers differ from those of the vibrometer, which may have the same seed.
 """
 
 RUNOUT_PHASES = 16
 RUNOUT_SEQUENCE = 17
 FORCE_NOISE = 18
 ROTATIONAL_VIBRATION = 20
-"""The one after it is that of the filter before tick 0."""
+"""The next stream is for the run-in of the filter before tick 0."""
 LINEAR_VIBRATION = 22
-"""The one after it is that of the filter before tick 0."""
+"""The next stream is for the run-in of the filter before tick 0."""
 FLUTTER = 65536
-"""Of the first mode; one more for each further mode."""
+"""Stream of the first mode; each further mode uses the next stream."""

@@ -10,25 +10,27 @@ from hdd_servo_ros.parameters import ParameterError
 
 def read_table(parameter: str, path: str, columns: Sequence[str], least: int) -> list[tuple[float, ...]]:
     """
-    Return the rows of a CSV file of numbers; its first line may name the columns, lines that begin with # do not count.
+    Return the rows of a CSV file of numbers.
+
+    The first line may name the columns. Lines that start with # are comments.
 
     Parameters
     ----------
     parameter
-        Name of the parameter that holds the path, for errors.
+        Name of the parameter with the path, for error messages.
     path
-        The file.
+        CSV file.
     columns
-        What each column holds, for errors; further columns are ignored.
+        Quantity of each column, for error messages; further columns are ignored.
     least
-        How many rows there must be.
+        Minimum number of rows.
 
     Raises
     ------
     ParameterError
         If the file cannot be read, has too few rows, or a row lacks a finite number; names file and line.
     """
-    form = f'a CSV file with the columns {", ".join(columns)}' if len(columns) > 1 else f'a CSV file of {columns[0]}'
+    form = f'a CSV file with the columns {", ".join(columns)}' if len(columns) > 1 else f'a CSV file with {columns[0]}'
     rows: list[tuple[float, ...]] = []
     may_be_names = True
     try:
@@ -40,7 +42,7 @@ def read_table(parameter: str, path: str, columns: Sequence[str], least: int) ->
                 continue
             if row is None or len(row) < len(columns):
                 found = ','.join(words)
-                raise ParameterError(parameter, path, f'{form}, finite numbers; line {line} holds {found!r}')
+                raise ParameterError(parameter, path, f'{form}, finite numbers; line {line} is {found!r}')
             rows.append(row)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ParameterError(parameter, path, f'{form}: {error}') from None
@@ -66,7 +68,7 @@ def _is_number(word: str) -> bool:
 
 
 def _numbers(words: Sequence[str]) -> tuple[float, ...] | None:
-    """Return the numbers of a row, None if a word is not a finite one."""
+    """Return the numbers of a row, or None if a word is not a finite number."""
     try:
         numbers = tuple(map(float, words))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Vibration of the base along or about one axis: random in a band, swept sine, sine, or a recording."""
+"""Base vibration along or about one axis: band-limited random, swept sine, sine, or a recording."""
 
 import dataclasses
 import math
@@ -17,7 +17,7 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 
 
 class Kind(IntEnum):
-    """The kinds by the number that compiled code knows them by."""
+    """Kinds of vibration, numbered for compiled code."""
 
     RANDOM = 0
     SWEPT_SINE = 1
@@ -28,9 +28,9 @@ class Kind(IntEnum):
 KINDS = tuple(kind.name.lower() for kind in Kind)
 SWEEPS = ('linear', 'logarithmic')
 LEAST_EDGE = 1e-5
-"""Least edge of a band, as part of the sampling frequency: a slower filter loses digits and takes long to run in."""
+"""Lowest edge frequency, relative to the sampling rate; slower filters lose precision and need a long run-in."""
 _EDGE_TOLERANCE = 1e-9
-"""Samples by which start_time may be later than a tick and still be that tick's."""
+"""Tolerance of start_time with respect to a tick [samples]."""
 _UNIT = 'm/s^2 or rad/s^2'
 
 VIBRATION = layout(
@@ -59,91 +59,91 @@ VIBRATION = layout(
 
 @dataclasses.dataclass(frozen=True)
 class VibrationParameters(ParameterSet):
-    """Vibration of the base: linear along the head's motion [m/s^2], or rotational about the pivot axis [rad/s^2]."""
+    """Base vibration: linear along the head motion [m/s^2], or rotational about the pivot axis [rad/s^2]."""
 
-    enabled: bool = parameter(False, 'whether the base vibrates this way')
-    kind: str = parameter('random', 'what the acceleration is', choices=KINDS)
+    enabled: bool = parameter(False, 'enable the base vibration on this axis')
+    kind: str = parameter('random', 'kind of vibration', choices=KINDS)
     seed: int = parameter(1, 'seed of random vibration', minimum=0, maximum=2**53)
-    start_time: float = parameter(0.0, 'time before which there is none', unit='s', minimum=0.0, maximum=2e9)
-    rms: float = parameter(1.0, 'root mean square of random vibration', unit=_UNIT, minimum=0.0)
+    start_time: float = parameter(0.0, 'start time of the vibration', unit='s', minimum=0.0, maximum=2e9)
+    rms: float = parameter(1.0, 'rms acceleration of random vibration', unit=_UNIT, minimum=0.0)
     low: float = parameter(
         10.0,
-        'lower edge of the band of random vibration, where the power is halved; 0 for none',
+        'lower edge frequency of random vibration, at half power; 0 for no lower edge',
         unit='Hz',
         minimum=0.0,
     )
     high: float = parameter(
         500.0,
-        'upper edge of the band, where the power is halved; below half the sampling frequency',
+        'upper edge frequency of random vibration, at half power; below half the sampling rate',
         unit='Hz',
         above=0.0,
     )
-    low_order: int = parameter(8, 'order of the Butterworth high pass at the lower edge', minimum=1, maximum=32)
-    high_order: int = parameter(16, 'order of the Butterworth low pass at the upper edge', minimum=1, maximum=32)
+    low_order: int = parameter(8, 'order of the Butterworth high-pass filter at the lower edge', minimum=1, maximum=32)
+    high_order: int = parameter(16, 'order of the Butterworth low-pass filter at the upper edge', minimum=1, maximum=32)
     amplitude: float = parameter(1.0, 'amplitude of sine and swept sine', unit=_UNIT)
     frequency: float = parameter(100.0, 'frequency of the sine', unit='Hz', minimum=0.0)
     phase: float = parameter(0.0, 'phase of sine and swept sine at start_time', unit='turn')
-    start_frequency: float = parameter(5.0, 'frequency with which the swept sine begins', unit='Hz', minimum=1e-3)
-    end_frequency: float = parameter(500.0, 'frequency with which it ends', unit='Hz', above=0.0)
+    start_frequency: float = parameter(5.0, 'start frequency of the swept sine', unit='Hz', minimum=1e-3)
+    end_frequency: float = parameter(500.0, 'end frequency of the swept sine', unit='Hz', above=0.0)
     sweep_time: float = parameter(10.0, 'duration of a sweep', unit='s', above=0.0)
-    sweep: str = parameter('logarithmic', 'how the frequency of the swept sine changes with time', choices=SWEEPS)
+    sweep: str = parameter('logarithmic', 'frequency as a function of time in a sweep', choices=SWEEPS)
     sweep_repeated: bool = parameter(
-        True, 'whether a sweep begins again after its end, without a jump in phase; else it stays at its last frequency'
+        True, 'repeat the sweep with continuous phase; if false, the sine stays at end_frequency after the sweep'
     )
     recording: str = parameter(
-        '', 'CSV file of a recording: time [s] and acceleration, whose first row is put at start_time', read_only=True
+        '', 'CSV file of a recording with time [s] and acceleration; its first row is at start_time', read_only=True
     )
-    recording_scale: float = parameter(1.0, 'factor of the recorded acceleration')
+    recording_scale: float = parameter(1.0, 'scale factor of the recorded acceleration')
     recording_interpolation: str = parameter(
         'linear',
-        'acceleration between two rows of the recording: linear, or that of the row before',
+        'interpolation between two rows of the recording: linear, or hold the previous row',
         choices=INTERPOLATIONS,
     )
-    recording_repeated: bool = parameter(False, 'whether the recording begins again after its end; else none follows')
+    recording_repeated: bool = parameter(False, 'repeat the recording; if false, the acceleration is 0 after its end')
 
     def check_together(self) -> None:
-        """Reject a band upside down, and a recording without a file."""
+        """Reject a lower edge above the upper edge, and kind recording without a file."""
         if not self.low < self.high:
-            raise ParameterError('low', self.low, f'below high = {self.high!r} Hz [Hz]')
+            raise ParameterError('low', self.low, f'below high, which is {self.high!r} [Hz]')
         if self.kind == 'recording' and not self.recording:
-            raise ParameterError('recording', '', 'the path of a CSV file with kind = recording')
+            raise ParameterError('recording', '', 'the path of a CSV file, because kind is recording')
 
     @property
     def band(self) -> tuple[float, float, int, int]:
-        """Edges [Hz] and orders of the band: low, high, order at low, order at high."""
+        """Edge frequencies [Hz] and orders of the band: low, high, order at low, order at high."""
         return self.low, self.high, self.low_order, self.high_order
 
     @property
     def structure(self) -> tuple[int, int]:
-        """What the number of the filter's states follows from."""
+        """Orders of the filter, which determine its number of states."""
         return self.low_order if self.low > 0.0 else 0, self.high_order
 
     @property
     def is_random(self) -> bool:
-        """Whether the filter runs."""
+        """Whether the vibration is enabled and random, so that the filter is used."""
         return self.enabled and self.kind == 'random'
 
     def check_rate(self, name: str, sample_time: float) -> None:
         """
-        Check what depends on T.
+        Check the frequencies against the sampling rate.
 
         Parameters
         ----------
         name
-            Name of the group of parameters.
+            Name of the parameter group.
         sample_time
             T [s].
 
         Raises
         ------
         ParameterError
-            If a frequency in use reaches half the sampling frequency, or an edge of the band is too low for it.
+            If a frequency in use is not below half the sampling rate, or an edge of the band is too low for it.
         """
         used = {'random': ('high',), 'sine': ('frequency',), 'swept_sine': ('start_frequency', 'end_frequency')}
         for own in used.get(self.kind, ()) if self.enabled else ():
             frequency = getattr(self, own)
             if not 2.0 * frequency * sample_time < 1.0:
-                allowed = f'below half the sampling frequency, {0.5 / sample_time:g} Hz'
+                allowed = f'below half the sampling rate, {0.5 / sample_time:g} Hz'
                 raise ParameterError(f'{name}.{own}', frequency, allowed)
         for own, none in (('low', '0, or '), ('high', '')) if self.is_random else ():
             edge = getattr(self, own)
@@ -154,14 +154,14 @@ class VibrationParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class BaseVibrationParameters(ParameterSet):
-    """Vibration of the base, rotational and linear."""
+    """Base vibration, rotational and linear."""
 
     rotational: VibrationParameters = group(VibrationParameters)
     linear: VibrationParameters = group(VibrationParameters)
 
 
 def fill_vibration(c: np.record, parameters: VibrationParameters, stream: int, sample_time: float) -> None:
-    """Fill the constants of :func:`vibration_step` at T [s]; ``stream`` is that of the noise."""
+    """Fill the constants of :func:`vibration_step` at T [s]; ``stream`` is the noise stream."""
     c.is_enabled = float(parameters.enabled)
     c.kind = KINDS.index(parameters.kind)
     c.seed = parameters.seed
@@ -176,7 +176,7 @@ def fill_vibration(c: np.record, parameters: VibrationParameters, stream: int, s
     c.phase = parameters.phase
     first, last, duration = parameters.start_frequency, parameters.end_frequency, parameters.sweep_time
     c.start_frequency, c.end_frequency, c.sweep_time = first, last, duration
-    # Only with a rate has a logarithmic sweep another phase than a linear one.
+    # With equal frequencies the sweep rate is 0; use the linear formula, because the logarithmic one divides by it.
     c.is_logarithmic = float(parameters.sweep == 'logarithmic' and first != last)
     if c.is_logarithmic:
         c.sweep_rate = log(last / first) / duration
@@ -190,14 +190,14 @@ def fill_vibration(c: np.record, parameters: VibrationParameters, stream: int, s
 
 
 def sections_of(parameters: VibrationParameters, sample_time: float) -> NDArray[np.float64]:
-    """Return the sections of the band at T [s]; none if the vibration is not random."""
+    """Return the filter sections of the band at T [s]; empty if the vibration is not random."""
     return band_sections(*parameters.band, sample_time) if parameters.is_random else np.zeros((0, 5))
 
 
 def samples_of(
     parameters: VibrationParameters, recording: NDArray[np.float64] | None, sample_time: float
 ) -> NDArray[np.float64]:
-    """Return the recording at the ticks from start_time on at T [s]; none if the vibration is not a recording."""
+    """Return the recording at the ticks from start_time on, at T [s]; empty if the vibration is not a recording."""
     if recording is None or not parameters.enabled or parameters.kind != 'recording':
         return np.zeros(0)
     return at_ticks(recording, parameters.recording_interpolation, sample_time)
@@ -205,7 +205,7 @@ def samples_of(
 
 @compiled
 def _swept_turns(c: np.record, t: float) -> float:
-    """Return the phase of the swept sine ``t`` s after its start [turn]."""
+    """Return the phase of the swept sine at a time ``t`` [s] after its start [turn]."""
     duration = c.sweep_time
     turns: float = 0.0
     if c.is_sweep_repeated != 0.0:
@@ -236,13 +236,13 @@ def vibration_step(
     Parameters
     ----------
     c
-        Constants, of the layout :data:`VIBRATION`.
+        Constants, a record with the layout :data:`VIBRATION`.
     sections, states
-        The filter of the band, and its states.
+        Filter sections of the band, and their states.
     samples
-        The recording, a value per tick.
+        Resampled recording, one value per tick.
     tick
-        The tick.
+        Tick of the sample.
     """
     since = tick - int(c.start_tick)
     if since < 0:

@@ -1,4 +1,4 @@
-"""The drive: actuator, pivot friction, resonances and the step that joins them; no ROS."""
+"""Drive model without ROS: actuator, pivot friction, head resonances, and the step function that combines them."""
 
 from typing import TYPE_CHECKING
 

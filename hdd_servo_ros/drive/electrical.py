@@ -1,13 +1,14 @@
 """
-The driver's and coil's dynamics over one substep, exact for a held control and a constant velocity.
+Driver and coil dynamics over one substep, exact for a held control signal and a constant velocity.
 
-With the coil current referred to the control signal, c = I_m/k_a [V] or R_m I_m/k_a on a voltage driver, both drivers
-of section 3.2.2 are
+Let c be the coil current referred to the control signal: c = I_m/k_a [V], or R_m I_m/k_a with a voltage driver. Both
+drivers of section 3.2.2 then obey
 
     tau_a b' = u - b,    tau_e c' = r b - c - kappa v,
 
-with r = R_s/(R_m + R_s) (1 on a voltage driver) and kappa the back-EMF. The mean of c over a substep is then a force
-linear in the substep's mean velocity, which is what the friction's steps take: an applied force and a resistance.
+with amplifier output b, r = R_s/(R_m + R_s) (1 with a voltage driver) and back-EMF coefficient kappa. The mean of c
+over a substep is therefore a force that is linear in the mean velocity. The friction steps take it as an applied force
+and a viscous damping.
 """
 
 import numpy as np
@@ -29,16 +30,16 @@ DRIVER = layout(
     'mean_back_emf',
 )
 """
-What the kernels know of a driver for its substep of length D.
+Driver constants of the kernels, for a substep of length D.
 
-current_ratio is r; amplifier_decay and coil_decay are e^(-D/tau_a) and e^(-D/tau_e); amplifier_mean the mean of the
-former over the substep; coil_lag is tau_e/D; coil_by_amplifier is what a lagging amplifier adds to c; back_emf is kappa
-[V s/um], mean_back_emf the part of it that the mean of c has.
+current_ratio is r; amplifier_decay and coil_decay are e^(-D/tau_a) and e^(-D/tau_e); amplifier_mean is the mean of
+e^(-t/tau_a) over the substep; coil_lag is tau_e/D; coil_by_amplifier is the gain from the amplifier's lag b - u to c;
+back_emf is kappa [V s/um]; mean_back_emf is the part of kappa that acts on the mean of c.
 """
 
 
 def electrical_constants(parameters: ActuatorParameters, substep: float) -> npt.NDArray[np.float64]:
-    """Return the constants of the driver's kernels for a substep [s], of the layout :data:`DRIVER`."""
+    """Return the driver constants of the kernels for a substep [s], in the layout :data:`DRIVER`."""
     tau_a = parameters.amplifier_time_constant
     tau_e = parameters.electrical_time_constant
     ratio = parameters.current_ratio
@@ -68,12 +69,12 @@ def electrical_constants(parameters: ActuatorParameters, substep: float) -> npt.
 @compiled
 def driver_force(driver: np.record, control: float, amplifier: float, coil: float) -> tuple[float, float, float]:
     """
-    Return what the driver does during a substep, the back-EMF apart.
+    Advance the driver by one substep, without the back-EMF.
 
     Parameters
     ----------
     driver
-        Record of :data:`DRIVER`.
+        Record with the layout :data:`DRIVER`.
     control
         u held over the substep [V].
     amplifier, coil
@@ -82,8 +83,8 @@ def driver_force(driver: np.record, control: float, amplifier: float, coil: floa
     Returns
     -------
     tuple
-        b and c at the end [V], mean of c over the substep [V]. :func:`back_emf_current` completes c once the mean
-        velocity is known; the mean lacks ``mean_back_emf`` times that velocity.
+        b and c at the end [V], and the mean of c over the substep [V]. Once the mean velocity is known, subtract
+        :func:`back_emf_current` from c, and ``mean_back_emf`` times the mean velocity from the mean of c.
     """
     ratio = driver.current_ratio
     decay = driver.coil_decay
@@ -96,6 +97,6 @@ def driver_force(driver: np.record, control: float, amplifier: float, coil: floa
 
 @compiled
 def back_emf_current(driver: np.record, mean_velocity: float) -> float:
-    """Return what the back-EMF takes from c by the end of a substep [V]."""
+    """Return the decrease of c due to the back-EMF at the end of a substep [V]."""
     share: float = (1.0 - driver.coil_decay) * driver.back_emf
     return share * mean_velocity

@@ -1,9 +1,9 @@
 """
-The drive of the loop: actuator, rigid body with pivot friction, resonances of the head; one step a tick.
+Drive model of the servo loop: actuator, rigid body with pivot friction, head resonances; one step per tick.
 
-The rigid body obeys m x'' + h + d = u (4.1) with m = 1/gain. It is integrated in substeps, each friction family by its
-own second-order step; the resonances follow the rigid body's mean acceleration of each substep exactly, and its jumps
-of velocity at the crash stops.
+The rigid body obeys m x'' + h + d = u, thesis eq. (4.1), with m = 1/gain. It is integrated in substeps, with a
+second-order scheme for each friction family. The resonances respond exactly to the mean acceleration of the rigid body
+in each substep, and to its velocity jumps at the crash stops.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from hdd_servo_ros.drive.travel import (
     StopImpacts,
     TravelParameters,
     count_impact,
-    strike_modes,
+    excite_modes,
     travel_constants,
     travel_substep,
 )
@@ -35,7 +35,7 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 
 Array = npt.NDArray[np.float64]
 PlantArrays = tuple[Array, Array, Array, Array, Array, Array]
-"""Constants, nodes of a friction network, modes, their responses, state, motion of the modes."""
+"""Constants, nodes of the friction network, modes, responses of the modes, state, motion of the modes."""
 
 PLANT = layout(
     'gain',
@@ -52,33 +52,42 @@ PLANT = layout(
     ('friction', FRICTION),
     ('travel', TRAVEL),
 )
-"""The plant's constants; ``disturbance_amplitude`` is of its mean over a substep, r0 and r1 are R0, R1 of the head."""
+"""
+Constants of the plant kernel.
+
+``disturbance_amplitude`` is the amplitude of the mean of the disturbance over a substep; r0 and r1 are R0 and R1 of the
+modal form.
+"""
 
 PLANT_STATE = layout(
     'position', 'velocity', 'amplifier', 'coil', 'deflection', 'mean_friction', 'friction', ('impacts', IMPACTS)
 )
 """
-The plant's state without the modes: x and v, the driver's b and c, the contact, the friction at the tick, and the
-impacts on the crash stops so far.
+Plant state without the modes.
+
+Position x and velocity v of the rigid body, driver states b and c, deflection of the friction contact, mean friction of
+the last substep, friction at the tick, and the crash-stop impacts so far.
 """
 
 
 @dataclass(frozen=True)
 class DisturbanceParameters(ParameterSet):
-    """The sinusoidal disturbance d(t) = d0 sin(w t) of section 4.4, in the control's unit."""
+    """Sinusoidal disturbance d(t) = d0 sin(w t) of thesis section 4.4, in the unit of the control signal."""
 
-    amplitude: float = parameter(0.0, 'amplitude d0 of the disturbance', unit='V')
-    angular_frequency: float = parameter(20.0, 'angular frequency w of the disturbance', unit='rad/s', minimum=0.0)
+    amplitude: float = parameter(0.0, 'amplitude d0 of the sinusoidal disturbance', unit='V')
+    angular_frequency: float = parameter(
+        20.0, 'angular frequency w of the sinusoidal disturbance', unit='rad/s', minimum=0.0
+    )
 
 
 @dataclass(frozen=True)
 class PlantParameters(ParameterSet):
     """
-    Parameters of the drive; the default is the Seagate 7200.10 of chapter 5.
+    Parameters of the drive; the defaults describe the Seagate 7200.10 of thesis chapter 5.
 
     Notes
     -----
-    Source: thesis section 5.3; the friction is calibrated to the text on figs. 2.3 and 5.4, see
+    Source: thesis section 5.3. The friction is calibrated to the text on figs. 2.3 and 5.4; see
     ``docs/results/validation.md``.
 
     Examples
@@ -94,17 +103,23 @@ class PlantParameters(ParameterSet):
 
     gain: float = parameter(
         4.0968e7,
-        'acceleration of the rigid body per volt, k of (5.1), 1/m of (4.1); read with the reduced driver',
+        'acceleration of the rigid body per volt, k = 1/m; used with the reduced driver',
         unit='um/s^2/V',
         above=0.0,
+        equation='4.1, 5.1',
     )
-    control_limit: float = parameter(10.0, 'largest control voltage u_max of (3.18)', unit='V', above=0.0)
+    control_limit: float = parameter(
+        10.0, 'saturation limit u_max of the control voltage', unit='V', above=0.0, equation='3.18'
+    )
     substeps: int = parameter(
-        4, 'integration steps a sample; 0 for as many as the contact of the friction needs', minimum=0, maximum=1024
+        4,
+        'integration substeps per sample; 0 selects the number that the friction contact needs',
+        minimum=0,
+        maximum=1024,
     )
     initial_position: float = parameter(0.0, 'position of the rigid body at tick 0', unit='um')
     initial_velocity: float = parameter(0.0, 'velocity of the rigid body at tick 0', unit='um/s')
-    length_unit: str = parameter('um', 'unit of length of this drive, for labels', read_only=True)
+    length_unit: str = parameter('um', 'length unit of this drive, for labels', read_only=True)
     control_unit: str = parameter('V', 'unit of the control signal of this drive, for labels', read_only=True)
     actuator: ActuatorParameters = group(ActuatorParameters)
     friction: FrictionParameters = group(FrictionParameters)
@@ -113,28 +128,28 @@ class PlantParameters(ParameterSet):
     disturbance: DisturbanceParameters = group(DisturbanceParameters)
 
     def check_together(self) -> None:
-        """Check that the body starts between the crash stops; raises :class:`ParameterError`."""
+        """Check that the rigid body starts between the crash stops; raise :class:`ParameterError` otherwise."""
         travel = self.travel
         if travel.is_limited and not travel.lower <= self.initial_position <= travel.upper:
             raise ParameterError(
                 'initial_position',
                 self.initial_position,
-                f'between the travel limits, {travel.lower!r} and {travel.upper!r} um',
+                f'a position between the crash stops at {travel.lower!r} um and {travel.upper!r} um',
             )
 
     @property
     def rigid_gain(self) -> float:
-        """Return the acceleration per volt of the rigid body [um/s^2/V], from whichever the driver makes the source."""
+        """Return the acceleration of the rigid body per volt [um/s^2/V], from ``gain`` or from the actuator data."""
         return self.gain if self.actuator.driver == 'reduced' else self.actuator.gain
 
     def substeps_at(self, sample_time: float) -> int:
-        """Return the integration steps of a sample time [s]: those given, or those that the contact needs."""
+        """Return the substeps per sample time [s]: as given, or the number that the friction contact needs."""
         return self.substeps or needed_substeps(contact_frequency(self.rigid_gain, self.friction), sample_time)
 
 
 class Plant:
     """
-    The drive as a block: control voltage in; head position, head velocity and pivot friction out.
+    Drive block with the control voltage as input and head position, head velocity and pivot friction as outputs.
 
     Parameters
     ----------
@@ -150,11 +165,11 @@ class Plant:
 
     Notes
     -----
-    Source: thesis eqs. (4.1), (5.1) to (5.5); friction of chapter 2, actuator of chapter 3.
+    Source: thesis eqs. (4.1), (5.1) to (5.5); friction from chapter 2, actuator from chapter 3.
 
     Examples
     --------
-    Push the default drive with 50 mV for 1 ms; position [um], velocity [um/s] and friction [V] of the last tick:
+    Apply 50 mV to the default drive for 1 ms; position [um], velocity [um/s] and friction [V] at the last tick:
 
     >>> from hdd_servo_ros.drive import Plant, PlantParameters
     >>> plant = Plant(PlantParameters(), sample_time=1e-4)
@@ -177,27 +192,27 @@ class Plant:
         self.update(parameters)
 
     def output(self) -> tuple[float, float, float]:
-        """Return head position [um], head velocity [um/s] and pivot friction [V] at the present tick."""
+        """Return head position [um], head velocity [um/s] and pivot friction [V] at the current tick."""
         return plant_output(*self.arrays)
 
     def step(self, tick: int, control: float, disturbance: float = 0.0) -> tuple[float, float, float]:
         """
-        Advance from ``tick`` - 1 to ``tick`` and return the output there.
+        Advance from ``tick`` - 1 to ``tick`` and return the output at ``tick``.
 
         Parameters
         ----------
         tick
             Number k of the tick at the end of the step, at least 1.
         control
-            u held over [(k-1)T, kT) [V]; saturated at the control limit here.
+            Control voltage u held over [(k-1)T, kT) [V]; the plant saturates it at the control limit.
         disturbance
-            External part of d held over the same time [V]; like d of (4.1) it acts against u.
+            External part of d held over the same interval [V]; like d of eq. (4.1) it acts against u.
         """
         return plant_step(*self.arrays, tick, control, disturbance)
 
     @property
     def impacts(self) -> dict[str, StopImpacts]:
-        """The impacts so far on each crash stop that was hit, by its name, ``lower`` or ``upper``."""
+        """Impacts so far on each crash stop that was hit, by name (``lower`` or ``upper``)."""
         counted = record(self.state, PLANT_STATE).impacts
         return {
             name: StopImpacts(
@@ -208,7 +223,7 @@ class Plant:
         }
 
     def impact_warnings(self) -> dict[str, str]:
-        """Return, for each crash stop that was hit, what a user should be told."""
+        """Return a warning for each crash stop that was hit, by name (``lower`` or ``upper``)."""
         travel = self.parameters.travel
         limits = {'lower': travel.lower, 'upper': travel.upper}
         unit = self.parameters.length_unit
@@ -219,7 +234,7 @@ class Plant:
         }
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of these parameters before a run."""
+        """Return the warnings about these parameters, for the log at the start of a run."""
         p = self.parameters
         frequency = contact_frequency(p.rigid_gain, p.friction)
         line = contact_warning(frequency, self.sample_time, p.substeps_at(self.sample_time))
@@ -227,11 +242,11 @@ class Plant:
 
     def update(self, parameters: PlantParameters) -> None:
         """
-        Go on under other parameters from the present state.
+        Change the parameters and continue from the current state.
 
-        The contact keeps its deflection, up to what the new parameters let it bear; it starts at zero again when the
-        friction model changes, as the modes start at rest when their number changes. The friction of the output is
-        that of the new parameters. ``arrays`` holds new constants afterward.
+        The friction contact keeps its deflection, limited to the largest that the new parameters allow. It restarts at
+        zero deflection when the friction model changes; the modes restart at rest when their number changes. The
+        friction in the output is recomputed with the new parameters. ``arrays`` holds the new constants afterward.
         """
         is_same_model = parameters.friction.model == self.parameters.friction.model
         self.parameters = parameters
@@ -253,13 +268,14 @@ class Plant:
 
 
 def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
-    """Return the constants of the plant's kernel for a sample time [s], of the layout :data:`PLANT`."""
+    """Return the constants of the plant kernel for a sample time [s], in the layout :data:`PLANT`."""
     substeps = parameters.substeps_at(sample_time)
     substep = sample_time / substeps
     modal = modal_form(parameters.resonance)
     disturbance = parameters.disturbance
     frequency = disturbance.angular_frequency / TWO_PI
-    # The mean of a sinusoid over a substep is its middle value times sin(a)/a, a half the substep's angle.
+    # The mean of a sinusoid over a substep is its value at the midpoint times sin(a)/a, with a = half the phase angle
+    # of a substep.
     angle = 0.5 * disturbance.angular_frequency * substep
     mean = sine_cosine_of_turns(0.5 * frequency * substep)[0] / angle if angle > 0.0 else 1.0
     constants = zeros(PLANT)
@@ -285,7 +301,7 @@ def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
 def plant_output(
     constants: Array, nodes: Array, modes: Array, responses: Array, state: Array, motion: Array
 ) -> tuple[float, float, float]:
-    """Return head position [um], head velocity [um/s] and pivot friction [V] of a state."""
+    """Return head position [um], head velocity [um/s] and pivot friction [V] for a plant state."""
     c = record(constants, PLANT)
     s = record(state, PLANT_STATE)
     position = c.r0 * s.position + c.r1 * s.velocity
@@ -331,7 +347,7 @@ def _limited_sample(
     control: float,
     disturbance: float,
 ) -> None:
-    """Advance a drive with crash stops; apart, so that a drive without them does not carry their code."""
+    """Advance a drive with crash stops; not inlined, so that a drive without them does not compile their code."""
     _sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance, True)
 
 
@@ -348,7 +364,7 @@ def _sample(
     disturbance: float,
     is_limited: bool,
 ) -> None:
-    """Advance a drive; ``is_limited`` is a constant where this is inlined, which makes one loop for each case."""
+    """Advance a drive; ``is_limited`` is a constant where this is inlined, so each case compiles to its own loop."""
     c = record(constants, PLANT)
     s = record(state, PLANT_STATE)
     control = min(max(control, -c.control_limit), c.control_limit)
@@ -357,8 +373,8 @@ def _sample(
     position, velocity = s.position, s.velocity
     amplifier, coil = s.amplifier, s.coil
     deflection, mean_friction = s.deflection, s.mean_friction
-    jump = 0.0
-    _swing(modes, motion)
+    velocity_jump = 0.0
+    _free_motion(modes, motion)
     for j in range(int(c.substeps)):
         applied = control
         drag = 0.0
@@ -372,7 +388,7 @@ def _sample(
         previous_position = position
         previous_velocity = velocity
         if is_limited:
-            position, velocity, deflection, mean_friction, contact, jump, speed = travel_substep(
+            position, velocity, deflection, mean_friction, contact, velocity_jump, speed = travel_substep(
                 c.travel,
                 c.friction,
                 nodes,
@@ -387,8 +403,8 @@ def _sample(
             )
             if speed != 0.0:
                 count_impact(s.impacts, tick, speed)
-            if jump != 0.0:
-                strike_modes(modes, (c.substeps - float(j)) * substep - contact, jump, motion)
+            if velocity_jump != 0.0:
+                excite_modes(modes, (c.substeps - float(j)) * substep - contact, velocity_jump, motion)
         else:
             position, velocity, deflection, mean_friction = friction_substep(
                 c.friction, nodes, substep, c.gain, position, velocity, deflection, mean_friction, applied, drag
@@ -397,7 +413,7 @@ def _sample(
             coil -= back_emf_current(c.driver, (position - previous_position) / substep)
         gained = velocity - previous_velocity
         if is_limited:
-            gained -= jump
+            gained -= velocity_jump
         _drive_modes(responses, j, gained / substep, motion)
     s.position, s.velocity = position, velocity
     s.amplifier, s.coil = amplifier, coil
@@ -406,8 +422,8 @@ def _sample(
 
 
 @compiled
-def _swing(modes: Array, motion: Array) -> None:
-    """Let the modes swing freely over a sample."""
+def _free_motion(modes: Array, motion: Array) -> None:
+    """Advance the modes over a sample without excitation."""
     for i in range(len(motion)):
         mode = record(modes, MODE, i)
         q, rate = motion[i, 0], motion[i, 1]
@@ -417,7 +433,7 @@ def _swing(modes: Array, motion: Array) -> None:
 
 @compiled
 def _drive_modes(responses: Array, j: int, acceleration: float, motion: Array) -> None:
-    """Add what the modes do by the end of the sample for an acceleration [um/s^2] during its substep ``j``."""
+    """Add the response of the modes at the end of the sample to an acceleration [um/s^2] during substep ``j``."""
     for i in range(len(motion)):
         motion[i, 0] += responses[j, i, 0] * acceleration
         motion[i, 1] += responses[j, i, 1] * acceleration

@@ -1,13 +1,14 @@
 """
-Resonances of the head: series sections (3.19), (5.2)-(5.5) or parallel modes, and their exact discretization.
+Head resonances: series sections, thesis eqs. (3.19), (5.2)-(5.5), or parallel modes, and their exact discretization.
 
-The head's position follows the rigid body's net force f [V] through k/s^2 * prod R_i(s) (series) or through
-k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). Both become the same modal form,
+The transfer function from the net force f [V] on the rigid body to the head position is k/s^2 * prod R_i(s) (series),
+or k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). Both are converted to the same modal form,
 
     y = R0 x + R1 v + sum of (beta_i q_i' + gamma_i q_i),    q_i'' + 2 xi_i w_i q_i' + w_i^2 q_i = k f,
 
-with x and v of the rigid body, R0 the product of the sections at s = 0 and R1 its derivative there. For series sections
-R1 + sum beta_i = 0 (y'' is a bounded multiple of f), so that the head's velocity has no jump under a jump of f.
+where x and v are position and velocity of the rigid body, R0 is the product of the sections at s = 0 and R1 its
+derivative there. For series sections R1 + sum beta_i = 0 (y'' is a bounded multiple of f), so a step in f does not
+cause a step in the head velocity.
 """
 
 import itertools
@@ -36,20 +37,20 @@ MODE = layout(
     'half',
     'damped',
 )
-"""What the plant's kernel knows of a mode; see :func:`modal_arrays`."""
+"""Constants of one mode in the plant kernel; see :func:`modal_arrays`."""
 
 MODAL_ERROR = 1.0e-6
-"""Largest :func:`modal_error` of series sections that is accepted."""
+"""Largest accepted :func:`modal_error` of series sections."""
 
 
 @dataclass(frozen=True)
 class ResonanceParameters(ParameterSet):
     """
-    Resonances between the rigid body and the head; the default is (5.2)-(5.5).
+    Resonances between the rigid body and the head; the defaults are thesis eqs. (5.2)-(5.5).
 
-    ``form`` says which of the lists are read, so that a parameter file can change the form without emptying the lists
-    of another: ``sections`` reads numerators and denominators, ``two_parameter`` frequencies and damping ratios in
-    series (3.19), ``parallel`` frequencies, damping ratios and signed residues.
+    ``form`` selects the lists that are used. A parameter file can therefore change the form without emptying the lists
+    of another form: ``sections`` uses numerators and denominators, ``two_parameter`` uses frequencies and damping
+    ratios in series (eq. 3.19), ``parallel`` uses frequencies, damping ratios and signed residues.
 
     Notes
     -----
@@ -65,32 +66,40 @@ class ResonanceParameters(ParameterSet):
     (5000.0,)
     """
 
-    form: str = parameter('sections', 'how the resonances are given', choices=FORMS)
+    form: str = parameter('sections', 'form in which the resonances are given', choices=FORMS)
     numerators: tuple[float, ...] = parameter(
         (0.9321, 678.3, 1.184e9, 0.8249, 2251.0, 1.665e9, 0.0, 0.0, 2.431e9, 0.0, 0.0, 8.383e9),
-        'b2, b1, b0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), one after the other',
+        'numerator coefficients b2, b1, b0 of each section (b2 s^2 + b1 s + b0)/(a2 s^2 + a1 s + a0), concatenated',
         unit='1, 1/s, 1/s^2',
+        equation='5.2-5.5',
     )
     denominators: tuple[float, ...] = parameter(
         (1.0, 2053.0, 1.184e9, 1.0, 3276.0, 1.665e9, 1.0, 2703.0, 2.431e9, 1.0, 5655.0, 8.383e9),
-        'a2, a1, a0 of each section, one after the other',
+        'denominator coefficients a2, a1, a0 of each section, concatenated',
         unit='1, 1/s, 1/s^2',
+        equation='5.2-5.5',
     )
     frequencies: tuple[float, ...] = parameter((), 'natural frequency of each mode', unit='Hz', above=0.0)
-    damping_ratios: tuple[float, ...] = parameter((), 'damping ratio xi of each mode', above=0.0, maximum=0.999)
-    residues: tuple[float, ...] = parameter((), 'signed residue c of each parallel mode, the rigid body having 1')
+    damping_ratios: tuple[float, ...] = parameter(
+        (), 'damping ratio xi of each mode', above=0.0, maximum=0.999, equation='3.19'
+    )
+    residues: tuple[float, ...] = parameter(
+        (), 'signed residue c of each parallel mode, relative to the rigid body (1)'
+    )
 
     def check_together(self) -> None:
-        """Check the lists that the form reads: none empty, lengths, stability, poles that the modal form can part."""
+        """Check the lists of the selected form: not empty, equal lengths, stable sections, distinct poles."""
         if self.form == 'none':
             return
         first = 'numerators' if self.form == 'sections' else 'frequencies'
         if not getattr(self, first):
-            raise ParameterError(first, (), f'not empty with resonance form {self.form} (form none has no resonance)')
+            raise ParameterError(
+                first, (), f'a list that is not empty for resonance form {self.form} (form none has no resonance)'
+            )
         if self.form == 'sections':
             self._check_lengths('denominators', len(self.numerators), 'as numerators')
             if len(self.numerators) % 3:
-                raise ParameterError('numerators', self.numerators, 'three numbers b2, b1, b0 a section')
+                raise ParameterError('numerators', self.numerators, 'three numbers b2, b1, b0 per section')
             for i in range(0, len(self.denominators), 3):
                 a2, a1, a0 = self.denominators[i : i + 3]
                 stable = a2 > 0.0 and a1 > 0.0 and a0 > 0.0
@@ -98,7 +107,7 @@ class ResonanceParameters(ParameterSet):
                     raise ParameterError(
                         'denominators',
                         self.denominators,
-                        f'section {i // 3 + 1} needs a2, a1, a0 above 0 (stable) and a1^2 < 4 a2 a0 (a resonance)',
+                        f'a2, a1, a0 above 0 (stable) and a1^2 < 4 a2 a0 (underdamped) in section {i // 3 + 1}',
                     )
         else:
             self._check_lengths('damping_ratios', len(self.frequencies), 'as frequencies')
@@ -111,8 +120,8 @@ class ResonanceParameters(ParameterSet):
                 raise ParameterError(
                     name,
                     getattr(self, name),
-                    'series sections with distinct poles; with poles this close the sum of modes that the step runs is '
-                    f'off by {error:.1g} of the response, allowed is {MODAL_ERROR:g}',
+                    'series sections with distinct poles; with poles this close the modal form has a relative error of '
+                    f'{error:.1g}, above the limit of {MODAL_ERROR:g}',
                 )
 
     def _check_lengths(self, name: str, length: int, like: str) -> None:
@@ -123,7 +132,7 @@ class ResonanceParameters(ParameterSet):
 
 @dataclass(frozen=True)
 class Section:
-    """A series section (b2 s^2 + b1 s + b0)/(s^2 + a1 s + a0), underdamped; rad/s."""
+    """Underdamped series section (b2 s^2 + b1 s + b0)/(s^2 + a1 s + a0), with s in rad/s."""
 
     b2: float
     b1: float
@@ -134,7 +143,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode (beta s + gamma)/(s^2 + a1 s + a0) of the modal form; rad/s."""
+    """Mode (beta s + gamma)/(s^2 + a1 s + a0) of the modal form, with s in rad/s."""
 
     beta: float
     gamma: float
@@ -144,7 +153,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class ModalForm:
-    """The head over the rigid body: y = R0 x + R1 v + sum of the modes."""
+    """Modal form of the head position: y = R0 x + R1 v + sum of the modes."""
 
     r0: float
     r1: float
@@ -170,7 +179,7 @@ def sections_of(parameters: ResonanceParameters) -> list[Section]:
 
 
 def modal_form(parameters: ResonanceParameters) -> ModalForm:
-    """Return the modal form of any of the resonance forms."""
+    """Return the modal form of the resonances, whatever form they are given in."""
     if parameters.form == 'parallel':
         modes = []
         lists = zip(parameters.frequencies, parameters.damping_ratios, parameters.residues, strict=True)
@@ -204,7 +213,7 @@ def partial_fractions(sections: Sequence[Section]) -> ModalForm:
     return ModalForm(r0, r1, tuple(modes))
 
 
-# Complex numbers as pairs: the compiler of the interpreter may fuse the operations of ``complex``, and the bits would
+# Complex numbers as pairs: the interpreter's C compiler may fuse the operations of ``complex``, so the results would
 # depend on the processor.
 def _multiply(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
@@ -221,14 +230,14 @@ def _numerator(section: Section, s: tuple[float, float], square: tuple[float, fl
 
 def modal_error(sections: Sequence[Section]) -> float:
     """
-    Return by how much the modal form of series sections misses their product.
+    Return the relative error of the modal form of series sections with respect to their product.
 
-    The modes' residues grow without bound as poles approach each other, and cancel in the sum: what is left of it is
-    rounding. The error is the largest over frequencies from a tenth of the slowest section's to three times the
-    fastest's, those of the sections and between them, relative to the product or to the rigid body, whichever is larger
-    there; infinite for equal poles.
+    The residues of the modes grow without bound as poles approach each other, and cancel in the sum, which leaves
+    rounding errors. The result is the largest error over these frequencies: a tenth of the slowest section's, those of
+    the sections, the geometric means between neighbors, and three times the fastest section's. The error is relative
+    to the product or to the rigid body, whichever is larger at that frequency. It is infinite for equal poles.
     """
-    # This decides and enters no constant, so that the interpreter's complex numbers do.
+    # The interpreter's complex numbers are safe here: the result only accepts or rejects parameters.
     try:
         modal = partial_fractions(sections)
     except ZeroDivisionError:
@@ -271,15 +280,15 @@ def modal_arrays(
     modal: ModalForm, sample_time: float, substeps: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """
-    Return the modes for the plant's kernel.
+    Return the arrays of the modes for the plant kernel.
 
     Returns
     -------
     modes
-        Transition over the sample time, weights of q and q' in the head's position and velocity, decay rate [1/s] and
-        damped angular frequency [rad/s]: a row of the layout :data:`MODE` per mode.
+        Transition over the sample time, weights of q and q' in the head position and velocity, decay rate [1/s] and
+        damped angular frequency [rad/s]: one row in the layout :data:`MODE` per mode.
     responses
-        (q, q') at the end of the sample for a unit acceleration during one substep alone, of shape
+        (q, q') at the end of the sample for a unit acceleration during one substep only, with shape
         (substeps, modes, 2).
     """
     modes = np.zeros((len(modal.modes), size(MODE)))

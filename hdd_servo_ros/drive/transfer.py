@@ -1,9 +1,9 @@
 """
 Transfer functions and state-space matrices of the drive, as arrays and as ``scipy.signal`` systems.
 
-A transfer function is a pair (numerator, denominator) of coefficient arrays, highest power of s first; a state space
-is (A, B, C, D). :func:`system` makes a ``scipy.signal`` system of either. Friction is left out: this is the linear
-drive.
+A transfer function is a pair (numerator, denominator) of coefficient arrays, highest power of s first; a state-space
+model is (A, B, C, D). :func:`system` converts either to a ``scipy.signal`` system. The models are linear and do not
+include friction. Equation numbers are those of the thesis.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ StateSpace = tuple[Array, Array, Array, Array]
 
 
 def system(matrices: TransferFunction | StateSpace) -> signal.lti:
-    """Return a transfer function or a state space as a ``scipy.signal`` system."""
+    """Return a transfer function or a state-space model as a ``scipy.signal`` system."""
     if len(matrices) == 2:
         return signal.TransferFunction(*matrices)
     return signal.StateSpace(*matrices)
@@ -43,12 +43,12 @@ def product(*factors: TransferFunction) -> TransferFunction:
 
 
 def coil(parameters: ActuatorParameters) -> TransferFunction:
-    """Return I_m/(e - e_b) [A/V] of the coil (3.5): 1/(L_m s + R_m)."""
+    """Return the coil admittance I_m/(e - e_b) = 1/(L_m s + R_m) of eq. (3.5) [A/V]."""
     return np.ones(1), np.array([parameters.coil_inductance, parameters.coil_resistance])
 
 
 def coil_state_space(parameters: ActuatorParameters) -> StateSpace:
-    """Return the coil (3.5) with the state and output I_m [A] and the input e - e_b [V]; no state without L_m."""
+    """Return the coil of eq. (3.5) with state and output I_m [A] and input e - e_b [V]; no state if L_m is 0."""
     resistance, inductance = parameters.coil_resistance, parameters.coil_inductance
     if inductance == 0.0:
         return _gain(1.0 / resistance)
@@ -56,7 +56,7 @@ def coil_state_space(parameters: ActuatorParameters) -> StateSpace:
 
 
 def current_driven_exact(parameters: ActuatorParameters) -> TransferFunction:
-    """Return theta/I_s [rad/A] of the coil on a current source, exact (3.10)."""
+    """Return theta/I_s of the coil on a current source, exact, eq. (3.10) [rad/A]."""
     p = parameters
     scale = p.inertia / (p.torque_constant * p.source_resistance)
     denominator = [
@@ -70,13 +70,14 @@ def current_driven_exact(parameters: ActuatorParameters) -> TransferFunction:
 
 def current_driven_approximate(parameters: ActuatorParameters) -> TransferFunction:
     """
-    Return theta/I_s [rad/A] by (3.11), which holds for R_s much larger than R_m.
+    Return the approximation of theta/I_s for R_s much larger than R_m, eq. (3.11) [rad/A].
 
-    The exact denominator with (R_m + R_s)/R_s taken as 1: the gain at high frequency is off by R_m/R_s.
+    The denominator is the exact one with (R_m + R_s)/R_s replaced by 1. The gain at high frequency has a relative error
+    of R_m/R_s.
     """
     p = parameters
     total = p.coil_resistance + p.source_resistance
-    # k_b/R_m times the printed factors, multiplied out: k_b = 0 is a drive without back-EMF.
+    # k_b/R_m times the printed factors, multiplied out, so that k_b = 0 (no back-EMF) does not divide by zero.
     denominator = [
         p.coil_inductance * p.inertia / (p.torque_constant * total),
         p.inertia / p.torque_constant,
@@ -88,9 +89,10 @@ def current_driven_approximate(parameters: ActuatorParameters) -> TransferFuncti
 
 def current_driven_factored(parameters: ActuatorParameters) -> TransferFunction:
     """
-    Return theta/I_s [rad/A] by (3.12), which holds further for tau_e much smaller than tau_m.
+    Return the factored approximation of theta/I_s, eq. (3.12) [rad/A].
 
-    Numerator and denominator are k_b/R_m times the printed ones, so that k_b = 0 does not divide.
+    It requires R_s much larger than R_m and tau_e much smaller than tau_m. Numerator and denominator are the printed
+    ones times k_b/R_m, so that k_b = 0 does not divide by zero.
     """
     p = parameters
     total = p.coil_resistance + p.source_resistance
@@ -100,13 +102,13 @@ def current_driven_factored(parameters: ActuatorParameters) -> TransferFunction:
 
 
 def amplifier(parameters: ActuatorParameters) -> TransferFunction:
-    """Return I_s/u [A/V] (or e/u [V/V]) of the amplifier (3.14): k_a/(tau_a s + 1)."""
+    """Return the amplifier k_a/(tau_a s + 1) of eq. (3.14): I_s/u [A/V], or e/u [V/V] with a voltage driver."""
     denominator = np.trim_zeros(np.array([parameters.amplifier_time_constant, 1.0]), 'f')
     return np.array([parameters.amplifier_gain]), denominator
 
 
 def amplifier_state_space(parameters: ActuatorParameters) -> StateSpace:
-    """Return the amplifier (3.14) with its output, I_s [A] or e [V], as the state; no state with tau_a = 0."""
+    """Return the amplifier of eq. (3.14), whose state is its output I_s [A] or e [V]; no state if tau_a is 0."""
     gain, tau = parameters.amplifier_gain, parameters.amplifier_time_constant
     if tau == 0.0:
         return _gain(gain)
@@ -119,11 +121,12 @@ def _gain(value: float) -> StateSpace:
 
 def driven_actuator(parameters: ActuatorParameters, approximate: bool = False) -> TransferFunction:
     """
-    Return theta/u [rad/V] of the actuator with its driver's dynamics.
+    Return theta/u of the actuator, including the driver dynamics [rad/V].
 
-    A current driver gives (3.14) times (3.10), or (3.15), corrected to the product of its four factors, when
-    ``approximate``; a voltage driver the amplifier and (3.5), (3.6), (3.8); the others (3.16). All by the data in
-    ``parameters``, which a plant with the reduced driver does not read: it has its own ``gain``.
+    With a current driver the result is eq. (3.14) times eq. (3.10); with ``approximate`` it is eq. (3.15), corrected to
+    the product of its four factors. With a voltage driver it is the amplifier with eqs. (3.5), (3.6) and (3.8). The
+    other drivers give eq. (3.16). All values come from ``parameters``. A plant with the reduced driver ignores them and
+    uses its own ``gain``.
     """
     p = parameters
     if not p.is_electrical:
@@ -138,10 +141,10 @@ def driven_actuator(parameters: ActuatorParameters, approximate: bool = False) -
 
 def driven_actuator_state_space(parameters: ActuatorParameters) -> StateSpace:
     """
-    Return the state space of theta/u [rad/V] of :func:`driven_actuator`.
+    Return the state-space model of theta/u [rad/V]; see :func:`driven_actuator`.
 
-    States: amplifier b and coil c of :mod:`~hdd_servo_ros.drive.electrical` [V], as far as the driver has them and they
-    are not instant; theta [rad], theta' [rad/s].
+    States: amplifier b and coil c of :mod:`~hdd_servo_ros.drive.electrical` [V], each only if the driver has it and its
+    time constant is not 0; theta [rad]; theta' [rad/s].
     """
     radian = parameters.arm_length * parameters.units_per_meter
     a, b, driven = _driver(parameters, parameters.back_emf_resistance * radian, 2)
@@ -156,16 +159,16 @@ def driven_actuator_state_space(parameters: ActuatorParameters) -> StateSpace:
 
 def _driver(parameters: ActuatorParameters, back_emf: float, rest: int) -> tuple[Array, Array, Array]:
     """
-    Return A and B of a state space that begins with the driver's states, and its coil current by the states and u.
+    Return A and B of a state space that begins with the driver states, and the coil current as a row of (states, u).
 
     Parameters
     ----------
     parameters
-        The actuator.
+        Parameters of the actuator.
     back_emf
-        What the back-EMF takes from the coil's current, referred to the control, by the velocity [V per unit of it].
+        Back-EMF coefficient: decrease of the coil current, referred to the control signal, per velocity unit [V].
     rest
-        Number of further states; the second of them is the velocity.
+        Number of the remaining states; the second of them is the velocity.
     """
     electrical = parameters.is_electrical
     has_amplifier = electrical and parameters.amplifier_time_constant > 0.0
@@ -174,7 +177,7 @@ def _driver(parameters: ActuatorParameters, back_emf: float, rest: int) -> tuple
     velocity = n - rest + 1
     a = np.zeros((n, n))
     b = np.zeros((n, 1))
-    output = np.zeros(n + 1)  # by the states and u
+    output = np.zeros(n + 1)  # coefficients of the states and u
     if has_amplifier:
         a[0, 0] = -1.0 / parameters.amplifier_time_constant
         b[0, 0] = 1.0 / parameters.amplifier_time_constant
@@ -197,17 +200,21 @@ def _driver(parameters: ActuatorParameters, back_emf: float, rest: int) -> tuple
 
 def tracks(parameters: ActuatorParameters, tracks_per_inch: float) -> TransferFunction:
     """
-    Return y/u [tracks/V] of the reduced model (3.17): k_v k_y/s^2.
+    Return y/u = k_v k_y/s^2 of the reduced model, eq. (3.17) [tracks/V].
 
-    k_v follows from the actuator's data, as it does in a plant with the driver ``rigid``; with ``reduced`` the plant
-    has its own ``gain``.
+    k_v follows from the actuator data, as in a plant with the driver ``rigid``. A plant with the driver ``reduced``
+    uses its own ``gain`` instead.
     """
     k_y = parameters.position_gain(tracks_per_inch)
     return np.array([parameters.acceleration_constant * k_y]), np.array([1.0, 0.0, 0.0])
 
 
 def tracks_state_space(parameters: ActuatorParameters, tracks_per_inch: float) -> StateSpace:
-    """Return the state space (3.18) of (y [tracks], v [rad/s]), with y as the output; k_v as of :func:`tracks`."""
+    """
+    Return the state-space model of eq. (3.18) with states y [tracks] and v [rad/s], and output y.
+
+    See :func:`tracks` for k_v.
+    """
     k_y = parameters.position_gain(tracks_per_inch)
     a = np.array([[0.0, k_y], [0.0, 0.0]])
     b = np.array([[0.0], [parameters.acceleration_constant]])
@@ -215,7 +222,7 @@ def tracks_state_space(parameters: ActuatorParameters, tracks_per_inch: float) -
 
 
 def section(values: Section) -> TransferFunction:
-    """Return a resonance section, (3.19) or (5.2)-(5.5), as a transfer function."""
+    """Return a resonance section, eq. (3.19) or (5.2)-(5.5), as a transfer function."""
     return np.trim_zeros(np.array([values.b2, values.b1, values.b0]), 'f'), np.array([1.0, values.a1, values.a0])
 
 
@@ -228,10 +235,11 @@ def section_state_space(values: Section) -> StateSpace:
 
 def resonance(parameters: ResonanceParameters) -> TransferFunction:
     """
-    Return head over rigid body: the product of the sections, or 1 + s^2 times the sum of the parallel modes.
+    Return the transfer function from rigid body position to head position.
 
-    Its coefficients span many decades; for more than some eight modes use :func:`head_state_space` or
-    :func:`frequency_response`, which do not multiply them out.
+    It is the product of the sections, or 1 + s^2 times the sum of the parallel modes. Its coefficients span many
+    decades. For more than about eight modes use :func:`head_state_space` or :func:`frequency_response`, which do not
+    multiply the factors out.
     """
     if parameters.form != 'parallel':
         return product(*[section(values) for values in sections_of(parameters)])
@@ -251,9 +259,9 @@ def resonance(parameters: ResonanceParameters) -> TransferFunction:
 
 def resonance_state_space(parameters: ResonanceParameters) -> StateSpace:
     """
-    Return head over rigid body as a whole, in modal form: input and output a position [um].
+    Return the state-space model from rigid body position to head position [um], in modal form.
 
-    States: w^2 q and w q' of each mode with its natural frequency w, q driven by the rigid body's position.
+    States: w^2 q and w q' of each mode, where w is its natural frequency and q is driven by the rigid body position.
     """
     modal = modal_form(parameters)
     n = 2 * len(modal.modes)
@@ -279,7 +287,7 @@ def resonance_state_space(parameters: ResonanceParameters) -> StateSpace:
 
 
 def head(parameters: PlantParameters) -> TransferFunction:
-    """Return head position over control [um/V] of the drive without friction."""
+    """Return the transfer function from control voltage to head position, without friction [um/V]."""
     p = parameters.actuator
     if not p.is_electrical:
         rigid: TransferFunction = np.array([parameters.rigid_gain]), np.array([1.0, 0.0, 0.0])
@@ -291,15 +299,16 @@ def head(parameters: PlantParameters) -> TransferFunction:
 
 def head_state_space(parameters: PlantParameters) -> StateSpace:
     """
-    Return the state space of the drive without friction, in modal form.
+    Return the state-space model of the drive without friction, in modal form.
 
-    States: driver b, c as far as the driver has them and they are not instant, rigid body x, v, then q w and q' of each
-    mode with its natural frequency w. Outputs: head position [um] and head velocity [um/s]. Input: control [V].
+    States: driver b and c, each only if the driver has it and its time constant is not 0; x and v of the rigid body;
+    q w and q' of each mode, where w is its natural frequency. Outputs: head position [um] and head velocity [um/s].
+    Input: control voltage [V].
 
     Parameters
     ----------
     parameters
-        The drive; its friction is left out.
+        Parameters of the drive; the friction is ignored.
 
     Returns
     -------
@@ -346,19 +355,19 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
 
 def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) -> npt.NDArray[np.complex128]:
     """
-    Return head position over control [um/V] of the drive without friction at frequencies [Hz].
+    Return the frequency response from control voltage to head position, without friction [um/V].
 
     Parameters
     ----------
     parameters
-        The drive; its friction is left out.
+        Parameters of the drive; the friction is ignored.
     frequencies
-        [Hz], of any shape, above 0.
+        Frequencies above 0 [Hz], an array of any shape.
 
     Returns
     -------
     ndarray
-        Complex response [um/V], of the frequencies' shape.
+        Complex response [um/V], with the shape of ``frequencies``.
 
     Notes
     -----
@@ -366,7 +375,7 @@ def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) 
 
     Examples
     --------
-    The rigid body has 4.0968e7/(2 pi f)^2; at 100 Hz the resonances hardly matter:
+    The gain of the rigid body is 4.0968e7/(2 pi f)^2; at 100 Hz the resonances hardly matter:
 
     >>> from hdd_servo_ros.drive import PlantParameters, frequency_response
     >>> [f'{abs(value):.4g} um/V' for value in frequency_response(PlantParameters(), [100.0, 4000.0])]
@@ -395,28 +404,28 @@ def sampled_frequency_response(
     parameters: PlantParameters, sample_time: float, frequencies: npt.ArrayLike
 ) -> npt.NDArray[np.complex128]:
     """
-    Return head position over control [um/V] as a sampled system: control held over ``sample_time`` [s], friction none.
+    Return the frequency response of the sampled drive with a zero-order hold, without friction [um/V].
 
-    This is the exact response that the discrete drive has; it differs from :func:`frequency_response` by the hold and,
-    near half the sampling rate and beyond, by what is folded back.
+    This is the exact response of the discrete drive. It differs from :func:`frequency_response` by the hold and, near
+    half the sampling rate and above, by aliasing.
 
     Parameters
     ----------
     parameters
-        The drive; its friction is left out.
+        Parameters of the drive; the friction is ignored.
     sample_time
         T [s].
     frequencies
-        [Hz], of any shape, above 0.
+        Frequencies above 0 [Hz], an array of any shape.
 
     Returns
     -------
     ndarray
-        Complex response [um/V], of the frequencies' shape.
+        Complex response [um/V], with the shape of ``frequencies``.
 
     Notes
     -----
-    Source: the zero-order hold of :func:`head_state_space`, exact.
+    Source: exact zero-order hold discretization of :func:`head_state_space`.
 
     Examples
     --------

@@ -1,9 +1,9 @@
 """
-Travel limits of the drive: crash stops, off which the rigid body bounces.
+Travel limits of the drive: crash stops that the rigid body bounces off.
 
-A stop is an impact by Newton's law: at the instant of contact the velocity v turns into -e v, with the restitution e.
-The instant is found inside of the substep, so that the body is never beyond a stop and no step size is too large. A
-spring with damping would need its contact resolved, and a stiffness that nothing is known of.
+An impact on a stop follows Newton's law of restitution: at the instant of contact the velocity v becomes -e v, where e
+is the coefficient of restitution. The instant is located within the substep, so the body never passes a stop and any
+step size is valid. A spring-damper stop would have to be resolved in time, and its stiffness is unknown.
 """
 
 from dataclasses import dataclass
@@ -23,59 +23,61 @@ Array = npt.NDArray[np.float64]
 STOPS = ('lower', 'upper')
 
 TRAVEL = layout('is_limited', 'lower', 'upper', 'restitution')
-"""What the plant's kernel knows of the stops."""
+"""Constants of the crash stops in the plant kernel."""
 
 STOP_IMPACTS = layout('count', 'first_tick', 'largest_speed')
 IMPACTS = layout(*((name, STOP_IMPACTS) for name in STOPS))
-"""The impacts on each stop: how many, the tick by which the first one was, and the largest speed of impact [um/s]."""
+"""Impacts on each stop: their number, the tick by which the first one occurred, and the largest impact speed [um/s]."""
 
 _BISECTIONS = 52
-"""As many as bring the instant of contact within rounding of a substep."""
+"""Number of bisections that locate the instant of contact in a substep to rounding precision."""
 _INSTANT = 1e-9
-"""Part of a substep that is no time: the friction's steps divide by their length."""
+"""Fraction of a substep below which a duration counts as zero, because the friction steps divide by their length."""
 
 
 @dataclass(frozen=True)
 class TravelParameters(ParameterSet):
-    """Crash stops of the rigid body; with both limits 0, the default, there are none."""
+    """Crash stops of the rigid body; disabled if both limits are 0 (the default)."""
 
     lower: float = parameter(
-        0.0, 'position of the lower crash stop; there are no stops if both limits are 0', unit='um', read_only=True
+        0.0, 'position of the lower crash stop; the stops are disabled if both are 0', unit='um', read_only=True
     )
     upper: float = parameter(
-        0.0, 'position of the upper crash stop; there are no stops if both limits are 0', unit='um', read_only=True
+        0.0, 'position of the upper crash stop; the stops are disabled if both are 0', unit='um', read_only=True
     )
     restitution: float = parameter(
         0.4,
-        'fraction of its speed with which the body bounces off a stop; below 0.5 for stops of soft plastic',
+        'coefficient of restitution e of the crash stops: rebound speed over impact speed; below 0.5 for soft plastic',
         minimum=0.0,
         maximum=1.0,
     )
 
     @property
     def is_limited(self) -> bool:
-        """Whether there are stops."""
+        """Whether the crash stops are enabled."""
         return self.lower != 0.0 or self.upper != 0.0
 
     def check_together(self) -> None:
-        """Check that the lower stop is below the upper one; raises :class:`ParameterError`."""
+        """Check that the lower stop is below the upper stop; raise :class:`ParameterError` otherwise."""
         if self.is_limited and not self.lower < self.upper:
-            raise ParameterError('lower', self.lower, f'below the upper limit of {self.upper!r} um, or both 0')
+            raise ParameterError(
+                'lower', self.lower, f'a value below travel.upper, which is {self.upper!r} um, or both 0'
+            )
 
 
 @dataclass(frozen=True)
 class StopImpacts:
     """
-    The impacts on one stop.
+    Impacts on one crash stop.
 
     Attributes
     ----------
     count
-        How many there were so far.
+        Number of impacts so far.
     first_tick
-        The tick by which the first one was.
+        Tick by which the first impact occurred.
     largest_speed
-        Largest speed of impact [um/s].
+        Largest impact speed [um/s].
     """
 
     count: int
@@ -84,7 +86,7 @@ class StopImpacts:
 
 
 def travel_constants(parameters: TravelParameters) -> Array:
-    """Return the constants of the plant's kernel, of the layout :data:`TRAVEL`."""
+    """Return the crash-stop constants of the plant kernel, in the layout :data:`TRAVEL`."""
     constants = zeros(TRAVEL)
     c = record(constants, TRAVEL)
     c.is_limited = float(parameters.is_limited)
@@ -105,7 +107,7 @@ def _advance(
     applied: float,
     drag: float,
 ) -> tuple[float, float, float, float]:
-    """Advance the free body; one function, since it is called from several places."""
+    """Advance the free body; not inlined, because it is called five times."""
     return friction_substep(friction, nodes, time, gain, position, velocity, deflection, mean_friction, applied, drag)
 
 
@@ -126,23 +128,23 @@ def travel_substep(
     """
     Advance a rigid body with friction between stops by one substep.
 
-    Up to the contact and after it the body moves by the friction's own step. A bounce that would be back at the stop
-    within the substep is none: the body stays at rest there, and leaves in a later substep whose force pulls it away.
-    The contact of the friction keeps its deflection in an impact.
+    Before and after the impact the body moves by the friction step. If a bounce would return to the stop within the
+    substep, the body stays at rest on the stop instead, and leaves it in a later substep when the force pulls it away.
+    The friction contact keeps its deflection during an impact.
 
     Parameters
     ----------
     travel
-        Record of :data:`TRAVEL`, with stops.
+        Record with the layout :data:`TRAVEL`, with the stops enabled.
     friction, nodes, substep, gain, position, velocity, deflection, mean_friction, applied, drag
-        As of :func:`~hdd_servo_ros.drive.friction.dispatch.friction_substep`.
+        See :func:`~hdd_servo_ros.drive.friction.dispatch.friction_substep`.
 
     Returns
     -------
     tuple
-        Position [um], velocity [um/s] and deflection [um] at the end, mean friction [V]; time of the contact after the
-        start [s]; the change of velocity that the stop makes then [um/s], 0 without contact; and the speed of impact
-        with the sign of the stop [um/s], 0 for a body at rest on it.
+        Position [um], velocity [um/s] and deflection [um] at the end; mean friction [V]; time of the impact after the
+        start [s]; velocity change caused by the stop [um/s], 0 without contact; impact speed with the sign of the stop
+        [um/s], 0 for a body at rest on it.
     """
     end, end_velocity, end_deflection, end_friction = _advance(
         friction, nodes, substep, gain, position, velocity, deflection, mean_friction, applied, drag
@@ -158,7 +160,7 @@ def travel_substep(
         reaches = (position + substep * velocity - limit) * side > 0.0
         if not reaches or end_velocity * side >= 0.0:
             return end, end_velocity, end_deflection, end_friction, 0.0, 0.0, 0.0
-        # It turns round within the substep, perhaps beyond the stop: look where it turns.
+        # The body reverses within the substep, perhaps beyond the stop: find the turning point.
         early = 0.0
         for _ in range(_BISECTIONS):
             middle = 0.5 * (early + late)
@@ -192,21 +194,21 @@ def travel_substep(
     leaving = -travel.restitution * speed * side
     left = substep - contact
     if leaving != 0.0:
-        # What the friction is after the impact predicts what it will be.
+        # The friction just after the impact is the prediction for the rest of the substep.
         mean_friction = friction_force(friction, nodes, limit, leaving, deflection, mean_friction)
         if left <= _INSTANT * substep:
             return limit, leaving, deflection, mean_friction, contact, leaving - arriving, speed * side
         x, v, z, f = _advance(friction, nodes, left, gain, limit, leaving, deflection, mean_friction, applied, drag)
         if (x - limit) * side < 0.0 and travel.lower <= x <= travel.upper:
             return x, v, z, f, contact, leaving - arriving, speed * side
-    # A static friction balances what it can of the force, the stop the rest.
+    # Static friction balances the applied force up to its limit; the stop carries the rest.
     mean_friction = friction_force(friction, nodes, limit, 0.0, deflection, applied)
     return limit, 0.0, deflection, mean_friction, contact, -arriving, speed * side
 
 
 @compiled_apart
 def count_impact(impacts: np.record, tick: int, speed: float) -> None:
-    """Count an impact by ``tick`` on the stop whose sign its speed [um/s] has."""
+    """Count an impact by ``tick``; the sign of ``speed`` [um/s] selects the stop."""
     if speed > 0.0:
         stop = impacts.upper
     else:
@@ -218,8 +220,8 @@ def count_impact(impacts: np.record, tick: int, speed: float) -> None:
 
 
 @compiled_apart
-def strike_modes(modes: Array, time: float, change: float, motion: Array) -> None:
-    """Add what the modes do ``time`` [s] after a sudden change of the body's velocity [um/s]."""
+def excite_modes(modes: Array, time: float, change: float, motion: Array) -> None:
+    """Add the response of the modes ``time`` [s] after a velocity step ``change`` of the rigid body [um/s]."""
     for i in range(len(motion)):
         mode = record(modes, MODE, i)
         decay = exp(-mode.half * time)

@@ -65,13 +65,13 @@ def test_other_csvs(tmp_path, text):
     [
         ('', 'no row of numbers'),
         ('frequency [Hz],magnitude\n1,2\n', "no column 'phase'"),
-        ('frequency [min],magnitude,phase\n1,2,3\n', "unit of frequency is 'min'"),
-        ('1,2,3\n2,x,3\n', "line 2: magnitude is 'x'"),
-        ('1,2,3\n2,1\n', "line 2: phase is ''"),
-        ('1,2,3\n# again\n1,2,3\n', 'line 3: frequency 1 is that of line 1 already'),
-        ('2,2,3\n0,2,3\n', 'line 2: frequency is 0, not above 0'),
-        ('1,-20,3\n', 'line 1: magnitude is -20, not above 0; a magnitude in dB needs the unit [dB]'),
-        ('1;0,5;3\n', "line 1: magnitude is '0,5'"),
+        ('frequency [min],magnitude,phase\n1,2,3\n', "invalid unit of frequency: 'min'"),
+        ('1,2,3\n2,x,3\n', "line 2: invalid magnitude: 'x'"),
+        ('1,2,3\n2,1\n', "line 2: invalid phase: ''"),
+        ('1,2,3\n# again\n1,2,3\n', 'line 3: duplicate frequency 1, already in line 1'),
+        ('2,2,3\n0,2,3\n', 'line 2: invalid frequency: 0; expected above 0'),
+        ('1,-20,3\n', 'line 1: invalid magnitude: -20; expected above 0; a magnitude in dB needs the unit [dB]'),
+        ('1;0,5;3\n', "line 1: invalid magnitude: '0,5'"),
     ],
 )
 def test_a_bad_csv_is_rejected_by_name(tmp_path, text, message):
@@ -105,7 +105,7 @@ def test_the_unit_of_the_response_is_kept(tmp_path, title, unit):
 def test_what_is_no_text_is_rejected_by_name(tmp_path):
     path = tmp_path / 'bad.csv'
     path.write_bytes(b'frequency,\xbf\n')
-    with pytest.raises(ValueError, match=r'bad\.csv is no CSV file'):
+    with pytest.raises(ValueError, match=r'bad\.csv is not a CSV file'):
         read_csv(path)
 
 

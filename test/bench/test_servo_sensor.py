@@ -134,10 +134,10 @@ def test_other_parameters_go_on_from_the_held_values():
     [
         ({'track_pitch': 0.0}, r'track_pitch: 0\.0; expected .*above 0'),
         ({'nonlinearity': 16.0}, r'nonlinearity: 16\.0;'),
-        ({'missing': {'sectors': (1,)}}, r'missing\.sectors: \(1,\); expected empty with sectors = 0'),
+        ({'missing': {'sectors': (1,)}}, r'missing\.sectors: \(1,\); expected an empty list, because sectors = 0'),
         (
             {'sectors': 4, 'missing': {'sectors': (1, 4)}},
-            r'missing\.sectors: \(1, 4\); expected below sectors, .* 4',
+            r'missing\.sectors: \(1, 4\); expected numbers below sectors, .* 4',
         ),
         ({'sectors': 2, 'missing': {'sectors': (0, 1)}}, r'missing\.sectors: \(0, 1\); expected fewer than all 2'),
     ],

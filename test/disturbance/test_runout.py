@@ -114,7 +114,7 @@ def test_a_sequence_from_a_file(tmp_path):
         'spindle.sectors': 84,
     }
     assert track_center(99206e-9, values, 168).tolist() == [*sequence, *sequence]
-    with pytest.raises(ParameterError, match='a row for each of the 220 sectors; it has 84'):
+    with pytest.raises(ParameterError, match='220 rows, one per sector; it has 84'):
         generator(37879e-9, {**values, 'spindle.sectors': 220})
     # Read once: a change during a run needs no file.
     block = generator(99206e-9, values)
@@ -132,8 +132,8 @@ def test_a_sequence_from_a_file(tmp_path):
             r'spindle\.sectors: 0; expected runout\.repeatable\.sequence = ran',
         ),
         ({'runout.repeatable.sequence': 'file'}, r'sequence_file'),
-        ({'runout.repeatable.amplitudes': (1.0,)}, 'as many elements as orders, which has 3'),
-        ({'runout.repeatable.phases': (1.0,)}, 'empty, or as many elements as orders, which has 3'),
+        ({'runout.repeatable.amplitudes': (1.0,)}, '3 elements, as many as orders'),
+        ({'runout.repeatable.phases': (1.0,)}, 'an empty list or 3 elements, as many as orders'),
         ({'runout.repeatable.orders': (0, 1, 2)}, 'at least 1'),
     ],
 )

@@ -79,5 +79,7 @@ def test_a_single_shock_is_not_repeated():
 
 
 def test_pulses_that_overlap_are_rejected():
-    with pytest.raises(ParameterError, match=r'shock\.period: 0\.001; expected 0, or at least the duration of 0\.002'):
+    with pytest.raises(
+        ParameterError, match=r'shock\.period: 0\.001; expected 0, or at least duration, which is 0\.002'
+    ):
         from_mapping(DisturbanceParameters, {'shock.period': 1e-3})

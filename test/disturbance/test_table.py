@@ -35,14 +35,14 @@ def test_a_recording_is_read(tmp_path, text):
         ('', 'at least 2 rows of numbers; it has 0'),
         ('time,a\n', 'at least 2 rows of numbers; it has 0'),
         ('time,a\n0,1\n', 'at least 2 rows of numbers; it has 1'),
-        ('0,1\n1,nan\n', "finite numbers; line 2 holds '1,nan'"),
-        ('0,1\ninf,2\n', "finite numbers; line 2 holds 'inf,2'"),
-        ('0,1\n1\n', "finite numbers; line 2 holds '1'"),
-        ('0,1\n1,two\n', "finite numbers; line 2 holds '1,two'"),
-        ('time,a\n0,1\ntime,a\n', "finite numbers; line 3 holds 'time,a'"),
-        ('0 1\n1 2\n', "finite numbers; line 2 holds '1 2'"),
-        ('0,1\n1,2\n1,3\n', 'times ascend; row 3 has 1.0 s after 1.0 s'),
-        ('0,1\n1,2\n0.5,3\n', 'times ascend; row 3 has 0.5 s after 1.0 s'),
+        ('0,1\n1,nan\n', "finite numbers; line 2 is '1,nan'"),
+        ('0,1\ninf,2\n', "finite numbers; line 2 is 'inf,2'"),
+        ('0,1\n1\n', "finite numbers; line 2 is '1'"),
+        ('0,1\n1,two\n', "finite numbers; line 2 is '1,two'"),
+        ('time,a\n0,1\ntime,a\n', "finite numbers; line 3 is 'time,a'"),
+        ('0 1\n1 2\n', "finite numbers; line 2 is '1 2'"),
+        ('0,1\n1,2\n1,3\n', 'increasing times; row 3 has 1.0 s after 1.0 s'),
+        ('0,1\n1,2\n0.5,3\n', 'increasing times; row 3 has 0.5 s after 1.0 s'),
     ],
 )
 def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
@@ -60,7 +60,7 @@ def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
 def test_what_is_no_text_file_is_rejected(tmp_path):
     with pytest.raises(ParameterError, match='No such file'):
         read_table('file', str(tmp_path / 'nothing.csv'), ['x'], 1)
-    with pytest.raises(ParameterError, match=r'a CSV file of x: .*directory'):
+    with pytest.raises(ParameterError, match=r'a CSV file with x: .*directory'):
         read_table('file', str(tmp_path), ['x'], 1)
     binary = tmp_path / 'binary.csv'
     binary.write_bytes(b'\xff\xfe\x00\x81')

@@ -117,10 +117,10 @@ def test_a_recording(recording):
     ('sample_time', 'values', 'reason'),
     [
         (1e-4, {'high': 5000.0}, r'vibration\.rotational\.high: 5000\.0; expected below half .*, 5000 Hz'),
-        (1e-3, {}, r'vibration\.rotational\.high: 500\.0; expected below half the sampling frequency, 500 Hz'),
+        (1e-3, {}, r'vibration\.rotational\.high: 500\.0; expected below half the sampling rate, 500 Hz'),
         (1e-4, {'kind': 'sine', 'frequency': 6000.0}, r'frequency: 6000\.0; expected below half'),
         (1e-4, {'kind': 'swept_sine', 'end_frequency': 6000.0}, r'end_frequency: 6000\.0; expected below half'),
-        (1e-4, {'low': 500.0}, r'low: 500\.0; expected below high = 500\.0 Hz'),
+        (1e-4, {'low': 500.0}, r'low: 500\.0; expected below high, which is 500\.0'),
         (1e-4, {'low': 1e-3}, r'low: 0\.001; expected 0, or at least 0\.1 Hz with sample_time = 0\.0001 s'),
         (1e-4, {'low': 0.0, 'high': 1e-3}, r'high: 0\.001; expected at least 0\.1 Hz'),
         (1e-4, {'kind': 'recording'}, r"recording: ''; expected the path of a CSV file"),

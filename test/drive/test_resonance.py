@@ -119,14 +119,14 @@ def test_parallel_form_is_the_sum_of_its_modes() -> None:
 @pytest.mark.parametrize(
     ('values', 'name', 'allowed'),
     [
-        ({'numerators': ()}, 'numerators', 'not empty with resonance form sections'),
-        ({'form': 'two_parameter'}, 'frequencies', 'not empty with resonance form two_parameter'),
+        ({'numerators': ()}, 'numerators', 'a list that is not empty for resonance form sections'),
+        ({'form': 'two_parameter'}, 'frequencies', 'a list that is not empty for resonance form two_parameter'),
         ({'form': 'parallel'}, 'frequencies', 'form none has no resonance'),
         ({'numerators': (1.0, 2.0, 3.0)}, 'denominators', 'a list of 3 numbers'),
         ({'numerators': (1.0,) * 4, 'denominators': (1.0,) * 4}, 'numerators', 'three numbers'),
         ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, -0.1, 1.0)}, 'denominators', 'section 1'),
         ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, 0.1, -1.0)}, 'denominators', 'stable'),
-        ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, 3.0, 1.0)}, 'denominators', 'a resonance'),
+        ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, 3.0, 1.0)}, 'denominators', 'underdamped'),
         ({'numerators': (0.0, 0.0, 1.0) * 2, 'denominators': (1.0, 0.1, 1.0) * 2}, 'denominators', 'distinct poles'),
         ({'numerators': (0.0, 0.0, math.nan), 'denominators': (1.0, 0.1, 1.0)}, 'numerators', 'finite'),
         ({'form': 'two_parameter', 'frequencies': (1.0e3,)}, 'damping_ratios', 'a list of 1 numbers'),

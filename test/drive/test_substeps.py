@@ -1,4 +1,4 @@
-"""A contact that the substeps do not resolve is told, and resolved with `substeps: 0`."""
+"""A contact that the substeps do not resolve is warnings, and resolved with `substeps: 0`."""
 
 import math
 from dataclasses import replace
@@ -44,15 +44,15 @@ def test_no_substeps_choose_enough(model, stiffness):
     assert np.abs(positions(chosen) - exact).max() <= 0.05 * np.abs(exact).max()
 
 
-def test_what_is_not_told_is_resolved_and_what_is_wrong_by_a_tenth_is_told():
+def test_what_is_not_warnings_is_resolved_and_what_is_wrong_by_a_tenth_is_warnings():
     for model in ('lugre', 'lugre_position'):
         for stiffness in STIFFNESSES:
             given = drive(model, stiffness, 4)
             exact = positions(drive(model, stiffness, 1024))
             error = np.abs(positions(given) - exact).max() / np.abs(exact).max()
-            is_told = bool(Plant(given, T).warnings())
-            assert is_told == (angle(given) > LARGEST_ANGLE)
-            assert is_told == (error > 0.1), (model, stiffness, error)
+            is_warnings = bool(Plant(given, T).warnings())
+            assert is_warnings == (angle(given) > LARGEST_ANGLE)
+            assert is_warnings == (error > 0.1), (model, stiffness, error)
 
 
 @pytest.mark.parametrize('model', [model for model in MODELS if model not in (*MODELS_WITH_CONTACT, 'rbf_network')])
@@ -115,9 +115,9 @@ def test_simulate_warns_before_the_run(capsys):
     given = ('record:=false', 'duration:=0.01', 'controller:=open_loop', 'friction.stiffness:=216.8')
     words = [word for argument in given for word in ('-p', argument)]
     assert simulate(['--ros-args', *words]) == 0
-    told = [line for line in capsys.readouterr().err.splitlines() if 'contact not resolved' in line]
-    assert len(told) == 1
-    assert 'sqrt(gain friction.stiffness) = 1.5e+04 Hz turns by 2.36 rad in a substep, above 0.3' in told[0]
-    assert 'give substeps = 315, or 0, which chooses them' in told[0]
+    warnings = [line for line in capsys.readouterr().err.splitlines() if 'contact not resolved' in line]
+    assert len(warnings) == 1
+    assert 'sqrt(gain * friction.stiffness) = 1.5e+04 Hz turns by 2.36 rad per substep (limit 0.3)' in warnings[0]
+    assert 'set substeps to 315, or to 0 for an automatic choice' in warnings[0]
     assert simulate(['--ros-args', *words, '-p', 'substeps:=0']) == 0
     assert 'contact not resolved' not in capsys.readouterr().err

@@ -110,7 +110,7 @@ def test_what_does_not_go_with_the_sample_time_is_rejected(bench, name):
     high = ('-p', 'disturbance_generator:vibration.rotational.high:=5000.0')
     process = bench.start(name, *DURATION, *on, *high, '-p', 'run_dir:=run')
     assert process.wait() in (1, 2)
-    assert 'vibration.rotational.high: 5000.0; expected below half the sampling frequency, 5000 Hz' in process.output
+    assert 'vibration.rotational.high: 5000.0; expected below half the sampling rate, 5000 Hz' in process.output
     entry = "schedule:=['0.05 disturbance_generator vibration.rotational.high 6000.0']"
     process = bench.start(name, *DURATION, *on, '-p', entry, '-p', 'run_dir:=other')
     assert process.wait() in (1, 2)
@@ -141,7 +141,7 @@ def test_a_live_change_is_rejected_or_takes_effect_and_is_replayed(bench, outsid
     assert statuses[name].message == 'enabled: vibration.rotational'
     rejected = change('vibration.rotational.high', 6000.0)
     assert not rejected.successful
-    assert 'below half the sampling frequency, 5000 Hz' in rejected.reason
+    assert 'below half the sampling rate, 5000 Hz' in rejected.reason
     assert change('vibration.rotational.rms', 30.0).successful
     outside.spin_for(1.0)
     process.signal(2)

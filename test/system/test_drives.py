@@ -72,7 +72,7 @@ def test_every_friction_model_runs_in_the_loop_by_a_parameter(model):
         (
             'resonance.denominators:=[1.0, -3.0, 1e9, 1.0, 1.0, 1e9, 1.0, 1.0, 2e9, 1.0, 1.0, 8e9]',
             'resonance.denominators',
-            'section 1 needs a2, a1, a0 above 0',
+            'a2, a1, a0 above 0 (stable)',
         ),
         ('resonance.denominators:=[1.0, 3.0]', 'resonance.denominators', 'a list of 12 numbers'),
         ('resonance.form:=parallel', 'resonance.frequencies', 'form none has no resonance'),

@@ -1,4 +1,4 @@
-"""Friction of every model over arrays: in steady sliding, and along a given motion."""
+"""Friction of any model as arrays: in steady sliding and along a given motion."""
 
 import math
 
@@ -17,24 +17,24 @@ def friction_curve(
     parameters: FrictionParameters, velocity: npt.ArrayLike, position: npt.ArrayLike = 0.0
 ) -> npt.NDArray[np.float64]:
     """
-    Return the friction of steady sliding.
+    Return the steady-state friction in sliding.
 
-    A dynamic model gives what it settles to: the LuGre model g(v) sgn v + sigma_2 v, Dahl's f_c sgn v, a tangential
-    stiffness its breakaway level. At rest the result is 0, the middle of the possible values.
+    A dynamic model gives its steady state: g(v) sgn v + sigma_2 v for the LuGre model, f_c sgn v for the Dahl model,
+    the breakaway force for a tangential stiffness. At rest the result is 0, the middle of the possible values.
 
     Parameters
     ----------
     parameters
-        The model.
+        Parameters of the friction model.
     velocity
-        v [um/s], of any shape.
+        Velocity v [um/s], an array of any shape.
     position
-        x [um], for the models that depend on it; broadcast against the velocity.
+        Position x [um], for the models that depend on it; broadcast against the velocity.
 
     Returns
     -------
     ndarray
-        Friction [V], of the broadcast shape.
+        Friction [V], with the broadcast shape.
 
     Notes
     -----
@@ -62,32 +62,33 @@ def friction_along(
     velocity: npt.ArrayLike | None = None,
 ) -> npt.NDArray[np.float64]:
     """
-    Return the friction along a given motion, from an undeflected contact at its first sample.
+    Return the friction along a given motion, starting from an undeflected contact at the first sample.
 
-    Between two samples the contact follows the motion at constant velocity, exactly (Dahl, LuGre, elastoplastic). The
-    friction at a sample is that of its own velocity: the one given, or the mean of the velocities of the intervals on
-    both sides (extrapolated at the last sample), so that the whole is of second order in the sample time.
+    Between two samples the solution is exact for constant velocity (Dahl, LuGre, elastoplastic). The friction at a
+    sample uses the velocity at that sample: the given velocity, or the mean of the velocities in the two adjacent
+    intervals (extrapolated at the last sample). The result is therefore of second order in the sample time.
 
     Parameters
     ----------
     parameters
-        The model.
+        Parameters of the friction model.
     position
-        x at equidistant times [um], one-dimensional, at least one sample.
+        Position x at equidistant times [um]; one-dimensional, at least one sample.
     sample_time
         Time between the samples [s].
     velocity
-        v at the samples [um/s], if it was measured too; of the positions' length.
+        Measured velocity v at the samples [um/s], optional; same length as ``position``.
 
     Returns
     -------
     ndarray
-        Friction [V] at each sample; 0 at the first.
+        Friction at each sample [V]; 0 at the first sample.
 
     Raises
     ------
     ValueError
-        If the sample time is not positive and finite, or an array is not one-dimensional, of equal length and finite.
+        If the sample time is not positive and finite, or the arrays are not one-dimensional and finite with equal
+        lengths.
 
     Notes
     -----
@@ -95,7 +96,7 @@ def friction_along(
 
     Examples
     --------
-    Presliding: the friction follows the position like a spring, and lags behind it on the way back.
+    Presliding: the friction follows the position like a spring, with hysteresis on the return path.
 
     >>> import numpy as np
     >>> from hdd_servo_ros.drive import FrictionParameters, friction_along
@@ -105,7 +106,7 @@ def friction_along(
     """
     positions = checked_samples('position', position)
     if not 0.0 < sample_time < math.inf:
-        raise ValueError(f'sample_time: {sample_time!r}; expected above 0 and finite [s]')
+        raise ValueError(f'invalid sample_time: {sample_time!r}; expected a finite number above 0 [s]')
     if velocity is None:
         velocities = _centered_velocity(positions, sample_time)
     else:
@@ -123,15 +124,15 @@ def checked_samples(name: str, values: npt.ArrayLike, size: int | None = None) -
     Raises
     ------
     ValueError
-        If they are not a one-dimensional array of finite numbers, of ``size`` if that is given, or there are none.
+        If the array is empty or not one-dimensional, has non-finite samples, or does not have ``size`` samples.
     """
     array = np.ascontiguousarray(values, dtype=np.float64)
     if np.ndim(values) != 1 or array.size == 0:
-        raise ValueError(f'{name} has the shape {np.shape(values)}: a one-dimensional array of samples is needed')
+        raise ValueError(f'{name} has the shape {np.shape(values)}; expected a non-empty one-dimensional array')
     if size is not None and array.size != size:
-        raise ValueError(f'{name} has {array.size} samples: {size} are needed, as many as of the others')
+        raise ValueError(f'{name} has {array.size} samples; expected {size}, as many as the other arrays')
     if not np.isfinite(array).all():
-        raise ValueError(f'{name} has samples that are not finite, the first at {np.argmin(np.isfinite(array))}')
+        raise ValueError(f'{name} has samples that are not finite, the first at index {np.argmin(np.isfinite(array))}')
     return array
 
 

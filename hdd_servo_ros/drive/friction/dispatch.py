@@ -1,10 +1,10 @@
 """
-The friction models as one: the only file that knows all families.
+Dispatch to the friction models; the only module that depends on all model families.
 
-A family has a step of its own for a rigid body (LuGre, Dahl, elastoplastic, network, static). All of them share two
-numbers between steps: the deflection of the contact, and the mean friction of the last substep, which predicts the next
-one and holds a static model at rest. ``friction`` is a record of
-:data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`, ``nodes`` are those of the network.
+Each family (LuGre, Dahl, elastoplastic, network, static) has its own integration step for a rigid body. All families
+keep the same two states between steps: the deflection of the contact, and the mean friction of the last substep. The
+latter predicts the next mean friction and holds a static model at rest. ``friction`` is a record with the layout
+:data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`; ``nodes`` are the nodes of the network.
 """
 
 import math
@@ -30,7 +30,7 @@ ELASTOPLASTIC = (FrictionModel.TANGENTIAL_STIFFNESS, FrictionModel.COMPLETE)
 def friction_force(
     friction: np.record, nodes: Array, position: float, velocity: float, deflection: float, mean_friction: float
 ) -> float:
-    """Return the friction [V] at a state of the rigid body and its contact."""
+    """Return the friction for a state of the rigid body and its contact [V]."""
     model = int(friction.model)
     if model in LUGRE:
         return lugre_friction(friction, position, velocity, deflection)
@@ -60,25 +60,26 @@ def friction_substep(
     drag: float,
 ) -> tuple[float, float, float, float]:
     """
-    Advance a rigid body with friction by one substep, by the friction's own scheme.
+    Advance a rigid body with friction by one substep, with the scheme of the friction family.
 
     Parameters
     ----------
     friction, nodes
-        The model.
+        Friction constants and network nodes.
     substep, gain
-        D [s] and 1/m of (4.1) [um/s^2/V].
+        Length D of the substep [s], and 1/m of eq. (4.1) [um/s^2/V].
     position, velocity, deflection, mean_friction
-        x [um], v [um/s] and the contact's z [um] at the start, mean friction of the substep before [V].
+        Position x [um], velocity v [um/s] and contact deflection z [um] at the start; mean friction of the previous
+        substep [V].
     applied
-        Mean of the applied force over the substep, without friction [V].
+        Mean applied force over the substep, without friction [V].
     drag
-        Resistance of the actuator (back-EMF) [V s/um], beside the friction.
+        Viscous damping of the actuator (back-EMF), in addition to the friction [V s/um].
 
     Returns
     -------
     tuple
-        Position [um], velocity [um/s] and deflection [um] at the end, mean friction [V].
+        Position [um], velocity [um/s] and deflection [um] at the end; mean friction [V].
     """
     model = int(friction.model)
     if model in LUGRE:
@@ -107,7 +108,7 @@ def friction_substep(
 
 @compiled
 def deflection_limit(friction: np.record, velocity: float) -> float:
-    """Return the largest deflection [um] that the contact bears at a velocity [um/s]."""
+    """Return the largest deflection of the contact at a velocity [um/s], in um."""
     model = int(friction.model)
     limit: float = friction.bristle_limit
     if model == FrictionModel.DAHL:
@@ -121,9 +122,10 @@ def contact_after_change(
     friction: np.record, is_same_model: bool, velocity: float, deflection: float, mean_friction: float
 ) -> tuple[float, float]:
     """
-    Return deflection [um] and mean friction [V] with which a contact goes on under other parameters.
+    Return deflection [um] and mean friction [V] of a contact after a parameter change.
 
-    It keeps its deflection, up to what it now bears, but starts undeflected when the model was another.
+    The contact keeps its deflection, limited to the largest that the new parameters allow. It restarts undeflected when
+    the friction model changes.
     """
     if not is_same_model:
         return 0.0, 0.0
@@ -133,7 +135,7 @@ def contact_after_change(
 
 @compiled
 def steady_friction(friction: np.record, nodes: Array, position: float, velocity: float) -> float:
-    """Return the friction [V] of steady sliding; 0 at rest, the middle of the possible values."""
+    """Return the friction in steady sliding [V]; at rest 0, the middle of the possible values."""
     model = int(friction.model)
     if model == FrictionModel.RBF_NETWORK:
         return network_friction(friction, nodes, position, velocity)
@@ -168,15 +170,15 @@ def friction_after_motion(
     Parameters
     ----------
     friction, nodes
-        The model.
+        Friction constants and network nodes.
     time
-        Duration of the motion [s], at a constant velocity.
+        Duration of the motion at constant velocity [s].
     start, end
-        x at its ends [um].
+        Position x at the start and at the end [um].
     velocity
-        v at its end [um/s].
+        Velocity v at the end [um/s].
     deflection, force
-        Deflection [um] and friction [V] before it.
+        Deflection [um] and friction [V] before the motion.
     """
     model = int(friction.model)
     stiffness: float = friction.stiffness

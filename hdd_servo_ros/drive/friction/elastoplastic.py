@@ -1,9 +1,10 @@
 """
-Presliding as a spring: tangential stiffness (2.2) and the complete model (2.13).
+Elastoplastic friction: tangential stiffness, thesis eq. (2.2), and the complete model, eq. (2.13).
 
-Both are printed with delta(v), which is zero whenever the body moves and so contradicts a spring of presliding. Here
-the contact is a spring f_t z that carries the body until its force reaches the level of sliding, and slides on at that
-level: f_s for (2.2); f_c + f_r sqrt|v|, with f_v v + f_d v|v| beside it, for (2.13), which it then is to the letter.
+The thesis prints both with delta(v), which is zero whenever the body moves and so contradicts a presliding spring. Here
+the contact is a spring f_t z that carries the body until its force reaches the sliding friction, and then slips at that
+force. The sliding friction is f_s for eq. (2.2). For eq. (2.13) it is f_c + f_r ``sqrt|v|``, in addition to
+f_v v + f_d v ``|v|``; in sliding the model then equals eq. (2.13) exactly.
 """
 
 import math
@@ -17,7 +18,7 @@ from hdd_servo_ros.numerics.compiled import compiled
 
 @compiled
 def slip_terms(friction: np.record, speed: float) -> tuple[float, float]:
-    """Return the level [V] at which the contact slips at a speed |v| [um/s], and its resistance [V s/um]."""
+    """Return the slip force of the contact [V] and its viscous damping [V s/um] at a speed ``|v|`` [um/s]."""
     if int(friction.model) == FrictionModel.TANGENTIAL_STIFFNESS:
         return friction.static_level, 0.0
     return sliding_terms(friction, speed)
@@ -25,7 +26,7 @@ def slip_terms(friction: np.record, speed: float) -> tuple[float, float]:
 
 @compiled
 def elastoplastic_friction(friction: np.record, velocity: float, deflection: float) -> float:
-    """Return the friction [V] at a velocity [um/s] and a deflection z [um] of the contact."""
+    """Return the friction at a velocity [um/s] and a contact deflection z [um], in V."""
     _, resistance = slip_terms(friction, abs(velocity))
     stiffness: float = friction.stiffness
     return stiffness * deflection + resistance * velocity
@@ -45,11 +46,11 @@ def elastoplastic_substep(
     """
     Advance a rigid body on an elastoplastic contact by one substep, by the implicit midpoint rule.
 
-    Whether the contact carries or slips, the work of the mean friction is what the contact stores and what it loses,
-    exactly: without input the energy does not increase, however stiff the contact is for the substep.
+    In sticking and in slip, the work of the mean friction equals exactly the energy that the contact stores and
+    dissipates. Without input the energy does not increase, however stiff the contact is compared with the substep.
 
-    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the deflection z [um] at the start
-    and the mean friction of the substep before [V].
+    For the arguments see :func:`~hdd_servo_ros.drive.friction.static.static_substep`; in addition, ``deflection`` is z
+    at the start [um] and ``previous_force`` is the mean friction of the previous substep [V].
 
     Returns
     -------
@@ -67,24 +68,24 @@ def elastoplastic_substep(
     if stiffness * abs(new_deflection) <= level:
         force = stiffness * (deflection + 0.5 * substep * mean)
     else:
-        # The contact slips in the direction in which it was being stretched. It first takes up what is left of its
-        # stretch, so that the friction's work is that of the spring and of the level over the rest of the way:
-        # mean friction = level - missing/(D w), which makes the momentum equation quadratic in w.
+        # The contact slips in the direction of its stretch. It first stretches up to the slip limit, so the work of the
+        # friction is that of the spring, plus that of the slip force over the rest of the displacement:
+        # mean friction = level - deficit/(D w). The momentum equation is therefore quadratic in w.
         direction = math.copysign(1.0, new_deflection)
-        left = max(level / stiffness - direction * deflection, 0.0)
-        missing = 0.5 * stiffness * left * left
+        remaining = max(level / stiffness - direction * deflection, 0.0)
+        deficit = 0.5 * stiffness * remaining * remaining
         momentum = direction * (2.0 * velocity + gain * substep * applied) - gain * substep * level
-        if missing > 0.0:
-            # Of the two forms of the positive root, the one without cancellation.
-            root = math.sqrt(momentum * momentum + 4.0 * total * gain * missing)
-            forward = 0.5 * (momentum + root) / total if momentum > 0.0 else 2.0 * gain * missing / (root - momentum)
-            force = direction * (level - missing / (substep * forward))
+        if deficit > 0.0:
+            # Use the form of the positive root that has no cancellation.
+            root = math.sqrt(momentum * momentum + 4.0 * total * gain * deficit)
+            forward = 0.5 * (momentum + root) / total if momentum > 0.0 else 2.0 * gain * deficit / (root - momentum)
+            force = direction * (level - deficit / (substep * forward))
         else:
             forward = momentum / total
             force = direction * level
         mean = direction * forward
         new_deflection = direction * level / stiffness
-    # A level that falls with the speed takes the stretch along, down to that of v = 0 where the velocity passes zero.
+    # A slip force that decreases with speed limits the stretch too; where the velocity changes sign, use that of v = 0.
     end = 2.0 * mean - velocity
     limit = slip_terms(friction, abs(end) if end * velocity > 0.0 else 0.0)[0] / stiffness
     return mean, min(max(new_deflection, -limit), limit), force + resistance * mean

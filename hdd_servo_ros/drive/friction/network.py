@@ -1,8 +1,7 @@
 """
-The neural friction model (2.25)-(2.27): Gaussian radial basis functions of position and velocity.
+Neural network friction model, thesis eqs. (2.25)-(2.27): Gaussian radial basis functions of position and velocity.
 
-Position and velocity have different units, so each axis has its own width here; (2.25) with one width is the case of
-equal numbers.
+Position and velocity have different units, so each axis has its own width; eq. (2.25) is the case of equal widths.
 """
 
 import numpy as np
@@ -14,7 +13,7 @@ from hdd_servo_ros.numerics.elementary import exp
 
 @compiled
 def network_friction(friction: np.record, nodes: npt.NDArray[np.float64], position: float, velocity: float) -> float:
-    """Return W'S(x, v) [V] of (2.26) at a position [um] and a velocity [um/s]."""
+    """Return the network output W'S(x, v) of eq. (2.26) [V] at a position [um] and a velocity [um/s]."""
     force = 0.0
     for i in range(len(nodes)):
         x = (position - nodes[i, 0]) * friction.inverse_position_width
@@ -36,10 +35,11 @@ def network_substep(
     drag: float,
 ) -> tuple[float, float]:
     """
-    Advance a rigid body with network friction by one substep, by the midpoint rule with a predicted midpoint.
+    Advance a rigid body with network friction by one substep, using the midpoint rule with a predicted midpoint.
 
-    Arguments as of :func:`~hdd_servo_ros.drive.friction.static.static_substep`, with the nodes of
-    :func:`~hdd_servo_ros.drive.friction.parameters.friction_nodes` and the mean friction of the substep before [V].
+    For the arguments see :func:`~hdd_servo_ros.drive.friction.static.static_substep`; in addition, ``nodes`` is the
+    array from :func:`~hdd_servo_ros.drive.friction.parameters.friction_nodes` and ``previous_force`` is the mean
+    friction of the previous substep [V].
 
     Returns
     -------

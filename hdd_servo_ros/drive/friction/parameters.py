@@ -1,4 +1,4 @@
-"""Parameters of the friction models, and the names by which compiled code knows them."""
+"""Parameters of the friction models, and their layout for compiled code."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -11,7 +11,7 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 
 class FrictionModel(IntEnum):
-    """The friction models by the number that compiled code knows them by."""
+    """Friction models, numbered for compiled code."""
 
     NONE = 0
     STICTION = 1
@@ -37,7 +37,7 @@ class FrictionModel(IntEnum):
 
 
 MODELS = tuple(model.name.lower() for model in FrictionModel)
-"""The friction models by the name that the parameter ``model`` takes."""
+"""Names of the friction models: the values of the parameter ``model``."""
 
 STRIBECK_MODELS = (
     'exponential',
@@ -51,7 +51,7 @@ STRIBECK_MODELS = (
     'lugre',
     'lugre_position',
 )
-"""The models whose friction falls from f_s to f_c."""
+"""Models with a Stribeck term, whose friction decreases from f_s to f_c with speed."""
 
 FRICTION = layout(
     'model',
@@ -76,17 +76,17 @@ FRICTION = layout(
     'inverse_position_width',
     'inverse_velocity_width',
 )
-"""What the friction's kernels know of the parameters: as there, with the inverse of what they divide by."""
+"""Friction constants of the kernels: the parameters, with divisors stored as their inverse."""
 
 
 @dataclass(frozen=True)
 class FrictionParameters(ParameterSet):
     """
-    Pivot friction; each model reads the parameters that its equation has.
+    Pivot friction; each model uses only the parameters in its equation.
 
-    The default is the LuGre model calibrated to what figs. 2.3 and 5.4 say of the low-frequency responses (the thesis
-    gives no friction parameters in volts and micrometers); see ``docs/results/validation.md``. The units are those of
-    the default drive.
+    The default is the LuGre model, calibrated to the low-frequency responses in thesis figs. 2.3 and 5.4, because the
+    thesis gives no friction parameters in volts and micrometers; see ``docs/results/validation.md``. The units are
+    those of the default drive.
 
     Notes
     -----
@@ -105,60 +105,108 @@ class FrictionParameters(ParameterSet):
 
     model: str = parameter('lugre', 'friction model', choices=MODELS)
     stiffness: float = parameter(
-        0.02168, 'bristle stiffness sigma_0 (2.20), sigma of Dahl (2.15), tangential f_t (2.2)', unit='V/um', above=0.0
+        0.02168,
+        'presliding stiffness: LuGre bristle stiffness sigma_0, Dahl stiffness sigma, or tangential stiffness f_t',
+        unit='V/um',
+        above=0.0,
+        equation='2.2, 2.15, 2.20',
     )
-    bristle_damping: float = parameter(2.3e-6, 'bristle damping sigma_1 (2.20)', unit='V s/um', minimum=0.0)
+    bristle_damping: float = parameter(2.3e-6, 'bristle damping sigma_1', unit='V s/um', minimum=0.0, equation='2.20')
     viscous_coefficient: float = parameter(
-        4.6e-6, 'viscous friction f_v (2.4), sigma_2 (2.20)', unit='V s/um', minimum=0.0
+        4.6e-6,
+        'viscous friction coefficient f_v, or sigma_2 of the LuGre model',
+        unit='V s/um',
+        minimum=0.0,
+        equation='2.4, 2.20',
     )
-    coulomb_level: float = parameter(0.13, 'Coulomb friction f_c (2.3)', unit='V', above=0.0)
-    static_level: float = parameter(0.16, 'static friction f_s (2.1), at least f_c', unit='V', above=0.0)
-    stribeck_velocity: float = parameter(300.0, 'Stribeck velocity v_s (2.6)', unit='um/s', above=0.0)
-    stribeck_exponent: float = parameter(2.0, 'exponent delta of (2.6)', above=0.0, maximum=20.0)
+    coulomb_level: float = parameter(0.13, 'Coulomb friction f_c', unit='V', above=0.0, equation='2.3')
+    static_level: float = parameter(
+        0.16, 'static (breakaway) friction f_s, at least f_c', unit='V', above=0.0, equation='2.1'
+    )
+    stribeck_velocity: float = parameter(300.0, 'Stribeck velocity v_s', unit='um/s', above=0.0, equation='2.6')
+    stribeck_exponent: float = parameter(
+        2.0, 'exponent delta of the Stribeck term', above=0.0, maximum=20.0, equation='2.6'
+    )
     second_break_level: float = parameter(
-        0.01, 'f_s2 of two breaks (2.8), on top of f_s1 = f_s - f_c', unit='V', minimum=0.0
+        0.01,
+        'height f_s2 of the second Stribeck term, in addition to f_s1 = f_s - f_c',
+        unit='V',
+        minimum=0.0,
+        equation='2.8',
     )
-    second_stribeck_velocity: float = parameter(3000.0, 'v_s2 of two breaks (2.8)', unit='um/s', above=0.0)
-    first_offset_velocity: float = parameter(0.0, 'offset v_10 of the first break (2.9)', unit='um/s', minimum=0.0)
-    second_offset_velocity: float = parameter(1000.0, 'offset v_20 of the second break (2.9)', unit='um/s', minimum=0.0)
-    drag_coefficient: float = parameter(1.0e-9, 'drag f_d (2.5)', unit='V s^2/um^2', minimum=0.0)
+    second_stribeck_velocity: float = parameter(
+        3000.0, 'Stribeck velocity v_s2 of the second Stribeck term', unit='um/s', above=0.0, equation='2.8'
+    )
+    first_offset_velocity: float = parameter(
+        0.0, 'velocity offset v_10 of the first Stribeck term', unit='um/s', minimum=0.0, equation='2.9'
+    )
+    second_offset_velocity: float = parameter(
+        1000.0, 'velocity offset v_20 of the second Stribeck term', unit='um/s', minimum=0.0, equation='2.9'
+    )
+    drag_coefficient: float = parameter(
+        1.0e-9, 'quadratic drag coefficient f_d', unit='V s^2/um^2', minimum=0.0, equation='2.5'
+    )
     square_root_coefficient: float = parameter(
-        1.0e-4, 'f_r of (2.11); below 0 it bends the curve down', unit='V s^0.5/um^0.5'
+        1.0e-4,
+        'coefficient f_r of the square-root term; a negative value bends the curve down',
+        unit='V s^0.5/um^0.5',
+        equation='2.11',
     )
     dead_band_velocity: float = parameter(
-        0.0, "Karnopp's dead band: a static model holds the body at rest below it", unit='um/s', minimum=0.0
+        0.0,
+        'velocity dead band of the Karnopp model; a static model holds the body at rest below it',
+        unit='um/s',
+        minimum=0.0,
     )
-    dahl_exponent: float = parameter(1.0, 'shape alpha of Dahl (2.15)', minimum=0.0, maximum=20.0)
+    dahl_exponent: float = parameter(
+        1.0, 'shape exponent alpha of the Dahl model', minimum=0.0, maximum=20.0, equation='2.15'
+    )
     position_ripple: float = parameter(
-        0.1, 'depth e of 1/alpha(x, v) = (1 + e sin(2 pi x/p))/alpha(v) (2.24)', minimum=0.0, maximum=0.99
+        0.1,
+        'relative ripple e of the friction over position: 1/alpha(x, v) = (1 + e sin(2 pi x/p))/alpha(v)',
+        minimum=0.0,
+        maximum=0.99,
+        equation='2.24',
     )
-    position_period: float = parameter(10.0, 'period p of alpha(x, v) over position (2.24)', unit='um', above=0.0)
-    node_positions: tuple[float, ...] = parameter((), 'centers mu_1 of the network (2.25)', unit='um')
-    node_velocities: tuple[float, ...] = parameter((), 'centers mu_2 of the network (2.25)', unit='um/s')
-    node_weights: tuple[float, ...] = parameter((), 'weights W of the network (2.26)', unit='V')
-    position_width: float = parameter(5.0, 'width of the nodes over position (2.25)', unit='um', above=0.0)
-    velocity_width: float = parameter(2000.0, 'width of the nodes over velocity (2.25)', unit='um/s', above=0.0)
+    position_period: float = parameter(
+        10.0, 'period p of the friction ripple over position', unit='um', above=0.0, equation='2.24'
+    )
+    node_positions: tuple[float, ...] = parameter(
+        (), 'positions mu_1 of the network node centers', unit='um', equation='2.25'
+    )
+    node_velocities: tuple[float, ...] = parameter(
+        (), 'velocities mu_2 of the network node centers', unit='um/s', equation='2.25'
+    )
+    node_weights: tuple[float, ...] = parameter((), 'network weights W', unit='V', equation='2.26')
+    position_width: float = parameter(
+        5.0, 'width of the network nodes over position', unit='um', above=0.0, equation='2.25'
+    )
+    velocity_width: float = parameter(
+        2000.0, 'width of the network nodes over velocity', unit='um/s', above=0.0, equation='2.25'
+    )
 
     def check_together(self) -> None:
-        """Check what the chosen model asks of several parameters."""
+        """Check the combinations of parameters that the selected model requires."""
         if self.model in STRIBECK_MODELS and self.static_level < self.coulomb_level:
             raise ParameterError(
                 'static_level', self.static_level, f'at least coulomb_level, which is {self.coulomb_level:g} [V]'
             )
         if self.model in ('square_root', 'complete') and self.square_root_coefficient < 0.0:
-            # f_c + f_r sqrt(v) + f_v v stays positive for every v when its discriminant is negative.
+            # f_c + f_r sqrt(v) + f_v v is positive for every v if its discriminant is negative.
             limit = -2.0 * (self.coulomb_level * self.viscous_coefficient) ** 0.5
             if self.square_root_coefficient < limit:
                 raise ParameterError(
                     'square_root_coefficient',
                     self.square_root_coefficient,
-                    f'at least -2 sqrt(coulomb_level viscous_coefficient) = {limit:g}, so that friction dissipates',
+                    f'at least -2 sqrt(coulomb_level * viscous_coefficient) = {limit:g}, so that friction dissipates',
                 )
         if self.model == 'rbf_network':
             nodes = len(self.node_weights)
             if nodes == 0:
                 raise ParameterError(
-                    'node_weights', (), 'not empty with friction model rbf_network (model none has no friction)'
+                    'node_weights',
+                    (),
+                    'a list that is not empty for friction model rbf_network (model none has no friction)',
                 )
             for name in ('node_positions', 'node_velocities'):
                 if len(getattr(self, name)) != nodes:
@@ -168,13 +216,13 @@ class FrictionParameters(ParameterSet):
 
 
 def bristle_limit(parameters: FrictionParameters) -> float:
-    """Return the bound 1/alpha_min [um] that lemma 4.1 puts on the LuGre bristle's deflection."""
+    """Return the bound 1/alpha_min of lemma 4.1 on the LuGre bristle deflection [um]."""
     limit = parameters.static_level / parameters.stiffness
     return limit * (1.0 + parameters.position_ripple) if parameters.model == 'lugre_position' else limit
 
 
 def friction_constants(parameters: FrictionParameters) -> npt.NDArray[np.float64]:
-    """Return the constants of the friction's kernels, of the layout :data:`FRICTION`."""
+    """Return the friction constants of the kernels, in the layout :data:`FRICTION`."""
     constants = zeros(FRICTION)
     friction = record(constants, FRICTION)
     friction.model = MODELS.index(parameters.model)
@@ -202,7 +250,7 @@ def friction_constants(parameters: FrictionParameters) -> npt.NDArray[np.float64
 
 
 def friction_nodes(parameters: FrictionParameters) -> npt.NDArray[np.float64]:
-    """Return position [um], velocity [um/s] and weight [V] of the network's nodes, shape (n, 3); n = 0 without one."""
+    """Return position [um], velocity [um/s] and weight [V] of the network nodes, shape (n, 3); n = 0 without nodes."""
     if parameters.model != 'rbf_network':
         return np.zeros((0, 3))
     return np.column_stack((parameters.node_positions, parameters.node_velocities, parameters.node_weights))

@@ -1,9 +1,9 @@
 """
-Static friction: functions of velocity alone, (2.1), (2.3)-(2.13), and their step with a Karnopp dead band.
+Static friction models, thesis eqs. (2.1), (2.3)-(2.13): functions of velocity only; their step has a Karnopp dead band.
 
-Every one of them is a level times the direction of motion plus a resistance times the velocity,
-F = level(|v|) sgn v + resistance(|v|) v, which is how the thesis's equations read once their misprints are corrected:
-in (2.6)-(2.10) and (2.12) the falling term lacks sgn v, in (2.6) and (2.11) the velocity lacks its absolute value, and
+Each model is a dry friction in the direction of motion plus a viscous term,
+``F = level(|v|) sgn v + resistance(|v|) v``. The thesis equations have this form once their misprints are corrected: in
+(2.6)-(2.10) and (2.12) the Stribeck term lacks sgn v, in (2.6) and (2.11) the velocity lacks its absolute value, and
 (2.9) prints the first offset twice.
 """
 
@@ -26,27 +26,27 @@ def power(base: float, exponent: float) -> float:
 
 @compiled
 def gaussian(ratio: float) -> float:
-    """Return exp(-ratio^2), the falling term of (2.7)-(2.9) and (2.22)."""
+    """Return exp(-ratio^2), the Stribeck term of eqs. (2.7)-(2.9) and (2.22)."""
     return exp(-ratio * ratio)
 
 
 @compiled
 def lorentzian(ratio: float) -> float:
-    """Return 1 / (1 + ratio^2), the falling term of (2.12)."""
+    """Return 1 / (1 + ratio^2), the Stribeck term of eq. (2.12)."""
     return 1.0 / (1.0 + ratio * ratio)
 
 
 @compiled_apart
-def falling_level(friction: np.record, speed: float) -> float:
+def stribeck_level(friction: np.record, speed: float) -> float:
     """
-    Return the level of the models that fall from f_s to f_c, (2.6)-(2.10) and (2.12), at a speed |v| [um/s].
+    Return the dry friction of the Stribeck models, eqs. (2.6)-(2.10) and (2.12), at a speed ``|v|`` [um/s], in V.
 
-    The height of the first break is f_s1 = f_s - f_c.
+    It decreases from f_s to f_c; the height of the first Stribeck term is f_s1 = f_s - f_c.
     """
     model = int(friction.model)
     coulomb: float = friction.coulomb_level
-    first_break: float = friction.static_level - coulomb
-    second_break: float = friction.second_break_level
+    first_height: float = friction.static_level - coulomb
+    second_height: float = friction.second_break_level
     first = speed
     second = speed
     if model in (FrictionModel.GAUSSIAN_TWO_BREAKS_OFFSETS, FrictionModel.LORENTZIAN_TWO_BREAKS_OFFSETS):
@@ -55,29 +55,29 @@ def falling_level(friction: np.record, speed: float) -> float:
     first *= friction.inverse_stribeck_velocity
     second *= friction.inverse_second_stribeck_velocity
     if model == FrictionModel.GAUSSIAN:
-        return coulomb + first_break * gaussian(first)
+        return coulomb + first_height * gaussian(first)
     if model in (FrictionModel.GAUSSIAN_TWO_BREAKS, FrictionModel.GAUSSIAN_TWO_BREAKS_OFFSETS):
-        return coulomb + first_break * gaussian(first) + second_break * gaussian(second)
+        return coulomb + first_height * gaussian(first) + second_height * gaussian(second)
     if model == FrictionModel.LORENTZIAN:
-        return coulomb + first_break * lorentzian(first)
+        return coulomb + first_height * lorentzian(first)
     if model in (FrictionModel.LORENTZIAN_TWO_BREAKS, FrictionModel.LORENTZIAN_TWO_BREAKS_OFFSETS):
-        return coulomb + first_break * lorentzian(first) + second_break * lorentzian(second)
+        return coulomb + first_height * lorentzian(first) + second_height * lorentzian(second)
     if model == FrictionModel.TUSTIN:
-        return coulomb + first_break * exp(-first)
-    return coulomb + first_break * exp(-power(first, friction.stribeck_exponent))
+        return coulomb + first_height * exp(-first)
+    return coulomb + first_height * exp(-power(first, friction.stribeck_exponent))
 
 
 @compiled
 def sliding_terms(friction: np.record, speed: float) -> tuple[float, float]:
     """
-    Return level [V] and resistance [V s/um] of sliding at a speed |v| [um/s]: F = level sgn v + resistance v.
+    Return dry friction [V] and viscous damping [V s/um] in sliding: F = level sgn v + resistance v.
 
     Parameters
     ----------
     friction
-        Record of :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
+        Record with the layout :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
     speed
-        |v| [um/s].
+        Speed ``|v|`` [um/s].
     """
     model = int(friction.model)
     viscous = friction.viscous_coefficient
@@ -97,15 +97,15 @@ def sliding_terms(friction: np.record, speed: float) -> tuple[float, float]:
         if model == FrictionModel.COMPLETE:
             resistance += friction.drag_coefficient * speed
         if level < 0.0:
-            # f_r < 0: the sum is not negative, but a negative level would drive the body when its speed changes.
+            # f_r < 0: the total is not negative, but a negative dry friction would drive a body that changes speed.
             return 0.0, level / speed + resistance
         return level, resistance
-    return falling_level(friction, speed), viscous
+    return stribeck_level(friction, speed), viscous
 
 
 @compiled
 def breakaway_level(friction: np.record) -> float:
-    """Return the friction [V] that holds the body at rest: f_s of (2.1), or the level of sliding at v -> 0+."""
+    """Return the breakaway friction [V]: f_s of eq. (2.1), or the dry friction in sliding at v -> 0+."""
     if int(friction.model) == FrictionModel.STICTION:
         level: float = friction.static_level
         return level
@@ -114,7 +114,7 @@ def breakaway_level(friction: np.record) -> float:
 
 @compiled
 def static_friction(friction: np.record, velocity: float, applied: float) -> float:
-    """Return the friction [V] at a velocity [um/s]; at rest it balances ``applied`` [V] up to breakaway (2.1)."""
+    """Return the friction [V] at a velocity [um/s]; at rest it balances ``applied`` [V] up to breakaway, eq. (2.1)."""
     if velocity == 0.0:
         held = breakaway_level(friction)
         return min(max(applied, -held), held)
@@ -134,7 +134,7 @@ def _slide(
 ) -> float:
     """Return the velocity after sliding for ``time`` [s] in one direction (+1 or -1), by the implicit midpoint rule."""
     mean = velocity
-    # The first pass predicts the mean velocity, the second takes the friction there.
+    # The first pass predicts the mean velocity; the second evaluates the friction at it.
     for _ in range(2):
         level, resistance = sliding_terms(friction, max(mean * direction, 0.0))
         impulse = gain * time * (applied - level * direction)
@@ -155,26 +155,26 @@ def static_substep(
     """
     Advance a rigid body with static friction by one substep.
 
-    The body comes to rest when its velocity passes zero inside of the substep, or begins inside of the dead band, and
-    stays there while the applied force is below the breakaway level; the instant of the stop is found by interpolation.
+    The body comes to rest when its velocity crosses zero within the substep or starts within the dead band. It stays at
+    rest while the applied force is below the breakaway friction. The instant of the stop is interpolated.
 
     Parameters
     ----------
     friction
-        Record of :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
+        Record with the layout :data:`~hdd_servo_ros.drive.friction.parameters.FRICTION`.
     substep, gain
-        D [s] and 1/m of (4.1) [um/s^2/V].
+        Length D of the substep [s], and 1/m of eq. (4.1) [um/s^2/V].
     position, velocity
-        x [um] and v [um/s] at the start.
+        Position x [um] and velocity v [um/s] at the start.
     applied
-        Mean of the applied force over the substep, without friction [V].
+        Mean applied force over the substep, without friction [V].
     drag
-        Resistance of the actuator (back-EMF) [V s/um], beside the friction.
+        Viscous damping of the actuator (back-EMF), in addition to the friction [V s/um].
 
     Returns
     -------
     tuple
-        Position [um] and velocity [um/s] at the end, mean friction [V].
+        Position [um] and velocity [um/s] at the end; mean friction [V].
     """
     held = breakaway_level(friction)
     end = 0.0
