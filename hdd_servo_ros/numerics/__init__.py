@@ -1,1 +1,1 @@
-"""Compiled arithmetic that gives the same bits on every machine; no ROS, no physics."""
+"""Compiled arithmetic with bit-identical results on every machine, without ROS and without physics."""

@@ -1,4 +1,4 @@
-"""The one decorator through which this package compiles its kernels."""
+"""Decorators with which this package compiles its kernels."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -16,21 +16,22 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """
-    Compile a scalar kernel ahead of its first call in later runs.
+    Compile a scalar kernel, and cache the machine code for later runs.
 
-    No ``fastmath`` and no fused operations: every addition and multiplication is rounded as IEEE 754 says, so the bits
-    do not depend on the machine. Division by zero gives an infinity, as in numpy, and is caught where values enter.
+    ``fastmath`` and fused operations are off: every addition and multiplication is rounded according to IEEE 754, so
+    the results are bit-identical on every machine. Division by zero gives an infinity, as in numpy; values are checked
+    where they enter.
 
-    A kernel allocates nothing, so references to its arrays are not counted (``_nrt``): with six arrays that would cost
-    60 ns per step. One that makes an array does not compile ('Only accept returning of array passed').
+    A kernel allocates no memory, so reference counting of its arrays is disabled (``_nrt``); with six arrays it would
+    cost 60 ns per step. A kernel that creates an array does not compile ('Only accept returning of array passed').
 
-    A kernel is inlined into the kernels that call it (``forceinline``): a call costs some ns, for its arrays and what
-    the registers held go through memory, and one tick of the closed loop has dozens of calls.
+    A kernel is inlined into the kernels that call it (``forceinline``). A call costs a few ns, because its arrays and
+    the saved registers go through memory, and one tick of the closed loop has dozens of calls.
 
     Parameters
     ----------
     function
-        A function of numbers and arrays, in the part of Python that Numba compiles.
+        Function of numbers and arrays, in the subset of Python that Numba compiles.
 
     Raises
     ------
@@ -51,15 +52,15 @@ def compiled(function: Function) -> Function:
 
 def compiled_apart(function: Function) -> Function:
     """
-    Compile a kernel as :func:`compiled` does, but keep it a function of its own in the kernels that call it.
+    Compile a kernel like :func:`compiled`, but do not inline it into the kernels that call it.
 
-    For kernels that are long, called from several places, and rarely at that: copies of them would only make the
-    compiled code larger, which every start has to load.
+    Use it for long kernels that are called rarely and more than once in the code: inlined copies of them would only
+    enlarge the compiled code, which is loaded at every start.
 
     Parameters
     ----------
     function
-        As of :func:`compiled`.
+        See :func:`compiled`.
 
     Examples
     --------
@@ -75,6 +76,6 @@ def compiled_apart(function: Function) -> Function:
 
 def _compiled(function: Function, *, forceinline: bool) -> Function:
     kernel = jit(error_model='numpy', _nrt=False, forceinline=forceinline)(function)
-    if hasattr(kernel, 'py_func'):  # not where Numba is switched off, NUMBA_DISABLE_JIT
+    if hasattr(kernel, 'py_func'):  # false with NUMBA_DISABLE_JIT
         keep_compiled(kernel)
     return cast(Function, kernel)

@@ -1,9 +1,10 @@
 """
-Elementary functions from IEEE 754 operations alone.
+Elementary functions that use IEEE 754 operations only.
 
-The system's ``exp``, ``sin`` and ``log`` differ between C libraries and between processors in their last bit, which a
-feedback loop with sgn(r) turns into a different run. These use only operations that IEEE 754 rounds exactly, after
-fdlibm (Sun Microsystems, 1993); their error is at most one unit in the last place over the stated ranges.
+The ``exp``, ``sin`` and ``log`` of the system differ in the last bit between C libraries and between processors. A
+feedback loop with sgn(r) turns such a difference into a different run. The functions of this module follow fdlibm (Sun
+Microsystems, 1993) and use only operations that IEEE 754 rounds exactly. Their error is at most one unit in the last
+place over the stated ranges.
 """
 
 import math
@@ -51,7 +52,7 @@ def exp(x: float) -> float:
         return math.inf
     if x < -708.0:
         return 0.0
-    # Not ``math.floor``, whose integer would have to become a float again.
+    # Not ``math.floor``, which returns an integer that would have to be converted back.
     k: float = np.floor(INVERSE_LN2 * x + 0.5)
     high = x - k * LN2_HIGH
     low = k * LN2_LOW
@@ -67,7 +68,7 @@ def exp(x: float) -> float:
     )
     y = 1.0 - ((low - (r * c) / (2.0 - c)) - high)
     if k > 1023.0:
-        # 2**1024 is beyond the largest number, y times it is not.
+        # 2**1024 overflows, but y times it does not.
         return 2.0 * y * _power_of_two(1023)
     return y * _power_of_two(np.int64(k))
 
@@ -81,12 +82,12 @@ def _power_of_two(n: int) -> float:
 @compiled
 def log(x: float) -> float:
     """
-    Return the natural logarithm of a normal x > 0, not a number of what is not finite (fdlibm ``e_log.c``).
+    Return the natural logarithm of a normal number x > 0, or NaN if x is not finite (fdlibm ``e_log.c``).
 
     Parameters
     ----------
     x
-        A normal number above 0.
+        Normal number above 0.
 
     Returns
     -------
@@ -101,7 +102,7 @@ def log(x: float) -> float:
     """
     if not x < math.inf:
         return x - x
-    # x = mantissa * 2**exponent, mantissa in [0.5, 1), without ``math.frexp``: that is a call of the C library.
+    # x = mantissa * 2**exponent, mantissa in [0.5, 1); without ``math.frexp``, which calls the C library.
     bits = np.float64(x).view(np.int64)
     exponent = (bits >> 52) - 1022
     mantissa: float = np.int64((bits & MANTISSA_BITS) | HALF_BITS).view(np.float64)
@@ -124,7 +125,7 @@ def log(x: float) -> float:
 
 @compiled
 def _sine_kernel(x: float) -> float:
-    """Return sin x for |x| <= pi/4 (fdlibm ``k_sin.c``)."""
+    """Return sin x for ``|x| <= pi/4`` (fdlibm ``k_sin.c``)."""
     z = x * x
     r = 8.33333333332248946124e-03 + z * (
         -1.98412698298579493134e-04
@@ -135,7 +136,7 @@ def _sine_kernel(x: float) -> float:
 
 @compiled
 def _cosine_kernel(x: float) -> float:
-    """Return cos x for |x| <= pi/4 (fdlibm ``k_cos.c``)."""
+    """Return cos x for ``|x| <= pi/4`` (fdlibm ``k_cos.c``)."""
     z = x * x
     r = z * (
         4.16666666666666019037e-02
@@ -159,7 +160,7 @@ def sine_cosine_of_turns(turns: float) -> tuple[float, float]:
     """
     Return sin and cos of 2 pi ``turns``.
 
-    The argument is a number of turns, so that its reduction to an eighth of a turn is exact however long a run lasts.
+    Because the argument counts turns, its reduction to an eighth of a turn is exact for runs of any duration.
 
     Parameters
     ----------

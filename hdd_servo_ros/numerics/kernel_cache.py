@@ -1,11 +1,11 @@
 """
-The cache of compiled kernels: shared by all copies of the package and by processes that start at once.
+Cache of compiled kernels, shared by all copies of the package and by processes that start at the same time.
 
-Numba finds a cached kernel by the path of its source, so that each copy of the package compiles its own; and processes
-that start without a cache all compile the same. Here a kernel is found by its module and name in one folder
-(:mod:`~hdd_servo_ros.numerics.kernel_folder`), and the process that compiles it holds a lock that the others wait for.
-The files themselves are those of Numba: an index of signatures and processors per kernel, and a file of code for each,
-which is loaded in parts (:mod:`~hdd_servo_ros.numerics.outline`).
+Numba identifies a cached kernel by the path of its source, so each copy of the package would compile its own kernels,
+and processes that start without a cache would all compile the same kernels. This cache identifies a kernel by its
+module and name, in one directory (:mod:`~hdd_servo_ros.numerics.kernel_folder`). The process that compiles a kernel
+holds a lock, and the other processes wait for it. The file format is that of Numba: per kernel an index of signatures
+and processors, and one code file per index entry, loaded in parts (:mod:`~hdd_servo_ros.numerics.outline`).
 """
 
 import contextlib
@@ -22,11 +22,11 @@ from numba.core import caching
 from hdd_servo_ros.numerics.kernel_folder import kernel_cache_directory
 from hdd_servo_ros.numerics.outline import complete_when_linked, outlined
 
-WAITING = 'another process compiles the kernels; waiting for it'
+WAITING = 'waiting for another process that is compiling the kernels'
 _NOTICE_AFTER = 1.0
-"""How long a process waits silently [s]."""
+"""Waiting time before a process prints a notice [s]."""
 _PATIENCE = 300.0
-"""How long it waits for one kernel [s]; whoever compiles may be stopped, and then it compiles for itself."""
+"""Longest wait for one kernel [s]; if the compiling process hangs, this process then compiles the kernel itself."""
 
 # Numba has no types.
 _FunctionCache: Any = caching.FunctionCache
@@ -35,10 +35,10 @@ _CacheLocator: Any = caching._CacheLocator
 
 
 class _Locator(_CacheLocator):  # type: ignore[misc]
-    """Where the files of a kernel are: in the common folder, whatever copy of the package the kernel is of."""
+    """Locator of the files of a kernel: in the shared directory for all copies of the package."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        # By this name Numba's warnings refer to the source.
+        # Numba's warnings use this name for the source.
         self._py_file = function.__code__.co_filename
         self._lineno = function.__code__.co_firstlineno
 
@@ -46,7 +46,7 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
         return str(kernel_cache_directory())
 
     def get_source_stamp(self) -> str:
-        """Return nothing: the folder belongs to one state of all sources."""
+        """Return an empty stamp, because the name of the directory contains the digest of all sources."""
         return ''
 
     def get_disambiguator(self) -> str:
@@ -54,20 +54,20 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
 
 
 class _KernelCacheImpl(_CacheImpl):  # type: ignore[misc]
-    """How a kernel is stored: as Numba does it, in files that are named after its module and name."""
+    """Storage of a kernel in Numba's format, in files named after its module and name."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        # Without the constructor of Numba, which looks for one of its own locators and takes the file's name alone.
+        # Do not call Numba's constructor, which selects one of its own locators and uses only the file name.
         self._locator = _Locator(function)
         self._lineno = function.__code__.co_firstlineno
         self._filename_base = self.get_filename_base(f'{function.__module__}.{function.__qualname__}', sys.abiflags)
 
     def reduce(self, cres: Any) -> Any:
-        """Return what is stored of a compiled kernel."""
+        """Return the payload to store for a compiled kernel."""
         return outlined(super().reduce(cres), cres.library)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return the kernel of which that was stored."""
+        """Return the kernel for a stored payload."""
         of_numba, bitcode = payload
         found = super().rebuild(target_context, of_numba)
         if bitcode is not None:
@@ -77,12 +77,12 @@ class _KernelCacheImpl(_CacheImpl):  # type: ignore[misc]
 
 class KernelCache(_FunctionCache):  # type: ignore[misc]
     """
-    The cache of one kernel.
+    Cache of one kernel.
 
     Parameters
     ----------
     function
-        The kernel, before it is compiled.
+        Python function of the kernel.
     """
 
     _impl_class = _KernelCacheImpl
@@ -95,12 +95,14 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """
-        Return the compiled kernel for a signature, None if this process has to compile it.
+        Return the compiled kernel for a signature, or None if this process has to compile it.
 
-        In the latter case the kernel's lock is held from here on, as far as there can be one: :meth:`release` it.
+        When it returns None, this process holds the lock of the kernel (where locks are available) until
+        :meth:`release`.
 
-        Numba gets its compiler ready before it loads a kernel, which takes longer than all else and imports SciPy.
-        Compiled code that counts no references needs none of that, and the compiler gets itself ready when it is used.
+        Numba's own method initializes the compiler before it loads a kernel. That takes longer than everything else and
+        imports SciPy. Compiled code without reference counting does not need it, and the compiler initializes itself
+        when it is used.
         """
         found = self._load(sig, target_context)
         if found is None and self._lock is None:
@@ -110,18 +112,18 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
         return found
 
     def _load(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled kernel, None if there is none, or only files that a power cut or a full disk has left."""
+        """Return the compiled kernel, or None if it is missing or its files are damaged (power failure, full disk)."""
         try:
             return self._load_overload(sig, target_context)
-        except Exception:  # unpickling and LLVM raise whatever damaged bytes make them
-            # An index without entries, which is then written anew; the damaged one would fail there too.
+        except Exception:  # unpickling and LLVM may raise any exception for damaged bytes
+            # Write an index without entries; saving the new kernel would fail on the damaged index too.
             with contextlib.suppress(OSError):
                 self.flush()
             return None
 
     @property
     def is_locked(self) -> bool:
-        """Whether this process holds the lock."""
+        """Whether this process holds the lock of the kernel."""
         return self._lock is not None
 
     def release(self) -> None:
@@ -131,7 +133,11 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
             self._lock = None
 
     def _acquire(self) -> int | None:
-        """Wait for the lock, which the system frees when its holder ends; return its descriptor, None without one."""
+        """
+        Wait for the lock; return its file descriptor, or None if it is not available.
+
+        The system releases the lock when its holder exits.
+        """
         try:
             lock = os.open(self._lock_file, os.O_RDWR | os.O_CREAT, 0o600)
         except OSError:
@@ -157,7 +163,7 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
 
 
 def keep_compiled(dispatcher: Any) -> None:
-    """Give a kernel its cache, and make it compile under its lock."""
+    """Set the cache of a kernel, and make the kernel compile under its lock."""
     cache = dispatcher._cache = KernelCache(dispatcher.py_func)
     compile_unlocked = dispatcher.compile
 
@@ -166,11 +172,10 @@ def keep_compiled(dispatcher: Any) -> None:
         try:
             return compile_unlocked(sig)
         finally:
-            # Also when it has failed or was interrupted.
             if not was_locked:
                 cache.release()
 
     dispatcher.compile = compile_once
-    # Before each first call Numba looks through all installed packages for extensions, to know types of arguments that
-    # no kernel has. Where it compiles, it does so all the same.
+    # Before each first call Numba scans all installed packages for extensions that define argument types. No kernel
+    # uses such types, and the scan still happens on compilation.
     dispatcher._compilation_chain_init_hook = lambda: None

@@ -1,4 +1,4 @@
-"""The folder in which compiled kernels are kept between runs."""
+"""Directory in which compiled kernels are kept between runs."""
 
 import contextlib
 import hashlib
@@ -23,25 +23,27 @@ _SOURCES = (
     'simulation',
 )
 """
-What compiled code depends on: each folder with a kernel as a whole, since kernels take constants from the files beside
-them, and sources without a kernel whose types kernels take. A test compares this with the sources.
+Sources on which compiled code depends.
+
+Directories with kernels are listed as a whole, because kernels use constants from neighboring files. Files without a
+kernel are listed if kernels use their types. A test compares this list with the sources.
 """
 
 
 @cache
 def kernel_cache_directory() -> Path:
     """
-    Return the writable folder in which compiled kernels are kept between runs.
+    Return the writable directory in which compiled kernels are kept between runs.
 
-    Numba keys a cached kernel by its own file only: a kernel that calls into another file would go stale unseen when
-    that file changes. The folder's name therefore carries a digest of the sources. It carries no path: all copies of
-    the package with the same sources share the folder. It lies in the user's cache, not beside the sources, so that a
-    read-only install starts warm as well.
+    Numba checks only the source file of a cached kernel, so it would not notice a change in another file that the
+    kernel calls into. The name of the directory therefore contains a digest of the sources. It does not contain a path,
+    so all copies of the package with the same sources share the directory. The directory is in the user's cache rather
+    than next to the sources, so that a read-only installation can use it too.
 
     Raises
     ------
     OSError
-        If no folder can be written to.
+        If no directory is writable.
     """
     name = f'numba-{numba.__version__}-{sources_digest(PACKAGE)}'
     for base in _bases():
@@ -50,14 +52,14 @@ def kernel_cache_directory() -> Path:
             (base / name).mkdir(exist_ok=True)
         except OSError:
             continue
-        # Compiled code is run as it is found, so a folder that somebody else could have prepared will not do.
+        # The compiled code is executed without a check, so reject a directory that another user may have prepared.
         if os.access(base / name, os.W_OK) and base.stat().st_uid == os.getuid():
             return base / name
-    raise OSError('no writable folder for compiled kernels: set XDG_CACHE_HOME to one')
+    raise OSError('no writable directory for compiled kernels; set XDG_CACHE_HOME to a writable directory')
 
 
 def sources_digest(package: Path) -> str:
-    """Return a digest of all sources of a copy of the package on which compiled code depends, in 16 hex digits."""
+    """Return a digest, in 16 hex digits, of the sources in a copy of the package on which compiled code depends."""
     digest = hashlib.sha256()
     for name in _SOURCES:
         for source in sorted((package / name).rglob('*.py')) if '.' not in name else [package / name]:
@@ -66,15 +68,15 @@ def sources_digest(package: Path) -> str:
 
 
 def _bases() -> Iterator[Path]:
-    # The specification has relative ones ignored.
+    # The XDG specification requires that relative paths are ignored.
     given = Path(os.environ.get('XDG_CACHE_HOME', ''))
     if given.is_absolute():
         yield given / 'hdd_servo_ros'
-    with contextlib.suppress(RuntimeError):  # no home
+    with contextlib.suppress(RuntimeError):  # no home directory
         yield Path.home() / '.cache' / 'hdd_servo_ros'
     yield Path(tempfile.gettempdir()) / f'hdd_servo_ros-{os.getuid()}'
 
 
 def first_compilation() -> bool:
-    """Return whether nothing has been compiled yet, so that the next steps take a while."""
+    """Return whether no kernel has been compiled yet, so that the first run takes longer."""
     return next(kernel_cache_directory().glob('*.nbi'), None) is None

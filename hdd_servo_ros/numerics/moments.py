@@ -1,4 +1,4 @@
-"""Sums, extremes and changes of samples, in one pass."""
+"""Sums, extremes and changes of sampled signals, computed in one pass."""
 
 import math
 
@@ -10,7 +10,7 @@ from hdd_servo_ros.numerics.compiled import compiled
 
 @compiled
 def _sums(values: NDArray[np.float64], origin: float) -> tuple[float, float, float, float]:
-    """Return sum and sum of squares of samples less an origin, and the smallest and largest sample."""
+    """Return sum and sum of squares of the samples minus an origin, and the smallest and largest sample."""
     total, squares, lowest, highest = 0.0, 0.0, math.inf, -math.inf
     for value in values:
         moved = value - origin
@@ -23,7 +23,7 @@ def _sums(values: NDArray[np.float64], origin: float) -> tuple[float, float, flo
 
 @compiled
 def mark_changes(rows: NDArray[np.float64], first: NDArray[np.float64], changed: NDArray[np.bool_]) -> None:
-    """Set ``changed`` for every column of rows, shape (n, m), that is not ``first`` throughout; both of shape (m,)."""
+    """Set ``changed``, shape (m,), for each column of rows, shape (n, m), that differs from ``first``, shape (m,)."""
     for column in range(rows.shape[1]):
         row = 0
         while not changed[column] and row < rows.shape[0]:
@@ -33,13 +33,12 @@ def mark_changes(rows: NDArray[np.float64], first: NDArray[np.float64], changed:
 
 class Moments:
     """
-    Count, sums and extremes of a signal that comes in pieces.
+    Count, sums and extremes of a signal that arrives in pieces.
 
     Parameters
     ----------
     origin
-        What is subtracted before summing up; None for the first sample, so that the mean of a signal that stands still
-        is exact.
+        Value subtracted before summation; None uses the first sample, so that the mean of a constant signal is exact.
     """
 
     def __init__(self, origin: float | None = None) -> None:
@@ -54,7 +53,7 @@ class Moments:
             return
         if self._origin is None:
             self._origin = float(values[0])
-        # A copy of a column costs less than a second compiled function for it.
+        # Copying a column costs less than a second compiled function for strided arrays.
         total, squares, lowest, highest = _sums(np.ascontiguousarray(values), self._origin)
         self.count += len(values)
         self._sum += total
@@ -63,29 +62,29 @@ class Moments:
 
     @property
     def largest(self) -> float:
-        """Largest magnitude; 0 if there is no sample."""
+        """Largest magnitude; 0 without samples."""
         return max(abs(self.lowest), abs(self.highest)) if self.count else 0.0
 
     @property
     def span(self) -> float:
-        """Largest less smallest sample; 0 if there is none."""
+        """Largest minus smallest sample; 0 without samples."""
         return self.highest - self.lowest if self.count else 0.0
 
     @property
     def mean(self) -> float:
-        """Mean; raises ValueError if there is no sample."""
+        """Mean of the samples; raises ValueError without samples."""
         if self._origin is None:
-            raise ValueError('no sample, no mean')
+            raise ValueError('the mean needs at least one sample')
         return self._origin + self._sum / self.count
 
     def rms_about(self, value: float | None = None) -> float:
-        """Return the root mean square about a value, about the mean if None; it is not finite if the signal is not."""
+        """Return the rms value about ``value``, or about the mean if None; not finite if the signal is not finite."""
         if self._origin is None:
-            raise ValueError('no sample, no root mean square')
+            raise ValueError('the rms value needs at least one sample')
         if value == self._origin:
             return math.sqrt(self._squares / self.count)
         mean = self._sum / self.count
         variance = self._squares / self.count - mean * mean
-        # Rounding may leave a little less than nothing.
+        # Rounding may make the variance slightly negative.
         deviation = math.sqrt(0.0 if variance < 0.0 else variance)
         return deviation if value is None else math.hypot(deviation, mean + self._origin - value)

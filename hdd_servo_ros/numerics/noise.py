@@ -1,9 +1,9 @@
 """
-Counter-based noise: the sample of tick k is a function of (seed, stream, k) alone.
+Counter-based noise: the sample at tick k is a function of (seed, stream, k) only.
 
-Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011) makes the bits, Wichura's
-AS 241 (Applied Statistics 37, 1988) turns a uniform number into a normal one. No state is kept, so a run can be cut,
-resumed or computed out of order and keeps its noise.
+Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011) generates the bits, and Wichura's
+AS 241 (Applied Statistics 37, 1988) converts a uniform number to a normal one. The generator has no state, so a run can
+be cut, resumed or computed out of order with the same noise.
 """
 
 import math
@@ -30,7 +30,7 @@ def _round(
     key_0: np.uint64,
     key_1: np.uint64,
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
-    """Return the counter after the Philox round of this number, 0 to 9."""
+    """Return the counter after the Philox round ``number`` (0 to 9)."""
     product_0 = MULTIPLIER_0 * counter[0]
     product_1 = MULTIPLIER_1 * counter[2]
     return (
@@ -51,7 +51,7 @@ def philox4x32(
     key_1: np.uint64,
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Return four 32-bit words (as uint64) from a 128-bit counter and a 64-bit key given as 32-bit words (uint64)."""
-    # Without a loop, so that the compiler can interleave the rounds of the ticks in a loop over them.
+    # The rounds are unrolled, so that the compiler can interleave the rounds of several ticks in a loop over ticks.
     counter = _round(0, (counter_0, counter_1, counter_2, counter_3), key_0, key_1)
     counter = _round(1, counter, key_0, key_1)
     counter = _round(2, counter, key_0, key_1)
@@ -66,7 +66,7 @@ def philox4x32(
 
 @compiled
 def normal_quantile(p: float) -> float:
-    """Return the standard normal deviate below which a fraction ``p`` (0 < p < 1) lies (AS 241, PPND16)."""
+    """Return the quantile of the standard normal distribution for 0 < p < 1 (AS 241, PPND16)."""
     q = p - 0.5
     if abs(q) <= 0.425:
         r = 0.180625 - q * q
@@ -182,13 +182,13 @@ def normal_quantile(p: float) -> float:
 
 @compiled
 def uniform_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
-    """Return two independent numbers uniform in (0, 1) for one tick of one noise source; see :func:`normal_pair`."""
+    """Return two independent uniform numbers in (0, 1) for one tick of one noise source; see :func:`normal_pair`."""
     t = np.uint64(tick)
     s = np.uint64(seed)
     word_0, word_1, word_2, word_3 = philox4x32(
         t & MASK, t >> SHIFT, np.uint64(stream), np.uint64(0), s & MASK, s >> SHIFT
     )
-    # 52 bits and a half step keep the uniform number strictly inside (0, 1).
+    # 52 bits plus a half step keep the uniform number strictly within (0, 1).
     uniform_0 = (float((word_0 << np.uint64(20)) | (word_1 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
     uniform_1 = (float((word_2 << np.uint64(20)) | (word_3 >> np.uint64(12))) + 0.5) * TWO_TO_MINUS_52
     return uniform_0, uniform_1
@@ -202,9 +202,9 @@ def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
     Parameters
     ----------
     seed
-        Seed of the source, 0 to 2**53 (a ROS integer that a float64 holds exactly).
+        Seed of the source, 0 to 2**53 (ROS integers that a float64 represents exactly).
     stream
-        Which pair of the source, for sources that need more than two deviates a tick.
+        Stream number, for sources that need more than two deviates per tick.
     tick
         Tick number, 0 to 2**63 - 1.
     """
@@ -215,9 +215,9 @@ def normal_pair(seed: int, stream: int, tick: int) -> tuple[float, float]:
 @compiled
 def fill_normal_pairs(seed: int, stream: int, first_tick: int, deviates: NDArray[np.float64]) -> None:
     """
-    Write what :func:`normal_pair` returns for consecutive ticks into ``deviates``, shape (2 n,), one after the other.
+    Write the pairs of :func:`normal_pair` for consecutive ticks into ``deviates``, shape (2 n,), interleaved.
 
-    Each of the two loops is simple enough for the compiler to work on several ticks at once.
+    Each of the two loops is simple enough for the compiler to vectorize over ticks.
     """
     for row in range(len(deviates) // 2):
         deviates[2 * row], deviates[2 * row + 1] = uniform_pair(seed, stream, first_tick + row)

@@ -1,9 +1,10 @@
 """
-Loads the machine code of a cached kernel alone, and its LLVM code only where another kernel is compiled with it.
+Loading of cached kernels without their LLVM code, which is parsed only when another kernel is compiled with it.
 
-Numba keeps both in a kernel's file: the one is run, the other is what is inlined into further kernels. A start that
-compiles nothing has no use for the latter, and parsing it took half of the time of loading kernels. So the file has an
-outline in its place: a module with the same symbols, by which Numba finds what the machine code defines.
+Numba stores machine code and LLVM code in the file of a kernel. The machine code is executed; the LLVM code is inlined
+into other kernels. A start that compiles nothing does not need the LLVM code, and parsing it took half of the loading
+time. The file therefore contains an outline instead: a module with the same symbols, from which Numba determines the
+definitions in the machine code.
 """
 
 from typing import Any
@@ -11,24 +12,24 @@ from typing import Any
 import llvmlite.binding as llvm
 
 Payload = tuple[Any, ...]
-"""What Numba stores of a kernel; first the name, the kind and the code of its library."""
+"""Data that Numba stores for a kernel; the first element contains name, kind and code of the library."""
 
 
 def outlined(payload: Payload, library: Any) -> tuple[Payload, bytes | None]:
     """
-    Return a payload with an outline in place of the LLVM code, and that code.
+    Return a payload with an outline instead of the LLVM code, and the LLVM code.
 
     Parameters
     ----------
     payload
-        What Numba would store.
+        Payload that Numba would store.
     library
-        The library of the kernel.
+        Library of the kernel.
 
     Returns
     -------
     payload, bitcode
-        As it was, and None, if it is not as this package knows it of Numba.
+        The unchanged payload and None if its format is not the one known from Numba.
     """
     (name, kind, code), *others = payload
     if kind != 'object' or len(code) != 2 or not hasattr(library, '_get_module_for_linking'):
@@ -38,7 +39,7 @@ def outlined(payload: Payload, library: Any) -> tuple[Payload, bytes | None]:
 
 
 def _outline(bitcode: bytes) -> bytes:
-    """Return the bitcode of a module that defines the same symbols, as something that must not be run."""
+    """Return the bitcode of a module that defines the same symbols, but with bodies that must not be executed."""
     module = llvm.parse_bitcode(bitcode)
     functions = [found.name for found in module.functions if not found.is_declaration]
     variables = [found.name for found in module.global_variables if not found.is_declaration]
@@ -49,12 +50,12 @@ def _outline(bitcode: bytes) -> bytes:
 
 
 def _quoted(name: str) -> str:
-    """Return a name as LLVM writes any name."""
+    """Return a name as a quoted LLVM identifier."""
     return '"' + ''.join(f'\\{byte:02x}' for byte in name.encode()) + '"'
 
 
 def complete_when_linked(library: Any, bitcode: bytes) -> None:
-    """Have a library that was loaded with an outline take its LLVM code once that is to be linked."""
+    """Make a library that was loaded with an outline parse its LLVM code when it is first linked."""
     module_for_linking = library._get_module_for_linking
 
     def complete() -> Any:

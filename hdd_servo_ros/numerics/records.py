@@ -1,13 +1,13 @@
 """
-Names for the numbers of an array.
+Named access to the elements of an array.
 
 A block keeps its constants and its state in plain float64 arrays, which are cheap to pass into compiled code. A layout
-gives every number of such an array a name, and ``c = record(constants, LAYOUT)`` makes them readable and writable as
-``c.gain``, in Python and in a kernel alike. A field that is a layout itself is a record again and can be passed on to
-another kernel: ``level(c.friction, v)``.
+names each element of such an array, and ``c = record(constants, LAYOUT)`` makes the elements readable and writable as
+``c.gain``, in Python and in kernels. A field that is a layout itself is again a record, and can be passed on to another
+kernel: ``level(c.friction, v)``.
 
-Two rules come with it. The array has exactly the size of its layout. What has a variable length (modes, nodes, a
-history) is an array of its own, since cutting it off inside a kernel costs more than the kernel.
+Two rules apply. The array has exactly the size of its layout. Data of variable length (modes, nodes, a history) are in
+a separate array, because slicing inside a kernel costs more than the kernel itself.
 """
 
 from collections.abc import Callable
@@ -28,42 +28,42 @@ def layout(*fields: str | tuple[str, Layout]) -> Layout:
     Parameters
     ----------
     *fields
-        In order, the name of a number, or the name of a record and its layout.
+        In order, the name of a number, or the name of a nested record and its layout.
     """
     members = [(field, np.dtype(np.float64)) if isinstance(field, str) else field for field in fields]
-    # Aligned, or compiled code would load every number byte by byte on some machines.
+    # Without alignment, compiled code would load each number byte by byte on some machines.
     aligned: Layout = np.dtype(members, align=True)
     return np.dtype((np.record, aligned))
 
 
 def size(layout: Layout) -> int:
-    """Return how many numbers a layout has."""
+    """Return the number of float64 elements in a layout."""
     return layout.itemsize // np.dtype(np.float64).itemsize
 
 
 def zeros(layout: Layout) -> NDArray[np.float64]:
-    """Return an array of zeros of a layout's size."""
+    """Return an array of zeros with the size of a layout."""
     return np.zeros(size(layout))
 
 
 def record(array: NDArray[np.float64], layout: Layout, row: int = 0) -> Any:
     """
-    Return the numbers of an array under their names; what is assigned to a name is written into the array.
+    Return a record view of an array; assigning to a field writes into the array.
 
     Parameters
     ----------
     array
-        Numbers of shape (size,) or, with a record per row, (n, size).
+        Array of shape (size,), or (n, size) with one record per row.
     layout
-        Their names; a global constant, if this is called in a kernel.
+        Layout of the record; in a kernel, it must be a global constant.
     row
-        Which row.
+        Index of the row.
 
     Raises
     ------
     ValueError
-        If the array does not have exactly the size of the layout, or is not contiguous. Compiled code does not check
-        the size, as it does not check an index: 8 ns each time.
+        If the array does not have exactly the size of the layout, or is not contiguous. Compiled code checks neither
+        the size nor the index, because a check would cost 8 ns per call.
     """
     if array.dtype != np.float64 or array.ndim > 2 or array.shape[-1] != size(layout):
         raise ValueError(
@@ -74,10 +74,10 @@ def record(array: NDArray[np.float64], layout: Layout, row: int = 0) -> Any:
 
 @intrinsic
 def _record_at(typing_context: Any, array: Any, layout: Any, row: Any) -> Any:
-    """Return the record at a row: a bare pointer, which costs nothing where a view of the array would be made."""
+    """Return the record at a row as a bare pointer, which avoids the cost of an array view."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        # Late: where nothing is compiled, it is not imported otherwise, and takes a while.
+        # Imported late, because the import is slow and only needed for compilation.
         from numba.np.arrayobj import make_array
 
         data = make_array(array)(context, builder, arguments[0]).data  # type: ignore[no-untyped-call]

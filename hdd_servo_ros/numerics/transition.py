@@ -1,15 +1,15 @@
 """
-The transition of a linear system over a sample, for constants that a run depends on.
+State transition of a linear system over a sample, bit-identical on every machine.
 
-Plain arithmetic in a fixed order: a library's matrix exponential differs in the last bits from machine to machine, and
-with it every run that uses it.
+It uses plain arithmetic in a fixed order. The matrix exponential of a library differs in the last bits between
+machines, and the runs that use it would differ too.
 """
 
 import math
 from collections.abc import Sequence
 
 _TERMS = 18
-"""Terms of the series; with a norm of 1/2 the first one left out is below 1e-22."""
+"""Number of terms of the series; with a norm of 1/2 the first omitted term is below 1e-22."""
 _LARGEST_NORM = 0.5
 
 Matrix = list[list[float]]
@@ -19,21 +19,22 @@ def held_input_transition(
     dynamics: Sequence[Sequence[float]], inputs: Sequence[float], time_step: float
 ) -> tuple[Matrix, list[float]]:
     """
-    Return how x' = A x + b u moves over a sample in which u is held.
+    Return the exact discretization of x' = A x + b u with a zero-order hold of u.
 
     Parameters
     ----------
     dynamics
-        A, shape (n, n) [1/s].
+        System matrix A, shape (n, n) [1/s].
     inputs
-        b, shape (n,) [1/s].
+        Input vector b, shape (n,) [1/s].
     time_step
         T [s].
 
     Returns
     -------
     transition, response
-        exp(A T), shape (n, n), and what u = 1 adds to each state by the end of the sample, shape (n,).
+        State transition matrix exp(A T), shape (n, n), and the response of the states to u = 1 at the end of the
+        sample, shape (n,).
 
     Raises
     ------
@@ -48,7 +49,7 @@ def held_input_transition(
 
 
 def _exponential(matrix: Matrix) -> Matrix:
-    """Return the exponential of a matrix: its series after halving, then squaring as often."""
+    """Return the exponential of a matrix, by scaling and squaring of the Taylor series."""
     halvings = 0
     norm = max(sum(abs(value) for value in row) for row in matrix)
     if not norm < math.inf:
@@ -59,7 +60,7 @@ def _exponential(matrix: Matrix) -> Matrix:
     scaled = [[value / 2.0**halvings for value in row] for row in matrix]
     size = range(len(matrix))
     identity = [[float(i == j) for j in size] for i in size]
-    # From the innermost bracket of 1 + A/1 (1 + A/2 (1 + ...)) outwards.
+    # Evaluate 1 + A/1 (1 + A/2 (1 + ...)) from the innermost bracket outward.
     result = identity
     for term in range(_TERMS, 0, -1):
         product = _product(scaled, result)

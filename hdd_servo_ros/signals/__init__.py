@@ -1,4 +1,4 @@
-"""Reference signals with their derivatives; no ROS, no clock."""
+"""Reference signals and their derivatives, without ROS and without a clock."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The reference: desired head position x_d with its analytic first and second derivative."""
+"""Reference generator: desired head position x_d with its analytic first and second derivatives."""
 
 import dataclasses
 import math
@@ -16,7 +16,7 @@ from hdd_servo_ros.signals.seek_plan import NO_SEEKS, SeekList, check_dwell_time
 
 
 class Waveform(IntEnum):
-    """The waveforms by the number that compiled code knows them by."""
+    """Waveforms, numbered for compiled code."""
 
     SINE = 0
     SQUARE = 1
@@ -32,7 +32,7 @@ WAVEFORMS = tuple(waveform.name.lower() for waveform in Waveform)
 SWEEPS = ('linear', 'logarithmic')
 
 ReferenceArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Constants; amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine; seeks."""
+"""Constants; amplitude [um], frequency [Hz] and phase [turn] of the multisine components; seeks."""
 
 REFERENCE = layout(
     'time_step',
@@ -54,7 +54,7 @@ REFERENCE = layout(
 )
 
 EDGE_TOLERANCE = 1e-9
-"""Turns by which an edge may lie late and still be taken at its own tick: far below one tick, far above rounding."""
+"""Tolerance of an edge with respect to a tick [turns]: far below one tick, far above rounding errors."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,63 +62,67 @@ class ReferenceParameters(ParameterSet):
     """
     Parameters of :class:`Reference`.
 
-    Lengths are um here, as in chapter 5; a parameter file in other units (section 4.4: m) says so, the arithmetic is
-    the same.
+    Lengths are in µm, as in thesis chapter 5. A parameter file may use another unit (section 4.4: m) if it declares it;
+    the arithmetic is the same.
     """
 
-    waveform: str = parameter('sine', 'form of the reference x_d(t)', choices=WAVEFORMS)
+    waveform: str = parameter('sine', 'waveform of the reference x_d(t)', choices=WAVEFORMS)
     amplitude: float = parameter(
-        2.0, 'amplitude of sine, square and chirp, height of the step, common factor of a multisine', unit='um'
+        2.0,
+        'amplitude of sine, square and chirp; height of the step and of the ramp; common factor of the multisine',
+        unit='um',
     )
     frequency: float = parameter(
         100.0,
-        'frequency of sine and square, first frequency of the chirp, common factor of a multisine. The thesis writes '
-        'A sin(pi f t) and calls f the frequency: this is A sin(2 pi f t); half the value gives the literal reading',
+        'frequency f of sine and square in A sin(2 pi f t), start frequency of the chirp, common factor of the '
+        'multisine; the thesis writes A sin(pi f t): halve the value for its literal reading',
         unit='Hz',
         minimum=0.0,
     )
-    phase: float = parameter(0.0, 'phase at start_time, in turns: 0.25 makes a cosine of the sine', unit='turn')
-    offset: float = parameter(0.0, 'added to every waveform, and the value before start_time', unit='um')
-    start_time: float = parameter(0.0, 'time at which the waveform starts', unit='s', minimum=0.0)
+    phase: float = parameter(0.0, 'phase at start_time; 0.25 turn makes the sine a cosine', unit='turn')
+    offset: float = parameter(0.0, 'offset added to every waveform; value before start_time', unit='um')
+    start_time: float = parameter(0.0, 'start time of the waveform', unit='s', minimum=0.0)
     duty_cycle: float = parameter(
-        0.5, 'fraction of its period for which a square stands at +amplitude', above=0.0, maximum=1.0
+        0.5, 'duty cycle of the square wave: fraction of the period spent at +amplitude', above=0.0, maximum=1.0
     )
-    slope: float = parameter(100.0, 'slope of the ramp, which holds once it has risen by amplitude', unit='um/s')
+    slope: float = parameter(
+        100.0, 'slope of the ramp; the ramp holds its value once it has covered amplitude', unit='um/s'
+    )
     end_frequency: float = parameter(
-        1000.0, 'frequency of the chirp after sweep_time, then held', unit='Hz', minimum=0.0
+        1000.0, 'end frequency of the chirp, reached after sweep_time and then held', unit='Hz', minimum=0.0
     )
-    sweep_time: float = parameter(1.0, 'duration of the sweep of a chirp', unit='s', above=0.0)
-    sweep: str = parameter('linear', 'how the frequency of a chirp grows with time', choices=SWEEPS)
+    sweep_time: float = parameter(1.0, 'duration of the frequency sweep of the chirp', unit='s', above=0.0)
+    sweep: str = parameter('linear', 'frequency of the chirp as a function of time', choices=SWEEPS)
     component_amplitudes: tuple[float, ...] = parameter(
-        (1.0,), 'amplitudes of the components of a multisine, relative to amplitude'
+        (1.0,), 'amplitudes of the multisine components, relative to amplitude'
     )
     component_frequencies: tuple[float, ...] = parameter(
-        (1.0,), 'frequencies of the components of a multisine, relative to frequency', minimum=0.0
+        (1.0,), 'frequencies of the multisine components, relative to frequency', minimum=0.0
     )
     component_phases: tuple[float, ...] = parameter(
-        (0.0,), 'phases of the components of a multisine, added to phase', unit='turn'
+        (0.0,), 'phases of the multisine components, added to phase', unit='turn'
     )
     seek: SeekParameters = group(SeekParameters)
 
     def check_together(self) -> None:
-        """Check the rules that tie several parameters together; raises :class:`ParameterError`."""
+        """Check the combinations of parameters; raise :class:`ParameterError` if one is invalid."""
         count = len(self.component_amplitudes)
         for name in ('component_frequencies', 'component_phases'):
             value = getattr(self, name)
             if len(value) != count:
-                raise ParameterError(name, value, f'as many elements as component_amplitudes, which has {count}')
+                raise ParameterError(name, value, f'{count} elements, as many as component_amplitudes')
         if self.waveform == 'chirp' and self.sweep == 'logarithmic' and not self.frequency * self.end_frequency > 0.0:
             name = 'frequency' if self.frequency == 0.0 else 'end_frequency'
             raise ParameterError(name, getattr(self, name), 'above 0 Hz for a logarithmic sweep')
         if self.waveform == 'ramp' and self.slope == 0.0:
-            raise ParameterError('slope', self.slope, 'not 0 for a ramp')
+            raise ParameterError('slope', self.slope, 'a value other than 0 for a ramp')
         if self.waveform == 'seek':
             check_dwell_times(self.seek)
 
 
 @compiled
 def _chirp(c: np.record, t: float) -> tuple[float, float, float]:
-    """Return phase [turn] without the initial one, frequency [Hz] and its rate [Hz/s] at ``t`` s after the start."""
+    """Return phase without the initial phase [turn], frequency [Hz] and its rate [Hz/s] at ``t`` [s] from the start."""
     first = c.frequency
     last = c.end_frequency
     rate = c.sweep_rate
@@ -139,7 +143,7 @@ def _chirp(c: np.record, t: float) -> tuple[float, float, float]:
 
 @compiled
 def _sine(amplitude: float, turns: float, frequency: float, slope: float) -> tuple[float, float, float]:
-    """Return a sine and its derivatives for a phase [turn], a frequency [Hz] and the frequency's slope [Hz/s]."""
+    """Return a sine and its derivatives for a phase [turn], a frequency [Hz] and the frequency rate [Hz/s]."""
     sine, cosine = sine_cosine_of_turns(turns)
     w = TWO_PI * frequency
     return (
@@ -153,7 +157,7 @@ def _sine(amplitude: float, turns: float, frequency: float, slope: float) -> tup
 def reference_step(
     constants: NDArray[np.float64], components: NDArray[np.float64], seeks: NDArray[np.float64], tick: int
 ) -> tuple[float, float, float]:
-    """Return x_d [um], its first [um/s] and its second derivative [um/s^2] at ``tick``; see :class:`Reference`."""
+    """Return x_d [um] and its first [um/s] and second [um/s^2] derivatives at ``tick``; see :class:`Reference`."""
     c = record(constants, REFERENCE)
     offset = c.offset
     amplitude = c.amplitude
@@ -195,26 +199,26 @@ def reference_step(
 
 class Reference:
     """
-    The reference generator: x_d(t) and its derivatives at the ticks.
+    Reference generator: x_d(t) and its derivatives at the ticks.
 
-    The derivatives are analytic. Those of a square and a step are zero everywhere: the impulses at the edges cannot be
-    sampled, and a controller that is to be fed them would need a smooth reference instead, as seeks along a trajectory
-    are. Before ``start_time`` the reference is ``offset`` at rest.
+    The derivatives are analytic. The derivatives of a square wave and a step are zero everywhere, because the impulses
+    at the edges cannot be sampled. A controller that needs them requires a smooth reference, such as a seek trajectory.
+    Before ``start_time`` the reference is ``offset`` at rest.
 
     Parameters
     ----------
     parameters
-        Waveform and its numbers.
+        Parameters of the waveform.
     sample_time
         T [s].
 
     Notes
     -----
-    Source: thesis sections 4.4 and 5.5; seeks as in ``docs/howto/seek-reference.md``.
+    Source: thesis sections 4.4 and 5.5; ``docs/howto/seek-reference.md`` for seeks.
 
     Examples
     --------
-    Position [um], velocity [um/s] and acceleration [um/s^2] of a 100 Hz sine of 2 um at 2.5 ms, its first crest:
+    Position [um], velocity [um/s] and acceleration [um/s^2] of a 100 Hz sine of 2 µm at 2.5 ms, its first maximum:
 
     >>> from hdd_servo_ros.signals import Reference, ReferenceParameters
     >>> reference = Reference(ReferenceParameters(amplitude=2.0, frequency=100.0), sample_time=1e-4)
@@ -228,13 +232,13 @@ class Reference:
         self.update(parameters)
 
     def update(self, parameters: ReferenceParameters) -> None:
-        """Take other parameters from the next tick on; the time axis goes on."""
+        """Change the parameters from the next tick on; the time axis continues."""
         self.parameters = parameters
         constants = zeros(REFERENCE)
         c = record(constants, REFERENCE)
         c.time_step = self.sample_time
         c.waveform = WAVEFORMS.index(parameters.waveform)
-        # The first tick at or after start_time; a quotient that only rounding lifts above a whole number counts as it.
+        # First tick at or after start_time; the tolerance absorbs a quotient that rounding lifts above a whole number.
         c.start_tick = math.ceil(parameters.start_time / self.sample_time - EDGE_TOLERANCE)
         c.start_time = parameters.start_time
         c.offset = parameters.offset
@@ -259,12 +263,12 @@ class Reference:
 
     @property
     def seeks(self) -> SeekList:
-        """The seeks of the waveform ``seek``, known ahead; an empty list with the other waveforms."""
+        """Seeks of the waveform ``seek``, known in advance; an empty list for the other waveforms."""
         return self._seeks
 
     @staticmethod
     def _components(parameters: ReferenceParameters) -> NDArray[np.float64]:
-        """Return amplitude [um], frequency [Hz] and phase [turn] of the components of a multisine, a row per each."""
+        """Return amplitude [um], frequency [Hz] and phase [turn] of the multisine components, one row per component."""
         return np.column_stack(
             (
                 parameters.amplitude * np.array(parameters.component_amplitudes),

@@ -1,7 +1,7 @@
 """
-The list of seeks that a reference follows: planned from its parameters before the run, so that all targets are known.
+Seek list of a reference, planned from its parameters before the run, so that all targets are known in advance.
 
-A seek starts at a tick, and takes a whole number of samples.
+A seek starts at a tick and takes a whole number of samples.
 """
 
 import dataclasses
@@ -20,29 +20,29 @@ from hdd_servo_ros.signals.seek_parameters import SeekParameters
 from hdd_servo_ros.signals.seek_trajectory import SEEK, Bounds, set_trajectory, trajectory_at, trajectory_time
 
 _STREAM = 48
-"""Of the counter-based random numbers: apart from those of instruments and disturbances, whose seed may be equal."""
+"""Random number stream; differs from those of instruments and disturbances, which may have the same seed."""
 
 _WHOLE_TOLERANCE = 1e-9
-"""Samples by which a time may exceed a whole number of them and count as it: far above rounding."""
+"""Tolerance for rounding up to whole samples [samples]; far above rounding errors."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SeekList:
     """
-    The seeks of a reference, known ahead.
+    Seeks of a reference, known in advance.
 
     Attributes
     ----------
     start_ticks
-        Tick at which each seek of the list starts for the first time, shape (n,).
+        Tick of the first start of each seek, shape (n,).
     origins, targets
-        Where each comes from, and goes to [um], with the offset; shape (n,).
+        Origin and target of each seek [um], including the offset, shape (n,).
     trajectory_ticks
-        Samples after which x_d rests on the target, 0 for steps; shape (n,).
+        Duration of the trajectory of each seek [samples], shape (n,); 0 for steps.
     repeat_ticks
-        Ticks after which the list starts over, 0 if it does not. The first seek comes from the last target then.
+        Period of the list [ticks], 0 if it is not repeated. In a repetition, the first seek starts at the last target.
     repeat_trajectory_ticks
-        Those samples of the first seek when the list starts over.
+        Duration of the trajectory of the first seek in a repetition [samples].
     """
 
     start_ticks: NDArray[np.int64]
@@ -56,7 +56,7 @@ class SeekList:
         return len(self.start_ticks)
 
     def before(self, tick: int) -> 'SeekList':
-        """Return the seeks that start before a tick, those of repetitions too, as a list that does not start over."""
+        """Return the seeks that start before a tick, including repetitions, as a list without repetition."""
         count = len(self)
         if count == 0:
             return self
@@ -71,7 +71,7 @@ class SeekList:
         return SeekList(start_ticks[kept], origins[kept], np.tile(self.targets, passes)[kept], trajectory_ticks[kept])
 
     def next_after(self, tick: int) -> tuple[int, float] | None:
-        """Return start tick and target [um] of the first seek that starts after a tick, None if there is none."""
+        """Return start tick and target [um] of the first seek that starts after a tick, or None without such a seek."""
         if len(self) == 0:
             return None
         passes = 0
@@ -86,21 +86,21 @@ class SeekList:
 
 
 NO_SEEKS = SeekList(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
-"""Those of the other waveforms."""
+"""Seek list of the other waveforms."""
 
 
 def whole_samples(time: float, sample_time: float) -> int:
-    """Return a time [s] in samples of T [s], rounded up; one that only rounding lifts above a whole number is that."""
+    """Return a time [s] in samples of T [s], rounded up with a tolerance for rounding errors."""
     return math.ceil(time / sample_time - _WHOLE_TOLERANCE)
 
 
 def no_seek_rows() -> NDArray[np.float64]:
-    """Return what the kernel takes where there are no seeks."""
+    """Return the empty array of seeks for the kernel."""
     return np.zeros((0, size(SEEK)))
 
 
 def targets_of(seek: SeekParameters) -> list[float]:
-    """Return the targets of the list or of random seeks, from the offset [um]."""
+    """Return the targets of the list or of the random seeks, relative to the offset [um]."""
     if seek.source == 'list':
         return [seek.track_pitch * target if seek.track_pitch > 0.0 else target for target in seek.targets]
     position = 0.0
@@ -111,7 +111,7 @@ def targets_of(seek: SeekParameters) -> list[float]:
             length = seek.shortest + of_length * (seek.longest - seek.shortest)
         else:
             length = seek.shortest * exp(of_length * log(seek.longest / seek.shortest))
-        # Rounding must not lead beyond the bounds.
+        # Rounding must not exceed the limits.
         length = min(max(length, seek.shortest), seek.longest)
         forward = length if of_direction < 0.5 else -length
         position = position - forward if abs(position + forward) > seek.travel else position + forward
@@ -121,7 +121,7 @@ def targets_of(seek: SeekParameters) -> list[float]:
 
 
 def check_dwell_times(seek: SeekParameters) -> None:
-    """Reject a seek that is not over when the next one starts: raises :class:`ParameterError`."""
+    """Check that each seek ends before the next seek starts; raise :class:`ParameterError` otherwise."""
     bounds = _bounds(seek)
     targets = targets_of(seek)
     origins = [0.0, *targets[:-1]]
@@ -130,18 +130,19 @@ def check_dwell_times(seek: SeekParameters) -> None:
     if seek.repeat:
         seeks.append((targets[-1], targets[0], times[0]))
     else:
-        # Nothing follows the last one.
+        # The last seek may take any time.
         seeks.pop()
     for i, (origin, target, time) in enumerate(seeks):
         needed = trajectory_time(seek.trajectory, abs(target - origin), bounds)
         if needed > time * (1.0 + _WHOLE_TOLERANCE):
-            number = f'seek {i + 1}' if i < len(targets) else 'seek 1, when the list starts over,'
+            number = f'seek {i + 1}' if i < len(targets) else 'seek 1 of the repeated list'
             value = seek.dwell_times if len(seek.dwell_times) <= 10 else time
             raise ParameterError(
                 'seek.dwell_times',
                 value,
-                f'at least the duration of each trajectory; {number} of {abs(target - origin):g} um takes {needed:g} s '
-                f'within the bounds on acceleration, jerk and velocity, and the next one starts after {time:g} s',
+                f'at least the duration of each trajectory; {number} over {abs(target - origin):g} um takes '
+                f'{needed:g} s within the limits of acceleration, jerk and velocity, but the next seek starts after '
+                f'{time:g} s',
             )
 
 
@@ -149,26 +150,26 @@ def plan(
     seek: SeekParameters, offset: float, start_tick: int, sample_time: float
 ) -> tuple[SeekList, NDArray[np.float64]]:
     """
-    Return the seeks, and the same for the kernel.
+    Return the seek list, and its array for the kernel.
 
     Parameters
     ----------
     seek
-        Which seeks.
+        Parameters of the seeks.
     offset
-        The offset of the reference [um].
+        Offset of the reference [um].
     start_tick
-        The tick at which the first one starts.
+        Start tick of the first seek.
     sample_time
         T [s].
 
     Returns
     -------
     seeks
-        The list.
+        Seek list.
     rows
-        A row of the layout :data:`~hdd_servo_ros.signals.seek_trajectory.SEEK` per seek, and one more for the first
-        seek when the list starts over; ``start`` counts from the start of the list.
+        One row of layout :data:`~hdd_servo_ros.signals.seek_trajectory.SEEK` per seek, plus one row for the first seek
+        of a repetition; ``start`` is relative to the start of the list.
     """
     bounds = _bounds(seek)
     targets = [offset + target for target in targets_of(seek)]
@@ -207,14 +208,14 @@ def seek_step(
     rows: NDArray[np.float64], repeat_ticks: int, sample: int, sample_time: float
 ) -> tuple[float, float, float]:
     """
-    Return x_d [um], its first [um/s] and its second derivative [um/s^2].
+    Return x_d [um] and its first [um/s] and second [um/s^2] derivatives.
 
     Parameters
     ----------
     rows
-        Seeks of :func:`plan`.
+        Array of the seeks from :func:`plan`.
     repeat_ticks
-        After how many ticks the list starts over, 0 if it does not.
+        Period of the list [ticks], 0 if it is not repeated.
     sample
         Samples since the start of the list, at least 0.
     sample_time
@@ -225,7 +226,7 @@ def seek_step(
     if repeat_ticks > 0:
         is_over = sample >= repeat_ticks
         sample = sample % repeat_ticks
-    # The last seek that has started, by bisection.
+    # Find the last seek that has started, by bisection.
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) // 2

@@ -1,9 +1,9 @@
 """
-Trajectories of a seek, from rest to rest: their duration under bounds, and position and derivatives at a time.
+Rest-to-rest trajectories of a seek: duration within the limits, and position and derivatives as functions of time.
 
-The minimum-jerk trajectory is the polynomial of degree 5 with velocity and acceleration 0 at both ends (Flash, Hogan,
-Journal of Neuroscience 5, 1985). The time-optimal one has constant jerk, acceleration or velocity at its bound in each
-of at most seven segments, symmetric about its middle.
+The minimum-jerk trajectory is the polynomial of degree 5 with zero velocity and acceleration at both ends (Flash,
+Hogan, Journal of Neuroscience 5, 1985). The time-optimal trajectory has at most seven segments. In each segment jerk,
+acceleration or velocity is at its limit, and the trajectory is symmetric about its middle.
 """
 
 import math
@@ -18,7 +18,7 @@ from hdd_servo_ros.numerics.records import layout
 
 
 class Trajectory(IntEnum):
-    """The trajectories by the number that compiled code knows them by."""
+    """Trajectories, numbered for compiled code."""
 
     STEP = 0
     MINIMUM_JERK = 1
@@ -39,25 +39,28 @@ SEEK = layout(
     'acceleration',
 )
 """
-A seek: its start [tick of the list], the samples and time [s] of its trajectory, where it comes from and goes to [um].
-The rest is of the time-optimal trajectory: time [s] in which the acceleration rises, time for which it stays at its
-largest, and that largest one [um/s^2], with the sign of the seek.
+Layout of a seek.
+
+``start`` [ticks from the start of the list], ``samples`` and ``duration`` [s] of the trajectory, ``origin`` and
+``target`` [um]. The last three fields are for the time-optimal trajectory: rise time of the acceleration [s], time at
+peak acceleration [s], and peak acceleration with the sign of the seek [um/s^2].
 """
 
 _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
-"""Of the minimum-jerk trajectory of length 1 and duration 1."""
+"""Peak acceleration of the minimum-jerk trajectory of length 1 and duration 1; peak jerk and velocity are below."""
 _PEAK_JERK = 60.0
 _PEAK_VELOCITY = 1.875
 
 _SEGMENT_TOLERANCE = 1e-9
 """
-Part of the duration by which a time may miss the end of a segment and still be taken at that end: as with the edges of
-a square, rounding must not decide on which sample the acceleration of a trajectory without bound on jerk changes.
+Tolerance of a time with respect to the end of a segment, as a fraction of the duration.
+
+Without a jerk limit the acceleration is discontinuous, and rounding must not decide at which sample it changes.
 """
 
 
 class Bounds(NamedTuple):
-    """What a trajectory may not exceed: acceleration [um/s^2], jerk [um/s^3] and velocity [um/s], 0 for no bound."""
+    """Limits of a trajectory: acceleration [um/s^2], jerk [um/s^3] and velocity [um/s]; 0 for no limit."""
 
     acceleration: float
     jerk: float = 0.0
@@ -66,10 +69,11 @@ class Bounds(NamedTuple):
 
 class Segments(NamedTuple):
     """
-    The segments of a time-optimal trajectory.
+    Segments of a time-optimal trajectory.
 
-    The acceleration rises for ``jerk_time``, stays for ``acceleration_time``, falls for ``jerk_time``; the velocity
-    stays for ``cruise_time``; and the first three follow with the other sign. All in s.
+    The acceleration rises for ``jerk_time``, is constant for ``acceleration_time`` and falls for ``jerk_time``. The
+    velocity is then constant for ``cruise_time``, and the first three segments follow with the opposite sign. All times
+    are in s.
     """
 
     jerk_time: float
@@ -78,27 +82,27 @@ class Segments(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """The duration of the trajectory [s]."""
+        """Duration of the trajectory [s]."""
         return 2.0 * (2.0 * self.jerk_time + self.acceleration_time) + self.cruise_time
 
 
 def cube_root(x: float) -> float:
-    """Return the cube root of x >= 0, to the same bits on every machine."""
+    """Return the cube root of x >= 0, bit-identical on every machine."""
     if x <= 0.0:
         return 0.0
     root: float = exp(log(x) / 3.0)
-    # One step of Newton's method takes away the error that the logarithm's rounding makes.
+    # One Newton step removes the rounding error of the logarithm.
     return root - (root - x / (root * root)) / 3.0
 
 
 def time_optimal_segments(length: float, bounds: Bounds) -> Segments:
-    """Return the segments of the fastest trajectory over a length [um], at least 0, that keeps all bounds."""
+    """Return the segments of the fastest trajectory over a length >= 0 [um] within all limits."""
     acceleration, jerk, velocity = bounds
     if length <= 0.0:
         return Segments(0.0, 0.0, 0.0)
     rise = acceleration / jerk if jerk > 0.0 else 0.0
     if length < 2.0 * acceleration * rise * rise:
-        # Too short to reach the bound on acceleration: L = 2 j t^3.
+        # Too short to reach the acceleration limit: L = 2 j t^3.
         rise = cube_root(0.5 * length / jerk)
         stay = 0.0
     else:
@@ -116,7 +120,7 @@ def time_optimal_segments(length: float, bounds: Bounds) -> Segments:
 
 
 def trajectory_time(trajectory: str, length: float, bounds: Bounds) -> float:
-    """Return the least duration [s] of a trajectory over a length [um], at least 0, that keeps all bounds."""
+    """Return the shortest duration [s] of a trajectory over a length >= 0 [um] within all limits."""
     if trajectory == 'step' or length <= 0.0:
         return 0.0
     if trajectory == 'time_optimal':
@@ -131,18 +135,18 @@ def trajectory_time(trajectory: str, length: float, bounds: Bounds) -> float:
 
 def set_trajectory(seek: Any, trajectory: str, bounds: Bounds, samples: int, sample_time: float) -> None:
     """
-    Complete a record of the layout :data:`SEEK` that has origin and target.
+    Set the trajectory of a record with the layout :data:`SEEK` that has origin and target.
 
     Parameters
     ----------
     seek
-        The record.
+        Record of the seek.
     trajectory
         One of :data:`TRAJECTORIES`.
     bounds
-        What it may not exceed.
+        Limits of the trajectory.
     samples
-        Its duration in samples, at least :func:`trajectory_time` long: it is stretched to that.
+        Duration [samples], at least :func:`trajectory_time`; the trajectory is stretched to it.
     sample_time
         T [s].
     """
@@ -164,7 +168,7 @@ def set_trajectory(seek: Any, trajectory: str, bounds: Bounds, samples: int, sam
 
 @compiled
 def _minimum_jerk(distance: float, duration: float, t: float) -> tuple[float, float, float]:
-    """Return distance covered [um], velocity [um/s] and acceleration [um/s^2] at ``t`` [s], up to the middle."""
+    """Return distance covered [um], velocity [um/s] and acceleration [um/s^2] at ``t`` [s] in the first half."""
     s = t / duration
     square = s * s
     return (
@@ -176,7 +180,7 @@ def _minimum_jerk(distance: float, duration: float, t: float) -> tuple[float, fl
 
 @compiled
 def _time_optimal(c: np.record, t: float, nudge: float) -> tuple[float, float, float]:
-    """Return what :func:`_minimum_jerk` returns; ``nudge`` [s] is added to the time that decides on the segment."""
+    """Return the same values as :func:`_minimum_jerk`; ``nudge`` [s] is added to the time that selects the segment."""
     acceleration, rise, stay = c.acceleration, c.jerk_time, c.acceleration_time
     at = t + nudge
     if at < rise:
@@ -204,16 +208,16 @@ def trajectory_at(c: np.record, sample: int, sample_time: float) -> tuple[float,
     Parameters
     ----------
     c
-        Record of the layout :data:`SEEK`.
+        Record with the layout :data:`SEEK`.
     sample
-        Samples since its start, at least 0; from its last sample on the target is held.
+        Samples since the start of the seek, at least 0; after the last sample the target is held.
     sample_time
         T [s].
     """
     samples = int(c.samples)
     if sample >= samples:
         return c.target, 0.0, 0.0
-    # The second half is the first one backwards: both ends are met without rounding.
+    # The second half mirrors the first half, so both ends are exact.
     is_second = 2 * sample >= samples
     t = float(samples - sample if is_second else sample) * sample_time
     duration = c.duration
@@ -221,7 +225,7 @@ def trajectory_at(c: np.record, sample: int, sample_time: float) -> tuple[float,
         covered, velocity, acceleration = _minimum_jerk(c.target - c.origin, duration, t)
     else:
         nudge = _SEGMENT_TOLERANCE * duration
-        # A segment begins with its first sample, backwards too.
+        # A sample at a boundary belongs to the later segment, in the mirrored half too.
         covered, velocity, acceleration = _time_optimal(c, t, -nudge if is_second else nudge)
     if is_second:
         return c.target - covered, velocity, -acceleration

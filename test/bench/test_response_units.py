@@ -97,7 +97,7 @@ def is_rejected(path):
     try:
         read_csv(path)
     except ValueError as error:
-        return 'write its unit in the header: [dB]' in str(error)
+        return 'add its unit to the header: [dB]' in str(error)
     return False
 
 

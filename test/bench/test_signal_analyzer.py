@@ -176,7 +176,7 @@ def test_one_overload_too_many_ends_the_run_and_says_why():
     analyzer, control = overloaded([5, first + 7], parameters)
     assert np.isfinite(control[: first + 7]).all()
     assert np.isnan(control[first + 7 :]).all()
-    assert '-9.6 V of displacement' in analyzer.fault()
+    assert 'displacement output -9.6 V' in analyzer.fault()
     assert 'with 0.05 V, after 1 halvings' in analyzer.fault()
     assert 'overload_level = 9.5 V' in analyzer.fault()
     assert len(analyzer.response().frequency) == 0
@@ -233,7 +233,7 @@ def test_each_range_has_its_density():
     ('changed', 'message'),
     [
         ({'stop_frequency': 5.0}, 'stop_frequency: 5.0; expected at least start_frequency'),
-        ({'range_limits': (2000.0, 1000.0)}, 'range_limits: (2000.0, 1000.0); expected rising'),
+        ({'range_limits': (2000.0, 1000.0)}, 'range_limits: (2000.0, 1000.0); expected a list in rising order'),
         ({'amplitudes': (0.1, 0.2, 0.3)}, 'amplitudes: (0.1, 0.2, 0.3); expected 1 element, or 2'),
         ({'start_frequency': 0.0}, 'start_frequency: 0.0; expected a finite number at least 0.001 [Hz]'),
         ({'settle_time': 1e300}, 'settle_time: 1e+300;'),

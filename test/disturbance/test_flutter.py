@@ -109,5 +109,5 @@ def test_the_default_modes_together_have_the_sigma_of_the_benchmark():
 
 @pytest.mark.parametrize('name', ['damping_ratios', 'sigmas'])
 def test_lists_of_different_length_are_rejected(name):
-    with pytest.raises(ParameterError, match=f'{name} .* 9 elements, as many as frequencies'):
+    with pytest.raises(ParameterError, match=f'{name}: .* 9 elements, as many as frequencies'):
         from_mapping(DisturbanceParameters, {f'flutter.{name}': (0.1, 0.2)})

@@ -33,13 +33,13 @@ def test_what_is_not_synchronous_is_rejected_in_one_line(sectors, sample_time):
         spindle.require_synchronous(sample_time, 'runout.repeatable.sequence = random')
     text = str(error.value)
     assert text.startswith(
-        f'invalid value for parameter spindle.sectors: {sectors}; expected runout.repeatable.sequence = random needs'
+        f'invalid value for parameter spindle.sectors: {sectors}; expected a whole number of samples per revolution'
     )
     assert f'sample_time is {sample_time!r} s' in text
     assert '\n' not in text
 
 
 def test_the_advice_of_the_rejection_is_synchronous():
-    with pytest.raises(ParameterError, match=r'such as sectors = 83 with sample_time = 0\.000100402 s'):
+    with pytest.raises(ParameterError, match=r'for example sectors = 83 with sample_time = 0\.000100402 s'):
         SpindleParameters(7200.0, 0).require_synchronous(1e-4, 'this')
     assert SpindleParameters(7200.0, 83).samples_per_revolution(0.000100402) == 83

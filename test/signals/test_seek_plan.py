@@ -218,8 +218,8 @@ def test_what_is_rejected(name, values):
 
 def test_a_rejected_length_names_the_one_that_it_does_not_go_with():
     for values, allowed in (
-        ({'shortest': 200.0}, 'seek.longest: 100.0; expected at least shortest = 200.0 um'),
-        ({'travel': 99.0}, 'seek.travel: 99.0; expected at least longest = 100.0 um'),
+        ({'shortest': 200.0}, 'seek.longest: 100.0; expected at least shortest, which is 200.0 um'),
+        ({'travel': 99.0}, 'seek.travel: 99.0; expected at least longest, which is 100.0 um'),
     ):
         with pytest.raises(ParameterError, match=allowed):
             parameters(source='random', **values)
@@ -229,8 +229,8 @@ def test_a_rejected_length_names_the_one_that_it_does_not_go_with():
     ('values', 'number'),
     [
         ({'targets': [1.0, 100.0], 'dwell_times': [0.001, 0.001]}, 'seek 2 of 99 um takes 0.00181104 s'),
-        ({'targets': [1.0, 0.0, 100.0], 'dwell_times': [0.001, 0.001, 0.01]}, 'seek 1, when the list starts over, of'),
-        ({'source': 'random', 'dwell_times': [0.001]}, 'the next one starts after 0.001 s'),
+        ({'targets': [1.0, 0.0, 100.0], 'dwell_times': [0.001, 0.001, 0.01]}, 'seek 1 of the repeated list over'),
+        ({'source': 'random', 'dwell_times': [0.001]}, 'the next seek starts after 0.001 s'),
     ],
 )
 def test_a_trajectory_longer_than_its_dwell_time_is_rejected(values, number):

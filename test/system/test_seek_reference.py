@@ -87,4 +87,4 @@ def test_a_seek_without_time_is_rejected_with_its_times(bench):
     ended = bench.start('simulate', *PARAMETERS, '-p', 'reference_generator:seek.acceleration:=1e5')
     assert ended.wait() == 2
     assert 'reference_generator:seek.dwell_times' in ended.output
-    assert 'the next one starts after 0.01 s' in ended.output
+    assert 'the next seek starts after 0.01 s' in ended.output
