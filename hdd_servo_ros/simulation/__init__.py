@@ -1,4 +1,4 @@
-"""The closed loop without middleware: one compiled kernel, the experiment around it, and the command `simulate`."""
+"""Closed-loop simulation without middleware: compiled kernel, experiment, and the command ``simulate``."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The closed loop as one compiled kernel: the blocks of one experiment, tick by tick, without a call from Python."""
+"""Closed loop as one compiled kernel: runs the blocks of an experiment tick by tick without calls to Python."""
 
 from typing import Any, NamedTuple
 
@@ -29,9 +29,9 @@ from hdd_servo_ros.signals.reference import ReferenceArrays, reference_step
 
 class Controllers(NamedTuple):
     """
-    The arrays of each built-in controller, by its short name; those of one that does not run are not touched.
+    Arrays of each built-in controller, by its short name; only those of the controller that runs are used.
 
-    Numba compiles all branches of the kernel, so that each needs arrays of its own kind.
+    Numba compiles all branches of the kernel, so each branch needs arrays of the right type.
     """
 
     adaptive_nn: AdaptiveNnArrays
@@ -41,7 +41,7 @@ class Controllers(NamedTuple):
 
 
 LINEAR_Y, ANGULAR_Z = (BASE_ACCELERATION.field_names.index(name) for name in ('linear_y', 'angular_z'))
-"""The columns of the base's acceleration that the accelerometers sense."""
+"""Columns of the base acceleration that the accelerometers measure."""
 ADAPTIVE_NN, PID, OPEN_LOOP, SIGNAL_ANALYZER = range(len(Controllers._fields))
 
 
@@ -72,45 +72,46 @@ def closed_loop(
     """
     Run consecutive ticks from ``first_tick`` on and write one row per tick.
 
-    At tick k the head is where u_{k-1} and the disturbance of tick k-1, held over the last sample, have brought it; the
-    vibrometer or the servo sensor reads it, the accelerometers read what has moved the base over the last sample, the
-    controller responds, what the blocks around it give is added, and the DSP makes u_k of it. The kernel calls the very
-    kernels that the blocks' ``step`` calls, in the same order, so its rows equal theirs to the bit. Only the
-    vibrometer's noise, which is a function of the tick, is drawn for all ticks beforehand.
+    At tick k the head position results from u_{k-1} and the disturbance of tick k-1, both held over the last sample.
+    The vibrometer or the servo sensor measures it, and the accelerometers measure the base acceleration of the last
+    sample. The controller computes its output, the outputs of the blocks around it are added, and the DSP converts the
+    sum to u_k. The kernel calls the same compiled functions as the ``step`` methods of the blocks, in the same order,
+    so its rows are bit-identical to theirs. Only the vibrometer noise, which is a function of the tick, is generated in
+    advance for all ticks.
 
     Parameters
     ----------
     first_tick
-        The first tick; a run may be cut anywhere.
+        First tick; a run may be split at any tick.
     controller_kind
         Index into the fields of :class:`Controllers`.
     reference, plant, ldv, dsp
-        The ``arrays`` of the blocks: constants, and states, which are advanced.
+        The ``arrays`` of the blocks: constants, and states (which are advanced).
     displacement_scale, velocity_scale
-        What scales the vibrometer's outputs for the controller [um/V], [um/s/V]; 1 with the servo sensor.
+        Scales of the vibrometer outputs for the controller [um/V], [um/s/V]; 1 with the servo sensor.
     servo, observer
-        The ``arrays`` of the servo sensor and of the observer that gives the velocity; they take the vibrometer's place
-        if there are rows for `/pes`, and there are none for `/ldv` then.
+        The ``arrays`` of the servo sensor and of the velocity observer. They replace the vibrometer if there are rows
+        for ``/pes``; ``/ldv`` then has no rows.
     controllers
-        The ``arrays`` of the controllers; the last one of each is its estimates.
+        The ``arrays`` of the controllers; the last array of each contains its estimates.
     has_seek, seek, accelerometer, has_feedforward, feedforward, has_runout, runout, dsp
-        The ``arrays`` of the blocks around the controller. The accelerometers are included if there are rows for them,
-        seek part, feedforward and cancellation of runout by their flags.
+        The ``arrays`` of the blocks around the controller. The accelerometers are enabled by their rows; seek block,
+        feedforward and runout cancellation are enabled by their flags.
     held
-        Array of six elements, what acts on drive and base until the next tick: u and the disturbance [V], linear
-        [m/s^2] and angular [rad/s^2] acceleration of the base; and the feedforward in u and in the last command [V].
+        Array of six values that are held until the next tick: u and disturbance [V], linear [m/s^2] and angular
+        [rad/s^2] acceleration of the base, feedforward in u and in the last command [V].
     deviates
-        Room for the deviates of the vibrometer's noise, two per tick, shape (2 n,).
+        Buffer for the noise deviates of the vibrometer, two per tick, shape (2 n,).
     signals
-        :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: an array per topic, one row per tick.
+        :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: one array per topic, one row per tick.
     """
     reference_rows, head_rows, ldv_rows, control_rows, estimate_rows = signals[:5]
     disturbance_rows, base_rows, sensor_rows, pes_rows = signals[5:]
-    # What depends on the tick alone comes first: the compiler makes such a short loop work on several ticks at once.
+    # The noise depends on the tick only, so generate it first: the compiler vectorizes such a short loop.
     has_servo = len(pes_rows) > 0
     if not has_servo:
         fill_ldv_deviates(ldv[0], first_tick, deviates)
-    # A node that a run may do without is a branch on what stays the same for all ticks, as the disturbance's rows are.
+    # Optional nodes are branches on conditions that are constant for all ticks.
     is_disturbed = len(disturbance_rows) > 0
     is_shaken = len(base_rows) > 0
     has_accelerometer = len(sensor_rows) > 0
@@ -125,7 +126,7 @@ def closed_loop(
         if has_servo:
             track_center = disturbance_rows[row, 1] if is_disturbed else 0.0
             error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_center)
-            # The feedforward is to cancel a force that the observer does not know of either.
+            # Exclude the feedforward: it cancels a force that the observer does not model.
             _, velocity_volts = observer_step(*observer, displacement_volts, held[0] - held[4])
             pes_rows[row, 0] = error
             pes_rows[row, 1] = displacement_volts
@@ -144,7 +145,7 @@ def closed_loop(
             rate -= offset_rate
             displacement_volts -= offset / displacement_scale
             velocity_volts -= offset_rate / velocity_scale
-        # The fields of ControllerInputs, in their order: numba joins no named tuple to another.
+        # The fields of ControllerInputs, in order: numba cannot concatenate named tuples.
         inputs = (tick, measured, rate, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
         if controller_kind == ADAPTIVE_NN:
             u, unsaturated, feedback = adaptive_nn_step(*controllers.adaptive_nn, *inputs)
@@ -202,7 +203,7 @@ def closed_loop(
 
 @compiled
 def _write(estimates: NDArray[np.float64], rows: NDArray[np.float64], row: int, column: int) -> int:
-    """Write the estimates of a block from a column on, and return the column behind them."""
+    """Write the estimates of a block, starting at a column; return the next free column."""
     for i in range(len(estimates)):
         rows[row, column + i] = estimates[i]
     return column + len(estimates)

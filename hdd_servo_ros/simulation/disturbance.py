@@ -1,4 +1,4 @@
-"""What disturbs the drive from outside, as the loop takes it."""
+"""Interface of an external disturbance of the loop."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,16 +10,16 @@ from hdd_servo_ros.messages.topics import LoopTopic
 
 
 class DisturbanceSource(Protocol):
-    """A disturbance that does not depend on the loop, so that the rows of many ticks can be made at once."""
+    """Disturbance that does not depend on the loop, so that the rows of many ticks can be computed in advance."""
 
     @property
     def topics(self) -> tuple[LoopTopic, ...]:
-        """The topics that it fills: `/disturbance`, `/base_acceleration` or both."""
+        """Topics of the source: ``/disturbance``, ``/base_acceleration`` or both."""
 
     def rows(self, first_tick: int, count: int) -> Sequence[NDArray[np.float64]]:
         """
-        Return what consecutive ticks carry on each of :attr:`topics`, shape (count, width of the topic).
+        Return the rows of consecutive ticks for each of :attr:`topics`, shape (count, width of the topic).
 
-        Of `/disturbance` that is force against u [V], displacement of the track center [um], 0; of
-        `/base_acceleration` the linear [m/s^2] and angular [rad/s^2] acceleration along and about x, y, z.
+        The columns of ``/disturbance`` are force against u [V], displacement of the track center [um] and 0. Those of
+        ``/base_acceleration`` are linear [m/s^2] and angular [rad/s^2] acceleration along and about x, y, z.
         """

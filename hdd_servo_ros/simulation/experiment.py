@@ -1,4 +1,4 @@
-"""One experiment: reference, drive, vibrometer and controller, run tick by tick without middleware."""
+"""Experiment without middleware: reference, drive, sensor and controller, run tick by tick."""
 
 import functools
 import math
@@ -53,13 +53,13 @@ from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 
 @functools.cache
 def _kernel_kinds() -> dict[str, int]:
-    """Return the number by which the kernel knows the law of each controller's block."""
+    """Return the number of each controller in the kernel, by its block."""
     return {NODES[CONTROLLER_NODES[name]].block: kind for kind, name in enumerate(Controllers._fields)}
 
 
 @functools.cache
 def _arrays_of_default(node: str) -> tuple[NDArray[np.float64], ...]:
-    """Return the arrays of a controller that does not run: the kernel wants them of the right kind, and leaves them."""
+    """Return placeholder arrays for a controller that is not used; the kernel needs the type but not the values."""
     row = NODES[node]
     arrays: tuple[NDArray[np.float64], ...] = resolve(row.block)(row.block_parameters(), 1e-4).arrays
     return arrays
@@ -67,75 +67,76 @@ def _arrays_of_default(node: str) -> tuple[NDArray[np.float64], ...]:
 
 @functools.cache
 def _default_accelerometer() -> Accelerometer:
-    """Return accelerometers that do not run."""
+    """Return placeholder accelerometers."""
     return Accelerometer(AccelerometerParameters(), 1e-4)
 
 
 @functools.cache
-def _arrays_of_no_servo_sensor() -> ServoSensorArrays:
-    """Return the arrays of a servo sensor that does not run."""
+def _placeholder_servo_sensor() -> ServoSensorArrays:
+    """Return placeholder arrays for the servo sensor."""
     return ServoSensor(ServoSensorParameters(), 1e-4).arrays
 
 
 @functools.cache
-def _arrays_of_no_observer() -> ObserverArrays:
-    """Return the arrays of an observer that does not run."""
+def _placeholder_observer() -> ObserverArrays:
+    """Return placeholder arrays for the observer."""
     return Observer(ObserverParameters(method='difference'), 1e-4).arrays
 
 
 @functools.cache
-def _arrays_of_no_feedforward() -> FeedforwardArrays:
-    """Return the arrays of a feedforward that does not run."""
+def _placeholder_feedforward() -> FeedforwardArrays:
+    """Return placeholder arrays for the feedforward."""
     parameters = FeedforwardParameters(method='fixed')
     return Feedforward(parameters, 1e-4, np.zeros(parameters.path_length), AccelerometerScales(1.0, 1.0)).arrays
 
 
 @functools.cache
-def _arrays_of_no_seek() -> SeekArrays:
-    """Return the arrays of a seek part that does not run."""
+def _placeholder_seek() -> SeekArrays:
+    """Return placeholder arrays for the seek block."""
     return no_seek(1e-4).arrays
 
 
 @functools.cache
-def _arrays_of_no_runout() -> RunoutArrays:
-    """Return the arrays of a cancellation that does not run."""
+def _placeholder_runout() -> RunoutArrays:
+    """Return placeholder arrays for the runout cancellation."""
     parameters = RunoutParameters(method='harmonics')
     return RunoutCancellation(parameters, 1e-4, np.zeros(path_length(parameters, 1e-4))).arrays
 
 
 class Experiment:
     """
-    The closed loop of one reference, drive, sensor and controller.
+    Closed loop of a reference, a drive, a sensor and a controller.
 
     Parameters
     ----------
     sample_time
         T [s].
     controller
-        ``'adaptive_nn'``, ``'pid'``, ``'seek'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of
-        one from outside, as :func:`~hdd_servo_ros.graph.controller_loader.load_controller` takes it; or any object that
-        satisfies :class:`~hdd_servo_ros.control.controller.Controller`. The
-        latter two are called from Python, tick by tick.
+        ``'adaptive_nn'``, ``'pid'``, ``'seek'``, ``'open_loop'`` or ``'signal_analyzer'``; the name or import path of a
+        custom controller, see :func:`~hdd_servo_ros.graph.controller_loader.load_controller`; or any object that
+        satisfies :class:`~hdd_servo_ros.control.controller.Controller`. Custom controllers and objects are called from
+        Python at every tick.
     parameters
-        For each node with a block, its parameters under dotted names; what is not named keeps its default.
-        Sections of other nodes are passed over. A section of ``disturbance_generator`` adds that source.
+        Parameters of each node with a block, under dotted names; other parameters keep their defaults. Sections of
+        other nodes are ignored. A section for ``disturbance_generator`` adds this source.
     dsp
-        What lies between a controller that is given as an object and the drive; a named one has it in its section.
+        DSP parameters for a controller given as an object; a named controller has them in its section.
     disturbance
-        What disturbs the drive from outside; None for the ``disturbance_generator`` if it has a section, else nothing.
+        External disturbance of the drive. None uses the ``disturbance_generator`` if it has a section, and no
+        disturbance otherwise.
     sensor
-        ``'ldv'`` or ``'servo'``; with the latter the vibrometer rests, and an observer gives the velocity.
+        ``'ldv'`` or ``'servo'``; with ``'servo'`` the vibrometer is not used, and an observer estimates the velocity.
 
     Raises
     ------
     ParameterError
-        If a value is rejected or a name unknown; the name is preceded by its node's. If the ``step`` of a controller
-        given as an object takes six arguments, as it once did. If ``disturbance`` and a ``disturbance_generator`` are
-        both given.
+        If a value is rejected or a name is unknown (the message names node and parameter); if the ``step`` of a
+        controller object takes six arguments, the former interface; or if both ``disturbance`` and a section for
+        ``disturbance_generator`` are given.
 
     Examples
     --------
-    The default drive and controller for 0.3 s, then the same with the PID controller and a 200 Hz reference:
+    Default drive and controller for 0.3 s, then the PID controller with a 200 Hz reference:
 
     >>> from hdd_servo_ros.analysis import rms
     >>> from hdd_servo_ros.simulation import Experiment
@@ -184,11 +185,11 @@ class Experiment:
                 self._make_law = resolve(NODES[node].block)
                 parameters_of_law = block_parameters(node, sections.get(node, {}))
             else:
-                outside = load_controller(controller)
-                node, self._make_law = outside.node, outside.make
+                custom = load_controller(controller)
+                node, self._make_law = custom.node, custom.make
                 parameters_of_law = block_parameters(node, sections.get(node, {}))
-                outside.trial(parameters_of_law, sample_time)
-                self.controller = self._blocks[node] = outside.make(parameters_of_law, sample_time)
+                custom.trial(parameters_of_law, sample_time)
+                self.controller = self._blocks[node] = custom.make(parameters_of_law, sample_time)
             own = sections.get(node, {})
             dsp = dsp_parameters(node, own)
             scales = input_parameters(node, own)
@@ -197,7 +198,7 @@ class Experiment:
             observer = observer_parameters(node, own)
             seek = seek_parameters(node, own)
             if self.servo is not None and NODES[node].needs_ldv:
-                raise ParameterError('sensor', sensor, f'ldv, which {node} measures')
+                raise ParameterError('sensor', sensor, f'ldv, because {node} measures the vibrometer')
         else:
             reject_former_object(controller)
             self.controller = controller
@@ -217,7 +218,9 @@ class Experiment:
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
             if disturbance is not None:
-                raise ParameterError('disturbance', disturbance, f'None with parameters of {DISTURBANCE_GENERATOR}')
+                raise ParameterError(
+                    'disturbance', disturbance, f'None, because parameters of {DISTURBANCE_GENERATOR} are given'
+                )
             self._disturbance = self._block(DISTURBANCE_GENERATOR, sections)
         self.accelerometer: Accelerometer | None = None
         if feedforward.is_used or BASE_SENSOR in sections:
@@ -250,7 +253,7 @@ class Experiment:
     def _knowledge_of(
         self, feedforward: FeedforwardParameters, law: Any
     ) -> tuple[NDArray[np.float64], AccelerometerScales]:
-        """Return what the feedforward has to know of loop and sensors, for a controller with these parameters."""
+        """Return the loop and sensor data that the feedforward needs, for a controller with these parameters."""
         from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 
         assert self.accelerometer is not None
@@ -266,7 +269,7 @@ class Experiment:
         )
 
     def _surroundings_of_seek(self, seek: SeekParameters, law: Any) -> SeekSurroundings:
-        """Return what a seek part has to know of the loop, for a controller with these parameters."""
+        """Return the loop data that the seek block needs, for a controller with these parameters."""
         from hdd_servo_ros.analysis.seek_surroundings import seek_surroundings
 
         sensor = None if self.servo is not None else self.ldv.parameters
@@ -281,23 +284,23 @@ class Experiment:
         )
 
     def _runout_path(self, runout: RunoutParameters, law: Any) -> NDArray[np.float64]:
-        """Return the path of the cancellation of runout, for a controller with these parameters."""
+        """Return the path model of the runout cancellation, for a controller with these parameters."""
         from hdd_servo_ros.analysis.feedforward_path import runout_path
 
         fresh, observer = self._fresh(law)
         return runout_path(runout, fresh, self.dsp.parameters, self.sample_time, self.scales, observer)
 
     def _fresh(self, law: Any) -> tuple[Controller, Observer | None]:
-        """Return a controller with these parameters and an observer as that of the run, both at rest."""
+        """Return a new controller with these parameters and a new observer like that of the run, both at rest."""
         observer = None if self.observer is None else Observer(self.observer.parameters, self.sample_time)
         return self._make_law(law, self.sample_time), observer
 
     def block(self, node: str) -> Any:
-        """Return the block of a node of this package; raises KeyError if it has none in this experiment."""
+        """Return the block of a node of this package; raises KeyError if this experiment does not have it."""
         return self._blocks[node]
 
     def update(self, node: str, sets: Mapping[type[Any], Any]) -> None:
-        """Give the block of a node other parameters from the next tick on: all its sets; other nodes have none."""
+        """Change all parameter sets of a node from the next tick on; nodes without a block are ignored."""
         if node not in self._blocks:
             return
         self._blocks[node].update(sets[NODES[node].block_parameters])
@@ -322,12 +325,12 @@ class Experiment:
 
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        """Names of the columns of ``/estimates``: those of the controller, then those of the blocks around it."""
+        """Column names of ``/estimates``: first those of the controller, then those of the blocks around it."""
         blocks = (self.controller, self.seek, self.feedforward, self.runout, self.observer)
         return tuple(name for block in blocks if block is not None for name in block.estimate_names)
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of drive and controller before a run."""
+        """Return the warnings about drive and controller, for the log at the start of a run."""
         loop = fragility.LoopSurroundings(
             self.plant.parameters,
             self.sample_time,
@@ -350,28 +353,28 @@ class Experiment:
 
     def saturation_warnings(self) -> dict[tuple[str, str], str]:
         """
-        Return what a user should be told of an output that has been clipped, and of a crash stop that was hit.
+        Return the warnings about clipped outputs and crash stops that were hit.
 
-        By the node of the instrument and its output, and by that of the drive and its stop.
+        The keys are the node of the instrument and its output, or the node of the drive and its stop.
         """
-        warnings = {('vcm_plant', stop): text for stop, text in self.plant.impact_warnings().items()}
-        warnings |= {('ldv_sensor', output): text for output, text in self.ldv.saturation_warnings().items()}
+        warnings = {('vcm_plant', stop): message for stop, message in self.plant.impact_warnings().items()}
+        warnings |= {('ldv_sensor', output): message for output, message in self.ldv.saturation_warnings().items()}
         if self.servo is not None:
             warnings.update(
-                (('servo_sensor', output), text) for output, text in self.servo.saturation_warnings().items()
+                (('servo_sensor', output), message) for output, message in self.servo.saturation_warnings().items()
             )
         if self.accelerometer is not None:
-            own = self.accelerometer.saturation_warnings()
-            warnings.update(((BASE_SENSOR, output), text) for output, text in own.items())
+            clipped = self.accelerometer.saturation_warnings()
+            warnings.update(((BASE_SENSOR, output), message) for output, message in clipped.items())
         return warnings
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the loop is one compiled kernel, as it is with a controller of this package."""
+        """Whether the loop is one compiled kernel, which is the case for the controllers of this package."""
         return self._kind is not None
 
     def compile(self) -> None:
-        """Compile what :meth:`run` calls, where that was never done here, and change nothing."""
+        """Compile the kernels that :meth:`run` calls, unless they are cached; does not change the state."""
         if DISTURBANCE_GENERATOR in self._blocks:
             self._blocks[DISTURBANCE_GENERATOR].rows(self._next_tick, 0)
         if self.is_compiled:
@@ -389,7 +392,7 @@ class Experiment:
         Dsp(self.dsp.parameters, self.sample_time).step(0.0, 0.0, 0.0)
 
     def empty_rows(self, first_tick: int, count: int) -> SignalRows:
-        """Return rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
+        """Return empty rows for ``count`` ticks of this experiment, to be filled by :meth:`run`."""
         optional = () if self._disturbance is None else self._disturbance.topics
         if self.accelerometer is not None:
             optional = (*optional, ACCELEROMETER)
@@ -404,25 +407,25 @@ class Experiment:
         """
         Run ticks ``first_tick`` to ``first_tick + count - 1``.
 
-        The ticks of one experiment start at 0 and follow each other; they may be run in pieces of any length.
+        The ticks of an experiment start at 0 and must be consecutive; they may be run in pieces of any length.
 
         Parameters
         ----------
         first_tick, count
-            Which ticks.
+            First tick and number of ticks.
         rows
-            Rows of an earlier call with the same count, to be written again instead of new memory.
+            Rows from an earlier call with the same count, to be overwritten instead of allocating new memory.
 
         Raises
         ------
         ValueError
-            If ``first_tick`` is not the one after the last, or the disturbance's rows have another shape than those of
-            its topics.
+            If ``first_tick`` does not follow the last tick, or the shape of the disturbance rows does not match their
+            topics.
         ControllerError
-            If a controller from outside fails; ``rows``, if given, then hold the ticks before that one.
+            If a custom controller fails; ``rows``, if given, then contain the ticks before the failure.
         """
         if first_tick != self._next_tick:
-            raise ValueError(f'expected tick {self._next_tick}, got {first_tick}: the ticks of a run follow each other')
+            raise ValueError(f'expected tick {self._next_tick}, got {first_tick}; ticks of a run must be consecutive')
         self._next_tick += count
         rows = (
             self.empty_rows(first_tick, count) if rows is None or len(rows) != count else rows.starting_at(first_tick)
@@ -432,8 +435,8 @@ class Experiment:
             for topic, found in zip(self._disturbance.topics, made, strict=True):
                 if np.shape(found) != rows[topic.name].shape:
                     raise ValueError(
-                        f'/{topic.name}: the rows of ticks {first_tick} to {first_tick + count - 1} have shape '
-                        f'{np.shape(found)}, not {rows[topic.name].shape}'
+                        f'/{topic.name}: invalid shape of the rows of ticks {first_tick} to {first_tick + count - 1}: '
+                        f'{np.shape(found)}; expected {rows[topic.name].shape}'
                     )
                 rows[topic.name][:] = found
         if self._kind is None:
@@ -446,16 +449,16 @@ class Experiment:
                 self.plant.arrays,
                 self.ldv.arrays,
                 *self.scales,
-                _arrays_of_no_servo_sensor() if self.servo is None else self.servo.arrays,
-                _arrays_of_no_observer() if self.observer is None else self.observer.arrays,
+                _placeholder_servo_sensor() if self.servo is None else self.servo.arrays,
+                _placeholder_observer() if self.observer is None else self.observer.arrays,
                 self._controllers(),
                 self.seek is not None,
-                _arrays_of_no_seek() if self.seek is None else self.seek.arrays,
+                _placeholder_seek() if self.seek is None else self.seek.arrays,
                 (self.accelerometer or _default_accelerometer()).arrays,
                 self.feedforward is not None,
-                _arrays_of_no_feedforward() if self.feedforward is None else self.feedforward.arrays,
+                _placeholder_feedforward() if self.feedforward is None else self.feedforward.arrays,
                 self.runout is not None,
-                _arrays_of_no_runout() if self.runout is None else self.runout.arrays,
+                _placeholder_runout() if self.runout is None else self.runout.arrays,
                 self.dsp.arrays,
                 self._held,
                 np.empty(2 * len(rows)),
@@ -464,12 +467,12 @@ class Experiment:
         return rows
 
     def _estimates(self) -> NDArray[np.float64]:
-        """Return what ``/estimates`` carries after a step."""
+        """Return the values of ``/estimates`` after a step."""
         blocks = (self.controller, self.seek, self.feedforward, self.runout, self.observer)
         return np.concatenate([block.estimates for block in blocks if block is not None])
 
     def _controllers(self) -> Controllers:
-        """Return the arrays of all built-in controllers, of which one runs."""
+        """Return the arrays of all built-in controllers, with placeholders for those that are not used."""
         controller: Any = self.controller
         arrays = (
             controller.arrays if kind == self._kind else _arrays_of_default(CONTROLLER_NODES[name])
@@ -480,14 +483,14 @@ class Experiment:
     def _measure(
         self, rows: SignalRows, row: int, tick: int, head: Sequence[float], control: float, track_center: float
     ) -> tuple[float, float]:
-        """Return what the sensor gives the controller, and write its row."""
+        """Return the sensor outputs for the controller, and write the row of the sensor."""
         if self.servo is None or self.observer is None:
             ldv = self.ldv.step(tick, head[0], head[1])
             rows.ldv[row] = (*ldv, 0.0)
             return ldv
         decoded = self.servo.step(tick, head[0], track_center)
         rows.pes[row] = decoded
-        # The feedforward is to cancel a force that the observer does not know of either.
+        # Exclude the feedforward: it cancels a force that the observer does not model.
         _, velocity = self.observer.step(decoded[1], control - float(self._held[4]))
         return decoded[1], velocity
 
@@ -525,7 +528,7 @@ class Experiment:
             rows.control[row] = commanded
             rows['estimates'][row] = self._estimates()
             if not math.isfinite(sum(head) + sum(commanded)) and not all(map(math.isfinite, (*head, *commanded))):
-                # Nothing after it means anything, and the controller must not be asked what to make of it.
+                # Later values would be meaningless, and the controller must not be called with them.
                 for signal in signals:
                     signal[row + 1 :] = math.nan
                 return

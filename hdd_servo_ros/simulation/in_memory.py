@@ -1,4 +1,4 @@
-"""Runs a simulation in this process and keeps its signals in memory: no bag, no process, no output."""
+"""Simulation in this process with its signals in memory: without a bag, another process, or output."""
 
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
@@ -11,12 +11,12 @@ from hdd_servo_ros.simulation.run_setup import Simulation
 
 def run_in_memory(simulation: Simulation) -> RunInMemory:
     """
-    Run a whole simulation that has not begun, and return it; one that fails has the ticks before that.
+    Run a simulation from start to end and return it; a failed run contains the ticks before the failure.
 
-    The signals are those that `rig` and `simulate` record with the same parameters, to the bit.
+    The signals are bit-identical to those that ``rig`` and ``simulate`` record with the same parameters.
     """
     period = sample_time_to_nanoseconds(simulation.timer.sample_time)
-    # Before the run: a schedule is used up by it.
+    # Before the run, because the run consumes the schedule.
     description = simulation.description()
     all_rows = simulation.experiment.empty_rows(0, simulation.last_tick + 1)
     outcome, done = FINISHED_OUTCOME, 0

@@ -1,4 +1,4 @@
-"""Signals that ask a run to end."""
+"""Operating system signals that request the end of a run."""
 
 import contextlib
 import signal
@@ -11,12 +11,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 class Interrupts:
     """
-    The first signal that asked the run to end, to be looked at between two pieces of it.
+    First signal that requested the end of the run; the run checks it between two pieces.
 
     Attributes
     ----------
     number
-        The signal's number, 0 if there was none.
+        Number of the signal; 0 without a signal.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Interrupts:
     def take(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""
         if self.number:
-            # Asked twice: a step that never returns keeps the first from being looked at.
+            # A second request ends the process at once, because a step that never returns blocks the first request.
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
         self.number = number
@@ -34,9 +34,10 @@ class Interrupts:
 @contextlib.contextmanager
 def interrupts() -> Iterator[Interrupts]:
     """
-    Collect signals instead of being ended by them.
+    Collect signals instead of terminating the process.
 
-    Off the main thread Python allows no handlers: signals then go to whoever has the main thread.
+    Python allows signal handlers in the main thread only. In another thread, this context manager collects nothing, and
+    signals go to the handlers of the main thread.
     """
     collected = Interrupts()
     if threading.current_thread() is not threading.main_thread():

@@ -1,4 +1,4 @@
-"""Rows of signals as the messages that the nodes would publish."""
+"""Packing of signal rows into the messages that the nodes would publish."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,16 +14,16 @@ from hdd_servo_ros.messages.topics import SIGNAL_TOPICS, LoopTopic
 
 class Packer:
     """
-    Turns rows into messages, in the order in which the recorder of the graph writes them.
+    Packer of rows into messages, in the order in which the recorder node writes them.
 
     Parameters
     ----------
     topics
-        The topics of the run, in the recorder's order.
+        Topics of the run, in the order of the recorder.
     sample_time
         T [s].
     frame_id
-        Name of the drive, in the header of every vector.
+        Name of the drive, for the header of every vector message.
     estimate_names
         Names of the estimates.
     """
@@ -42,9 +42,9 @@ class Packer:
         Parameters
         ----------
         rows
-            The signals; they must stay as they are until the messages are written.
+            Signals; they must not change until the messages are written.
         recorded
-            Messages of the same ticks that were recorded before and are passed on as they are, by their topic.
+            Previously recorded messages of the same ticks, which are passed on unchanged, by topic.
         """
         times = np.arange(rows.first_tick, rows.first_tick + len(rows), dtype=np.int64) * self._sample_time_ns
         return PackedRows(times, [self._column(topic, rows, recorded) for topic in self._topics])
@@ -60,14 +60,14 @@ class Packer:
 
 class PackedRows:
     """
-    Messages of ticks, made when they are written; see :class:`hdd_servo_ros.messages.tick_messages.TickMessages`.
+    Messages of ticks, packed when they are written; see :class:`hdd_servo_ros.messages.tick_messages.TickMessages`.
 
     Parameters
     ----------
     times
         Time of each tick [ns].
     columns
-        For each topic its layout and the numbers of each message, or the messages themselves.
+        For each topic, the layout and the values of each message, or the messages themselves.
     """
 
     def __init__(
@@ -78,16 +78,16 @@ class PackedRows:
 
     @property
     def times(self) -> NDArray[np.int64]:
-        """Receive time of each tick's messages [ns], shape (n,)."""
+        """Receive time of the messages of each tick [ns], shape (n,)."""
         return self._times
 
     @property
     def templates(self) -> list[bytes]:
-        """For each topic, a message of the right size that holds the bytes that never change."""
+        """Template message of each topic, with the right size and the constant bytes."""
         return [column[0].template if isinstance(column, tuple) else bytes(column.shape[1]) for column in self._columns]
 
     def fill(self, ticks: slice, payloads: Sequence[Messages]) -> None:
-        """Complete copies of the templates for some of the ticks."""
+        """Fill copies of the templates for a slice of the ticks."""
         stamps = stamp_rows(self._times[ticks])
         for column, messages in zip(self._columns, payloads, strict=True):
             if isinstance(column, tuple):
@@ -98,10 +98,10 @@ class PackedRows:
 
 
 def first_not_finite(rows: SignalRows) -> tuple[LoopTopic, int, tuple[float, ...]] | None:
-    """Return topic, tick and values of the first message that is not finite, None if all are."""
+    """Return topic, tick and values of the first message that is not finite, or None if all are finite."""
     found = []
     for order, topic in enumerate(SIGNAL_TOPICS):
-        # Of all numbers at once first, which is many times faster than row by row.
+        # Check all values at once first, which is many times faster than row by row.
         if topic.name in rows and not np.isfinite(rows[topic.name]).all():
             invalid = np.flatnonzero(~np.isfinite(rows[topic.name]).all(axis=1))
             if len(invalid):

@@ -1,4 +1,4 @@
-"""Runs a simulation piece by piece: the ticks between two scheduled changes, or as many as are computed at once."""
+"""Simulation in pieces: a piece ends at a scheduled change or at the chunk size."""
 
 from hdd_servo_ros.control.controller import ReportsFault
 from hdd_servo_ros.control.outside import ControllerError
@@ -18,16 +18,16 @@ def run_piece(
     Parameters
     ----------
     simulation
-        What runs.
+        Simulation to continue.
     first_tick, count
-        Which ticks; no scheduled change may be inside of them.
+        First tick and number of ticks; scheduled changes are allowed at the first tick only.
     rows
-        Rows of so many ticks, which are written.
+        Output rows for ``count`` ticks.
 
     Returns
     -------
     outcome, valid, changes
-        Whether the run can go on, the rows up to where it cannot, and the scheduled changes of the first tick.
+        Outcome so far, the rows before a failure (all rows without one), and the scheduled changes at the first tick.
     """
     outcome, changes = FINISHED_OUTCOME, []
     rows = rows.starting_at(first_tick)
@@ -36,7 +36,7 @@ def run_piece(
             changes.append(change)
         simulation.experiment.run(first_tick, count, rows)
     except ControllerError as error:
-        # A change that fails does so after the tick before.
+        # A change that fails belongs to the end of the previous tick.
         outcome, rows = failed(str(error)), rows.before(max(error.tick, first_tick))
     invalid = first_not_finite(rows)
     if invalid is not None:

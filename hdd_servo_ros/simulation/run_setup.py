@@ -1,4 +1,4 @@
-"""One run of the loop as a command line describes it: nodes, parameters, topics, schedule, experiment."""
+"""Setup of a run from its command line: nodes, parameters, topics, schedule, experiment."""
 
 import heapq
 import itertools
@@ -56,9 +56,9 @@ from hdd_servo_ros.simulation.disturbance import DisturbanceSource
 from hdd_servo_ros.simulation.experiment import Experiment
 
 CHUNK = 4096
-"""Ticks that are computed, packed and written in one piece."""
+"""Number of ticks that are computed, packed and written in one piece."""
 PYTHON_CHUNK = 256
-"""The same with a controller that is called from Python: signals are looked at between two pieces."""
+"""Piece length with a controller called from Python; shorter, because interrupts are checked between pieces."""
 
 
 _AROUND_A_CONTROLLER = (
@@ -70,30 +70,30 @@ _AROUND_A_CONTROLLER = (
     ControllerSeekParameters,
     SeekControllerParameters,
 )
-"""Parameters of a controller's node that blocks of the loop are made from, beside those of its law."""
+"""Parameter sets of a controller node for the blocks around the controller."""
 
 
 class Simulation:
     """
-    One run of the loop, described by ROS arguments.
+    Run of the loop, described by ROS arguments.
 
     Parameters
     ----------
     arguments
-        The command line.
+        Parsed command line.
 
     Raises
     ------
     ParameterError, ArgumentError
-        If a parameter or argument is not allowed; the message names the node.
+        If a parameter or argument is invalid; the message names the node.
     """
 
     def __init__(self, arguments: RosArguments) -> None:
-        # First of all, so that the parameters of a controller from outside are known ones.
-        outside = _outside_controller(arguments)
+        # Load a custom controller first, so that its parameters are known.
+        custom = _custom_controller(arguments)
         arguments.check_nodes(names_with_parameters())
         self.rig: RigParameters = self._sets(arguments, 'simulate', 'rig')[RigParameters]
-        controller = CONTROLLERS[self.rig.controller] if outside is None else outside.node
+        controller = CONTROLLERS[self.rig.controller] if custom is None else custom.node
         names = nodes_of_run(roles_of_run(controller, arguments, self.rig.sensor))
         playback: PlaybackParameters = self._sets(arguments, PLAYBACK)[PlaybackParameters]
         self.playback = Playback(playback.recorded_run) if playback.recorded_run else None
@@ -115,7 +115,7 @@ class Simulation:
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')
         }
-        offers = {'vcm_plant': units, controller: {} if outside is None else outside.offers()}
+        offers = {'vcm_plant': units, controller: {} if custom is None else custom.offers()}
         self.nodes: dict[str, dict[str, Any]] = {
             self._full_names[name]: {
                 'outputs': [by_topic[topic] for topic in outputs_of(name) if topic in by_topic],
@@ -124,12 +124,12 @@ class Simulation:
             }
             for name in names
         }
-        self.offers = {key: text for texts in offers.values() for key, text in texts.items()}
+        self.offers = {key: value for values in offers.values() for key, value in values.items()}
         blocks = {name: _of_blocks(name, by_kind[name]) for name in names}
         self.schedule = self._plan(sets, mappings)
         disturbance = None if self.playback is None else _PlayedDisturbance(self.playback)
-        self.experiment = self._experiment(sets, blocks, disturbance, outside)
-        self._check_schedule(sets, outside)
+        self.experiment = self._experiment(sets, blocks, disturbance, custom)
+        self._check_schedule(sets, custom)
         law = self.experiment.controller
         needed = law.last_tick if isinstance(law, HasPlan) else 0
         self.last_tick = last_tick_of_run(self.timer, {controller: needed} if needed else {})
@@ -141,12 +141,12 @@ class Simulation:
         sets: Mapping[str, Sets],
         blocks: Mapping[str, Mapping[str, object]],
         disturbance: DisturbanceSource | None,
-        outside: ControllerKind | None,
+        custom: ControllerKind | None,
     ) -> Experiment:
-        """Return the experiment; raises ParameterError if a block cannot be made or stepped with its parameters."""
-        # What cannot run with common numbers is found when it is made.
+        """Return the experiment; raises ParameterError if a block cannot be built or stepped with its parameters."""
+        # With ordinary values, errors are found when the blocks are built.
         if any(has_extremes(kinds.values()) for kinds in sets.values()):
-            self._check_start(sets, outside)
+            self._check_start(sets, custom)
         try:
             return Experiment(
                 self.timer.sample_time, self.rig.controller, blocks, disturbance=disturbance, sensor=self.rig.sensor
@@ -154,24 +154,24 @@ class Simulation:
         except (ParameterError, ControllerError):
             raise
         except Exception:
-            # Names the parameter; if none is to blame, what was raised says more.
-            self._check_start(sets, outside)
+            # Find the parameter at fault; if no single parameter is, the original exception is more informative.
+            self._check_start(sets, custom)
             raise
 
-    def _check_start(self, sets: Mapping[str, Sets], outside: ControllerKind | None) -> None:
+    def _check_start(self, sets: Mapping[str, Sets], custom: ControllerKind | None) -> None:
         for name, kinds in sets.items():
-            attempt = self._attempt(name, sets, kinds, outside, is_change=False)
+            attempt = self._attempt(name, sets, kinds, custom, is_change=False)
             if attempt is not None:
                 try:
                     reject_failing(name, kinds, {kind: kind() for kind in kinds}, attempt)
                 except ParameterError as error:
                     raise with_node(error, name) from error.__cause__
 
-    def _check_schedule(self, sets: Mapping[str, Sets], outside: ControllerKind | None) -> None:
-        """Reject a schedule after one of whose changes a node cannot run."""
+    def _check_schedule(self, sets: Mapping[str, Sets], custom: ControllerKind | None) -> None:
+        """Reject a schedule if a node cannot run after one of its changes."""
         accepted = dict(sets)
         for name, step in self.schedule:
-            attempt = self._attempt(name, sets, step.sets, outside, is_change=True)
+            attempt = self._attempt(name, sets, step.sets, custom, is_change=True)
             if attempt is not None:
                 try:
                     reject_failing(name, step.sets, accepted[name], attempt)
@@ -180,13 +180,13 @@ class Simulation:
             accepted[name] = step.sets
 
     def _attempt(
-        self, name: str, sets: Mapping[str, Sets], own: Sets, outside: ControllerKind | None, *, is_change: bool
+        self, name: str, sets: Mapping[str, Sets], own: Sets, custom: ControllerKind | None, *, is_change: bool
     ) -> Attempt | None:
-        """Return how to try parameters of a node, as the node itself does it."""
+        """Return the trial of a node's parameters, the same as in the node itself."""
         if is_change and name == DISTURBANCE_GENERATOR:
-            # A new one would read its files once more.
+            # Use the existing generator, because a new one would read its files again.
             return attempt_change(name, self.experiment.block(name), is_change=True)
-        make = outside.make if outside is not None and name == outside.node else None
+        make = custom.make if custom is not None and name == custom.node else None
 
         def block_of(other: str) -> Any:
             return sets[other][NODES[other].block_parameters] if other in sets else None
@@ -194,14 +194,14 @@ class Simulation:
         return attempt_for(name, self.timer.sample_time, own, block_of, make=make, is_change=is_change)
 
     def _optional_topics(self, names: Sequence[str]) -> Iterator[LoopTopic]:
-        """Iterate over the optional topics that nodes of this run publish, in the order of the recorder."""
+        """Return the optional topics that nodes of this run publish, in the order of the recorder."""
         played = () if self.playback is None else self.playback.topics
         written = {topic for name in names for topic in (played if name == PLAYBACK else outputs_of(name))}
         return (topic for topic in OPTIONAL_TOPICS if topic in written)
 
     @staticmethod
     def _sets(arguments: RosArguments, node: str, *aliases: str) -> dict[type[Any], Any]:
-        """Return a node's parameter sets, checked as the node itself would check them."""
+        """Return the parameter sets of a node, with the same checks as in the node itself."""
         values = {}
         for name in (*aliases, node):
             values.update(arguments.parameters_of(name))
@@ -216,14 +216,14 @@ class Simulation:
         try:
             reject_unknown(values)
         except ParameterError as error:
-            # What was given for all nodes is missing in all.
+            # Do not name one node for a parameter that was given for all nodes.
             raise error if arguments.is_for_all(error.name) else with_node(error, node) from None
         return sets
 
     def _plan(
         self, sets: Mapping[str, Mapping[type[Any], Any]], mappings: Mapping[str, Mapping[str, Value]]
     ) -> list[tuple[str, Step]]:
-        """Return what the schedule changes, node and step, in the order of the ticks."""
+        """Return the scheduled changes, as pairs of node and step, in the order of the ticks."""
         changes = self.timer.changes
         reject_unknown_nodes(changes, list(self._full_names.values()))
         steps = [
@@ -234,7 +234,7 @@ class Simulation:
         return sorted(steps, key=lambda planned: planned[1].tick)
 
     def apply_schedule(self, tick: int) -> Iterator[NodeChange]:
-        """Make the changes that are due before ``tick``; yield each as a parameter event would say it."""
+        """Apply the scheduled changes up to ``tick``; yield each change with the content of its parameter event."""
         while self.schedule and self.schedule[0][1].tick <= tick:
             name, step = self.schedule.pop(0)
             self.experiment.update(name, step.sets)
@@ -243,16 +243,16 @@ class Simulation:
             )
 
     def recorded_messages(self, rows: SignalRows) -> dict[str, Any]:
-        """Return the messages of the rows' ticks that come from another run, by their topic."""
+        """Return the messages played back from another run for the ticks of the rows, by topic."""
         if self.playback is None:
             return {}
         return {topic.name: self.playback.messages(topic, rows.first_tick, len(rows)) for topic in self.playback.topics}
 
     def pieces(self, last_tick: int) -> Iterator[tuple[int, int]]:
-        """Iterate over first tick and count of what is run in one piece: no piece goes beyond a scheduled change."""
+        """Yield first tick and number of ticks of each piece; a scheduled change starts a new piece."""
         chunk = CHUNK if self.experiment.is_compiled else PYTHON_CHUNK
         changes = sorted({step.tick for _, step in self.schedule})
-        # Merged as they come: the pieces of a run of days are too many to keep.
+        # Merge lazily, because a run of days has too many pieces for a list.
         merged = heapq.merge(changes, range(0, last_tick + 1, chunk), (last_tick + 1,))
         starts = (start for start, _ in itertools.groupby(merged))
         yield from ((start, end - start) for start, end in itertools.pairwise(starts))
@@ -262,18 +262,18 @@ class Simulation:
             for values in kinds.values():
                 own = getattr(values, 'sample_time', 0.0)
                 if own not in (0.0, self.timer.sample_time):
-                    allowed = f'deterministic_timer has {self.timer.sample_time!r} s'
+                    allowed = f'{self.timer.sample_time!r} s, the sample_time of deterministic_timer'
                     raise ParameterError(f'{name}:sample_time', own, allowed)
 
     def not_finite(self, topic: LoopTopic, tick: int, values: tuple[float, ...]) -> str:
-        """Return the error of the graph for a message that is not finite."""
+        """Return the error message for a value that is not finite, the same as in the node graph."""
         name = dict(self.topics)[topic]
         (node,) = (node.rsplit('/', 1)[-1] for node, found in self.nodes.items() if name in found['outputs'])
         names = self.experiment.estimate_names if topic is ESTIMATES else ()
         return str(NotFiniteError(name, tick, values, node, names))
 
     def description(self) -> dict[str, Any]:
-        """Return what ``run.yaml`` records of the run before it has ended."""
+        """Return the entries of ``run.yaml`` that are known before the run has ended."""
         return {
             'sample_time': self.timer.sample_time,
             'last_tick_planned': self.last_tick,
@@ -285,14 +285,14 @@ class Simulation:
 
 
 class _PlayedDisturbance:
-    """The recorded disturbance of another run."""
+    """Recorded disturbance of another run."""
 
     def __init__(self, playback: Playback) -> None:
         self._playback = playback
 
     @property
     def topics(self) -> tuple[LoopTopic, ...]:
-        """The topics that were recorded."""
+        """Recorded topics."""
         return self._playback.topics
 
     def rows(self, first_tick: int, count: int) -> list[NDArray[np.float64]]:
@@ -301,12 +301,12 @@ class _PlayedDisturbance:
 
 
 def _of_blocks(name: str, by_kind: Mapping[type[Any], Mapping[str, Value]]) -> dict[str, Value]:
-    """Return the parameters of a node that its block and those around it are made from."""
+    """Return the parameters of a node for its block and the blocks around it."""
     kinds = (NODES[name].block_parameters, *_AROUND_A_CONTROLLER)
     return {key: value for kind, values in by_kind.items() if kind in kinds for key, value in values.items()}
 
 
-def _outside_controller(arguments: RosArguments) -> ControllerKind | None:
-    """Return the controller that was asked for if it is none of this package's."""
+def _custom_controller(arguments: RosArguments) -> ControllerKind | None:
+    """Return the requested controller if it is a custom one, or None if it is part of this package."""
     name = {**arguments.parameters_of('rig'), **arguments.parameters_of('simulate')}.get('controller')
     return load_controller(name) if isinstance(name, str) and name not in CONTROLLERS else None

@@ -1,7 +1,8 @@
 """
-`simulate`: the same experiment as `rig` without middleware, from the same parameters into the same bag.
+Command ``simulate``: the same experiment as ``rig`` without middleware, with the same parameters and the same bag.
 
-No ROS import: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would publish.
+It does not import ROS: the loop is one compiled kernel, and its rows are packed into the bytes that the nodes would
+publish.
 """
 
 import dataclasses
@@ -41,14 +42,14 @@ def _to_stderr(line: str) -> None:
 
 class SimulatedRun:
     """
-    A simulation under way: its pieces one after the other, into the bag if there is one.
+    Simulation in progress, run piece by piece and recorded into a bag (optional).
 
     Parameters
     ----------
     simulation
-        What to run.
+        Simulation to run.
     log
-        Gets warnings, a line each.
+        Function that receives the warnings, one line per call.
     """
 
     def __init__(self, simulation: Simulation, log: Callable[[str], None] = _to_stderr) -> None:
@@ -78,7 +79,7 @@ class SimulatedRun:
         self._started = time.monotonic()
 
     def run(self, requests: Interrupts, progress: Progress | None) -> Outcome:
-        """Run all pieces, or those before the run fails or a signal asks for its end; return how it ended."""
+        """Run all pieces until the end, a failure or an interrupt; return the outcome."""
         rows: SignalRows | None = None
         for first_tick, count in self._simulation.pieces(self._simulation.last_tick):
             if rows is None or len(rows) != count:
@@ -99,23 +100,23 @@ class SimulatedRun:
         return FINISHED_OUTCOME
 
     def _piece(self, first_tick: int, count: int, rows: SignalRows) -> tuple[Outcome, SignalRows]:
-        """Run a piece; return whether the run can go on, and the rows up to where it cannot."""
+        """Run a piece; return the outcome so far, and the rows before a failure (all rows without one)."""
         outcome, valid, changes = run_piece(self._simulation, first_tick, count, rows)
         if self.recorder is not None:
             for change in changes:
                 self.recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
-        self._warn_of_saturation()
+        self._warn_about_saturation()
         return outcome, valid
 
-    def _warn_of_saturation(self) -> None:
-        """Warn of instrument outputs that have saturated since, as the nodes do."""
+    def _warn_about_saturation(self) -> None:
+        """Log a warning for each newly saturated output and each crash stop hit, as the nodes do."""
         warnings = self._experiment.saturation_warnings()
         for output in sorted(warnings.keys() - self._warned):
             self._log(f'warning: {output[0]}: {warnings[output]}')
         self._warned = frozenset(warnings)
 
     def _transient(self) -> float:
-        """Return the time before which errors do not count [s]; the schedule must still be whole."""
+        """Return the end of the transient [s], before which errors do not count; needs the complete schedule."""
         changes = [step.tick for node, step in self._simulation.schedule if node == REFERENCE_GENERATOR]
         sample_time = self._simulation.timer.sample_time
         return transient_of(self._simulation.last_tick * sample_time, max(changes, default=0) * sample_time)
@@ -124,7 +125,7 @@ class SimulatedRun:
         return {'controller': controller_name(self._simulation.nodes), **self._simulation.description()}
 
     def summary(self, outcome: Outcome) -> str:
-        """Return the summary of a run that was not recorded; of a sweep that has measured something, that."""
+        """Return the summary of a run that was not recorded, or of the frequency response that a sweep measured."""
         if isinstance(self._experiment.controller, SignalAnalyzer):
             measured = self._experiment.controller.response()
             response = measured.at(measured.is_seen)
@@ -139,7 +140,7 @@ class SimulatedRun:
         return summary(self.sums, {**self._metadata(), **ended})
 
     def finish(self, outcome: Outcome) -> None:
-        """Close the bag, and write what a signal analyzer has measured."""
+        """Close the bag, and write the response that a signal analyzer measured."""
         if self.recorder is not None:
             self.recorder.finish(outcome.status, outcome.reason)
         if isinstance(self._experiment.controller, SignalAnalyzer):
@@ -152,21 +153,21 @@ def simulate(
     simulation: Simulation, *, progress: bool, log: Callable[[str], None] = _to_stderr
 ) -> tuple[int, Path | None]:
     """
-    Run a simulation, recording it unless its timer's parameter ``record`` is false.
+    Run a simulation, and record it unless the parameter ``record`` of the timer is false.
 
     Parameters
     ----------
     simulation
-        What to run.
+        Simulation to run.
     progress
-        Whether to show a bar.
+        Whether to show a progress bar.
     log
-        Gets warnings and how the run ended, a line each.
+        Function that receives the warnings and the outcome, one line per call.
 
     Returns
     -------
     exit_code, directory
-        As of `rig`; the run's folder, None if it was not recorded.
+        Exit code, the same as for ``rig``; directory of the run, or None if it was not recorded.
     """
     run = SimulatedRun(simulation, log)
     with interrupts() as requests:
@@ -193,7 +194,7 @@ def simulate(
 
 
 def _finished(run: SimulatedRun, outcome: Outcome) -> Outcome:
-    """Finish a run, and return how it has ended by then: the first error is the one to report."""
+    """Finish a run and return its outcome; the first error is reported first."""
     try:
         run.finish(outcome)
     except (RunError, OSError) as error:
@@ -206,7 +207,7 @@ def _finished(run: SimulatedRun, outcome: Outcome) -> Outcome:
 
 @command('simulate')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the experiment; exit codes as of `rig`."""
+    """Run the experiment; exit codes as for `rig`."""
     command_line = list(sys.argv[1:] if arguments is None else arguments)
     try:
         parsed = parse_ros_arguments(command_line)
@@ -219,11 +220,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'simulate: warning: {warning}', file=sys.stderr)
         exit_code, directory = simulate(simulation, progress=simulation.timer.progress)
     except KeyboardInterrupt:
-        # Compiling takes a while, and nothing is recorded yet.
-        print('simulate: interrupted before the run began', file=sys.stderr)
+        # Compilation is slow, and nothing has been recorded yet.
+        print('simulate: interrupted before the run started', file=sys.stderr)
         return 128 + signal.SIGINT
     if exit_code == 0 and directory is not None:
-        # Imported late: a run that draws nothing need not wait for matplotlib.
+        # Imported late, because matplotlib is slow to import and not needed without a plot.
         from hdd_servo_ros.reporting.show import show_run
 
         show_run(directory, plot=simulation.rig.plot)

@@ -190,5 +190,7 @@ def test_rows_of_another_shape_are_rejected(shape):
         def rows(self, first_tick, count):
             return (np.zeros(shape),)
 
-    with pytest.raises(ValueError, match=r'/disturbance: the rows of ticks 0 to 9 have shape .*, not \(10, 3\)'):
+    with pytest.raises(
+        ValueError, match=r'/disturbance: invalid shape of the rows of ticks 0 to 9: .*; expected \(10, 3\)'
+    ):
         Experiment(T, disturbance=Wrong()).run(0, 10)

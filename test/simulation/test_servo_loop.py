@@ -107,7 +107,7 @@ def test_warnings_of_a_servo_run_are_those_of_the_loop_with_the_observer(name):
 
 
 def test_the_signal_analyzer_needs_the_vibrometer():
-    with pytest.raises(ParameterError, match=r"sensor: 'servo'; expected ldv, which signal_analyzer measures"):
+    with pytest.raises(ParameterError, match=r"sensor: 'servo'; expected ldv, because signal_analyzer measures"):
         experiment('signal_analyzer')
 
 
