@@ -13,7 +13,7 @@ PERFECT: dict[str, Any] = {'noise': 0.0, 'adc_bits': 0, 'output_range': 0.0}
 
 
 def readings(accelerometer, linear, angular=None, control=None):
-    """Outputs [V], shape (n, 2), for what is held from each tick on."""
+    """Outputs [V], shape (n, 2), for the accelerations held from each tick on."""
     count = len(linear)
     held = np.zeros((count, 3))
     for column, values in enumerate((linear, angular, control)):
@@ -23,7 +23,7 @@ def readings(accelerometer, linear, angular=None, control=None):
 
 
 def filtered(acceleration, bandwidth, damping=0.707, beam=0.0, sample_time=SAMPLE_TIME):
-    """The same acceleration behind the same filters, by scipy."""
+    """The same acceleration after the same filters, by scipy."""
     low = 2.0 * np.pi * bandwidth
     numerator, denominator = [low**2], np.array([1.0, 2.0 * damping * low, low**2])
     if beam:

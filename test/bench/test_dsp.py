@@ -55,7 +55,7 @@ def test_the_converter_limits_and_rounds():
     assert block.saturated_samples == 2
 
 
-def test_what_the_drive_takes_is_the_limit_too():
+def test_the_drive_limit_applies_too():
     block = Dsp(DspParameters(dac_range=2.0), T, drive_limit=1.5)
     assert [block.step(u, u, u) for u in (1.2, 7.0, -7.0)] == [(1.2, 1.2, 1.2), (1.5, 7.0, 7.0), (-1.5, -7.0, -7.0)]
     assert (block.limit, block.saturated_samples) == (1.5, 2)
@@ -70,7 +70,7 @@ def test_a_limit_without_steps():
     assert dsp().limit == math.inf
 
 
-def test_what_the_controller_has_limited_counts():
+def test_commands_limited_by_the_controller_are_counted():
     block = dsp()
     block.step(10.0, 10.0, 1.0)
     block.step(10.0, 12.0, 1.0)
@@ -79,7 +79,7 @@ def test_what_the_controller_has_limited_counts():
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize('delay', [0, 1])
-def test_what_is_not_finite_is_not_hidden(value, delay):
+def test_non_finite_values_are_not_hidden(value, delay):
     block = dsp(dac_bits=16, dac_range=10.0, computation_delay=delay)
     held = [block.step(u, u, u)[0] for u in (value, 0.0)]
     assert not math.isfinite(held[delay])

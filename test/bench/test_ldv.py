@@ -1,4 +1,4 @@
-"""The vibrometer: scales, noise, range and converter, each against what its data sheet would say."""
+"""Vibrometer: scales, noise, range and ADC, each against its data sheet value."""
 
 import math
 
@@ -65,7 +65,7 @@ def test_outputs_saturate_and_are_counted():
 
 
 @pytest.mark.parametrize('parameters', [{}, IDEAL])
-def test_what_is_not_finite_is_not_hidden(parameters):
+def test_non_finite_values_are_not_hidden(parameters):
     sensor = ldv(**parameters)
     displacement, velocity = sensor.step(0, math.nan, math.inf)
     assert math.isnan(displacement)

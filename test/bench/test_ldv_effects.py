@@ -42,7 +42,7 @@ class TestDemodulator:
         motion = np.random.default_rng(whole).normal(size=(100, 2))
         found = outputs(motion, demodulator_delay=whole * T)
         np.testing.assert_array_equal(found[whole:], motion[:-whole])
-        # Before that, the head stood where it was first seen.
+        # Before that, the head was at rest at its first measured position.
         assert np.all(found[:whole, 0] == motion[0, 0])
         assert np.all(found[:whole, 1] == 0.0)
 

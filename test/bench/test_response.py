@@ -22,7 +22,7 @@ def measured(count=5, averages=4):
     )
 
 
-def test_a_csv_brings_back_what_was_written(tmp_path):
+def test_a_written_csv_is_read_back(tmp_path):
     path = tmp_path / 'response.csv'
     written = measured()
     written.write_csv(path)
@@ -102,7 +102,7 @@ def test_the_unit_of_the_response_is_kept(tmp_path, title, unit):
     assert read_csv(path).unit == unit
 
 
-def test_what_is_no_text_is_rejected_by_name(tmp_path):
+def test_a_file_that_is_not_text_is_rejected_by_name(tmp_path):
     path = tmp_path / 'bad.csv'
     path.write_bytes(b'frequency,\xbf\n')
     with pytest.raises(ValueError, match=r'bad\.csv is not a CSV file'):
@@ -117,7 +117,7 @@ def test_between():
 
 
 def test_the_deviation_from_the_coherence_is_that_of_repeated_measurements():
-    """4000 points of the same true response: their spread is what the coherence of each says on average."""
+    """4000 points of the same true response: their spread agrees with the mean coherence."""
     rng = np.random.default_rng(3)
     points, averages, noise = 4000, 16, 0.2
     records = 1.0 + noise * (rng.normal(size=(points, averages)) + 1j * rng.normal(size=(points, averages)))

@@ -61,7 +61,7 @@ def test_a_unit_is_converted(tmp_path, title, values, attribute, expected):
         ('coherence', ('nan', '1'), "line 2: invalid coherence: 'nan'; expected a finite number"),
     ],
 )
-def test_what_cannot_be_is_rejected(tmp_path, title, values, message):
+def test_invalid_columns_are_rejected(tmp_path, title, values, message):
     with pytest.raises(ValueError, match=r'response\.csv') as rejected:
         read_csv(written(tmp_path / 'response.csv', title, values))
     assert message in str(rejected.value)
@@ -102,7 +102,7 @@ def is_rejected(path):
 
 
 @pytest.mark.parametrize('head', [None, 'frequency,magnitude,phase'])
-def test_decibels_without_a_unit_are_rejected_where_the_phase_tells(tmp_path, head):
+def test_decibels_without_a_unit_are_rejected_by_the_phase(tmp_path, head):
     """All of them positive, so that they could be a linear magnitude."""
     found = wrong = 0
     for seed in range(100):
@@ -127,7 +127,7 @@ def test_decibels_of_the_drive_are_rejected(tmp_path):
     np.testing.assert_allclose(read_csv(labeled).response, response, rtol=1e-12)
 
 
-def test_what_is_written_is_read_again_whatever_the_values(tmp_path):
+def test_any_written_response_is_read_back(tmp_path):
     for seed in range(20):
         frequency, response = plant(np.random.default_rng(seed), 40)
         FrequencyResponse.of(frequency, response).write_csv(tmp_path / 'own.csv')
@@ -168,7 +168,7 @@ def test_a_response_of_velocity_or_acceleration_is_integrated(tmp_path, unit, de
 
 
 @pytest.mark.parametrize('head', [None, 'frequency,magnitude [um/V],phase'])
-def test_radians_without_a_unit_are_rejected_where_the_slope_tells(tmp_path, head):
+def test_radians_without_a_unit_are_rejected_by_the_slope(tmp_path, head):
     found = wrong = 0
     path = tmp_path / 'response.csv'
     for seed in range(100):

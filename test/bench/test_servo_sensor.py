@@ -71,7 +71,7 @@ def test_noise_has_its_rms_value_and_depends_on_seed_and_tick_alone():
 
 
 @pytest.mark.parametrize('bits', [0, 8])
-def test_the_fraction_ends_at_half_a_track_which_is_counted_and_told_once(bits):
+def test_the_fraction_is_clipped_at_half_a_track_with_a_count_and_one_warning(bits):
     block = sensor(noise=0.2 * PITCH, bits=bits)
     error = decoded(block, np.full(2000, 0.45 * PITCH))[:, 0]
     assert error.max() == pytest.approx(0.5 * PITCH, abs=1e-15)
@@ -117,7 +117,7 @@ def test_the_first_sector_is_never_missing():
     assert decoded(block, np.array([0.03, 0.04, 0.05]))[:, 1].tolist() == [0.03] * 3
 
 
-def test_what_is_not_finite_passes():
+def test_non_finite_values_pass():
     assert math.isnan(sensor(noise=0.01, bits=8).step(5, math.nan)[1])
     assert math.isinf(sensor().step(5, math.inf)[1])
 

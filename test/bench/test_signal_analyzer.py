@@ -64,7 +64,7 @@ def measured(ldv, parameters=SHORT):
 
 
 def test_the_response_is_that_of_the_sampled_system():
-    """Position below velocity_from, velocity over j w above; what is left of the transients is the tolerance."""
+    """Position below velocity_from, velocity over j w above; the tolerance covers the remaining transients."""
     control = excitation()
     analyzer, again = measured(outputs(control))
     np.testing.assert_array_equal(again, control)
@@ -115,7 +115,7 @@ def test_the_excitation_leaves_a_free_body_where_it_was():
         assert abs(steps.sum()) < 1e-9 * amplitude * (end - start) ** 2
 
 
-def test_the_coherence_tells_the_spread():
+def test_the_coherence_predicts_the_spread():
     control = excitation()
     ldv = outputs(control)
     rng = np.random.default_rng(5)
@@ -170,7 +170,7 @@ def test_an_overload_halves_the_amplitude_and_costs_the_point():
     assert analyzer.fault() == ''
 
 
-def test_one_overload_too_many_ends_the_run_and_says_why():
+def test_too_many_overloads_end_the_run_with_a_reason():
     parameters = SignalAnalyzerParameters(**{**vars(SHORT), 'level_reductions': 1})
     first = SignalAnalyzer(SHORT, T).points[0].ticks
     analyzer, control = overloaded([5, first + 7], parameters)
@@ -182,7 +182,7 @@ def test_one_overload_too_many_ends_the_run_and_says_why():
     assert len(analyzer.response().frequency) == 0
 
 
-def test_what_is_not_finite_is_not_hidden():
+def test_non_finite_values_are_not_hidden():
     analyzer = SignalAnalyzer(SHORT, T)
     for inputs in ((math.nan, 0.0), (0.0, math.inf)):
         assert math.isnan(analyzer.step(SCALES.inputs(0, *inputs, 0.0, 0.0, 0.0))[0])

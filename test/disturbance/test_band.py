@@ -94,7 +94,7 @@ def test_one_sample_after_the_other_is_sosfilt():
 
 @pytest.mark.parametrize(('low', 'low_order'), [(10.0, 8), (10.0, 3), (200.0, 16), (0.0, 8)])
 def test_before_tick_0_the_filter_has_run_long_enough(low, low_order):
-    """From there on the states are what they are after any longer time, by what is left of an impulse."""
+    """After the run-in the states do not change any more, checked by the rest of an impulse response."""
     band = (low, 500.0, low_order, 16, 1e-4)
     sections = band_sections(*band[:4], 1e-4)
     ticks = run_in_ticks(*band)

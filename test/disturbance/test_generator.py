@@ -141,7 +141,7 @@ def test_a_change_acts_from_the_next_tick_on_and_filters_keep_their_state():
     assert disturbance[:, 1] - runout == pytest.approx(2.0 * (whole[0][100:, 1] - runout), abs=1e-15)
 
 
-def test_a_change_of_the_band_does_not_jump():
+def test_a_change_of_the_band_is_continuous():
     on = {'vibration.rotational.enabled': True, 'vibration.rotational.rms': 12.5}
     block = generator(on)
     before = block.rows(0, 5000)[1][:, 5]
@@ -168,7 +168,7 @@ def test_filters_with_another_number_of_states_start_as_new_ones(change, topic, 
     assert block.rows(10, 50)[topic][:, column].tobytes() == fresh.rows(10, 50)[topic][:, column].tobytes()
 
 
-def test_what_is_switched_off_and_on_again_goes_on():
+def test_a_source_that_is_disabled_and_enabled_again_continues():
     on = {'vibration.rotational.enabled': True}
     block = generator(on)
     block.rows(0, 10)

@@ -137,7 +137,7 @@ def test_a_sequence_from_a_file(tmp_path):
         ({'runout.repeatable.orders': (0, 1, 2)}, 'at least 1'),
     ],
 )
-def test_what_is_rejected(values, reason):
+def test_invalid_parameters_are_rejected(values, reason):
     with pytest.raises(ParameterError, match=reason):
         generator(1e-4, values)
 

@@ -26,7 +26,7 @@ def test_a_whole_number_of_nanoseconds_is_always_close_enough(sectors, speed):
 @pytest.mark.parametrize(
     ('sectors', 'sample_time'), [(0, 1e-4), (84, 1e-4), (83, 1e-4), (84, 99204e-9), (220, 37878e-9), (84, 49603e-9)]
 )
-def test_what_is_not_synchronous_is_rejected_in_one_line(sectors, sample_time):
+def test_asynchronous_sectors_are_rejected_in_one_line(sectors, sample_time):
     spindle = SpindleParameters(7200.0, sectors)
     assert spindle.samples_per_revolution(sample_time) == 0
     with pytest.raises(ParameterError) as error:

@@ -1,4 +1,4 @@
-"""CSV files of numbers, and what is said of those that cannot be used."""
+"""CSV files of numbers, and the error messages for invalid files."""
 
 import numpy as np
 import pytest
@@ -49,15 +49,15 @@ def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
     path = written(tmp_path, text)
     with pytest.raises(ParameterError) as error:
         read_recording('vibration.linear.recording', path, 'acceleration [m/s^2]')
-    said = str(error.value)
-    assert said.startswith(
+    message = str(error.value)
+    assert message.startswith(
         f'invalid value for parameter vibration.linear.recording: {shown(path)}; expected a CSV file'
     )
-    assert reason in said
-    assert '\n' not in said
+    assert reason in message
+    assert '\n' not in message
 
 
-def test_what_is_no_text_file_is_rejected(tmp_path):
+def test_a_file_that_is_not_text_is_rejected(tmp_path):
     with pytest.raises(ParameterError, match='No such file'):
         read_table('file', str(tmp_path / 'nothing.csv'), ['x'], 1)
     with pytest.raises(ParameterError, match=r'a CSV file with x: .*directory'):

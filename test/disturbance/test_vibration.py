@@ -72,7 +72,7 @@ def test_a_sine():
 
 
 @pytest.mark.parametrize('sweep', ['linear', 'logarithmic'])
-def test_a_sweep_has_its_frequency_and_no_jump_when_it_is_repeated(sweep):
+def test_a_sweep_has_its_frequency_and_is_repeated_with_continuous_phase(sweep):
     first, last, duration = 20.0, 400.0, 0.5
     values = {'start_frequency': first, 'end_frequency': last, 'sweep_time': duration, 'sweep': sweep}
     t = np.arange(20_000) * 5e-5
@@ -82,7 +82,7 @@ def test_a_sweep_has_its_frequency_and_no_jump_when_it_is_repeated(sweep):
     else:
         frequency = first * (last / first) ** (inside / duration)
     a = acceleration(5e-5, 20_000, kind='swept_sine', amplitude=1.0, **values)
-    # The phase is what is integrated over the frequency: here by small steps.
+    # The phase is the integral of the frequency, computed here with small steps.
     fine = np.arange(200_000) * 5e-6
     at = np.mod(fine, duration) / duration
     rate = first + (last - first) * at if sweep == 'linear' else first * (last / first) ** at
@@ -128,10 +128,10 @@ def test_a_recording(recording):
         (1e-4, {'high_order': 33}, r'high_order: 33; expected .* at most 32'),
     ],
 )
-def test_what_is_rejected(sample_time, values, reason):
+def test_invalid_parameters_are_rejected(sample_time, values, reason):
     with pytest.raises(ParameterError, match=reason):
         generator(sample_time, **values)
 
 
-def test_what_is_off_is_not_checked_against_the_sample_time():
+def test_disabled_vibration_is_not_checked_against_the_sample_time():
     assert not acceleration(1e-3, 5, enabled=False).any()

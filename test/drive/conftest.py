@@ -25,7 +25,7 @@ def _run(parameters: PlantParameters, sample_time: float, control: Any, state: d
 @pytest.fixture(scope='session')
 def run() -> Run:
     """
-    Run a plant through held controls; one row a tick.
+    Run a plant through held controls; one row per tick.
 
     Columns: head position, head velocity, friction, then the seven states (rigid position, rigid velocity,
     amplifier, coil, deflection, mean friction, friction).

@@ -65,7 +65,7 @@ def test_approximations_hold_where_they_say(frequency: float) -> None:
     exact = at(transfer.current_driven_exact(CURRENT), frequency)
     approximate = at(transfer.current_driven_approximate(CURRENT), frequency)
     factored = at(transfer.current_driven_factored(CURRENT), frequency)
-    # (3.11) drops R_m/R_s = 0.4 %; (3.12) tau_e R_m/(R_m + R_s) beside tau_m.
+    # (3.11) neglects R_m/R_s = 0.4 %; (3.12) neglects tau_e R_m/(R_m + R_s) against tau_m.
     assert approximate / exact == pytest.approx(1.0, abs=5e-3)
     assert factored / approximate == pytest.approx(1.0, abs=1e-5)
     coarse = replace(CURRENT, source_resistance=40.0)
@@ -105,7 +105,7 @@ def test_voltage_drive_is_the_solution_of_3_5_and_3_8() -> None:
 
 
 def test_tracks_are_3_17_and_3_18() -> None:
-    # 25 kTPI: about 1 um a track; k_y = 0.05 m * 25e3/0.0254 m
+    # 25 kTPI: about 1 µm per track; k_y = 0.05 m * 25e3/0.0254 m
     assert ActuatorParameters().position_gain(25.0e3) == pytest.approx(49212.598, rel=1e-6)
     function = transfer.tracks(ActuatorParameters(), 25.0e3)
     space = transfer.tracks_state_space(ActuatorParameters(), 25.0e3)
@@ -248,7 +248,7 @@ def test_rigid_driver_runs_3_16_and_reduced_its_own_gain() -> None:
         ResonanceParameters(form='parallel', frequencies=(4e3, 9e3), damping_ratios=(0.01, 0.02), residues=(-0.7, 0.2)),
     ],
 )
-def test_state_space_of_resonances_as_a_whole(parameters: ResonanceParameters) -> None:
+def test_state_space_of_all_resonances(parameters: ResonanceParameters) -> None:
     space = transfer.resonance_state_space(parameters)
     assert isinstance(transfer.system(space), signal.StateSpace)
     for f in (50.0, 3990.0, 9000.0, 3.0e4):

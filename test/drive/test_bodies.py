@@ -269,7 +269,7 @@ def fill_elastoplastic(
     drag: float,
     result: Array,
 ) -> None:
-    """(2.13) and its contact as they stand, by many small symplectic Euler steps with the contact cut to its level."""
+    """(2.13) and its contact as printed, with many small symplectic Euler steps and the contact limited to slip."""
     x = v = z = 0.0
     step = T / steps
     for tick in range(control.size):
@@ -315,7 +315,7 @@ def test_elastoplastic_body_through_reversals_and_the_order_of_the_step(
 
 
 def energy(parameters: PlantParameters, state: Array) -> float:
-    """Return kinetic energy and what the contact stores [V um]."""
+    """Return kinetic energy and stored energy of the contact [V um]."""
     s = record(state, PLANT_STATE)
     stored = 0.0
     if parameters.friction.model in ('lugre', 'lugre_position', 'tangential_stiffness', 'complete', 'dahl'):

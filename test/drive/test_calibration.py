@@ -1,5 +1,5 @@
 """
-The default drive's low-frequency behavior against what figs. 2.3 and 5.4 and their text say.
+Low-frequency behavior of the default drive against thesis figs. 2.3 and 5.4 and their text.
 
 Stepped sine through the block at T = 0.1 ms, fundamental of the head position over that of the control as sampled.
 """
@@ -35,7 +35,7 @@ def fundamental(amplitude: float, frequency: int) -> complex:
 
 @pytest.fixture(scope='module')
 def responses() -> npt.NDArray[np.complex128]:
-    """One row an amplitude, one column a frequency."""
+    """One row per amplitude, one column per frequency."""
     return np.array([[fundamental(a, f) for f in FREQUENCIES] for a in AMPLITUDES])
 
 

@@ -36,7 +36,7 @@ def expected(model: str, v: float) -> float:
     vs, vs2, v10, v20 = 400.0, 2500.0, 100.0, 900.0
     return {
         'none': 0.0,
-        'stiction': 0.0,  # (2.1) says nothing of sliding
+        'stiction': 0.0,  # (2.1) does not define sliding
         'tangential_stiffness': 0.25,  # (2.2) at breakaway
         'coulomb': fc,  # (2.3)
         'viscous': fv * v,  # (2.4)
@@ -89,7 +89,7 @@ def test_network_curve_is_its_sum_of_gaussians() -> None:
         velocity_width=300.0,
     )
     x, v = 1.3, 220.0
-    # (2.25), (2.26) with one width an axis
+    # (2.25), (2.26) with one width per axis
     value = 0.2 * math.exp(-((x / 2) ** 2) - ((v + 100) / 300) ** 2)
     value -= 0.7 * math.exp(-(((x - 3) / 2) ** 2) - ((v - 500) / 300) ** 2)
     assert friction_curve(p, v, x) == pytest.approx(value, rel=1e-13)
@@ -152,7 +152,7 @@ def test_dynamic_friction_is_passive(model: str, steps: list[float], ratio: floa
     p = FrictionParameters(
         model=model, static_level=0.13 * ratio, dahl_exponent=exponent, bristle_damping=0.0, viscous_coefficient=0.0
     )
-    # Finely sampled and smooth, so that the sum is the integral up to what the tolerance allows.
+    # Finely sampled and smooth, so that the sum equals the integral within the tolerance.
     part = 0.5 - 0.5 * np.cos(np.pi * np.arange(0.005, 1.0025, 0.005))
     starts = np.cumsum([0.0, *steps[:-1]])
     path = np.concatenate([[0.0], *(start + step * part for start, step in zip(starts, steps, strict=True))])

@@ -82,11 +82,10 @@ def decibel_and_degrees(ratio: Complex) -> tuple[float, float]:
     return float(np.abs(20.0 * np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
 
 
-# What is folded back from beyond half the sampling rate is no error of the step: at T = 0.1 ms the modes fold onto
-# 1.4 kHz and up, at 10 us onto nothing below 20 kHz.
+# Aliasing is not an error of the step: at T = 0.1 ms the modes alias to 1.4 kHz and above, at 10 µs not below 20 kHz.
 @pytest.mark.parametrize(('sample_time', 'limit'), [(1.0e-4, 1.35e3), (2.0e-5, 1.85e4), (1.0e-5, 2.0e4)])
 def test_response_is_the_continuous_one_with_the_hold(run: Run, sample_time: float, limit: float) -> None:
-    """Within 0.1 dB and 1 degree from 10 Hz to where sampling folds, at T = 10 us through all four modes to 20 kHz."""
+    """Within 0.1 dB and 1 degree from 10 Hz up to aliasing; at T = 10 µs through all four modes up to 20 kHz."""
     peaks = [math.sqrt(section.a0) / (2.0 * math.pi) for section in sections_of(DEFAULT.resonance)]
     frequencies = np.array(sorted([*np.geomspace(10.0, limit, 80), *(f for f in peaks if f < limit)]))
     # Rounding of the record weighs most at low frequency, where the response is 1e7 times its value at 20 kHz.

@@ -81,7 +81,7 @@ def test_bristle_stays_in_the_bound_of_lemma_4_1(
         stribeck_velocity=stribeck,
     )
     friction = record(friction_constants(parameters), FRICTION)
-    # Without the step's clamp: what it takes away is the error of the predicted rate.
+    # Without the clamp of the step, which hides the error of the predicted rate.
     friction.bristle_limit = math.inf
     velocity = bristle = force = 0.0
     for control in controls:
@@ -138,7 +138,7 @@ def test_body_with_friction_against_radau_and_the_order_of_the_step(model: str, 
     p = FrictionParameters(model=model, position_ripple=0.5, position_period=20.0)
     control = 0.3 * np.sin(2.0 * np.pi * 70.0 * 1.0e-4 * np.arange(250))
     reference = radau(p, 4.0968e7, 1.0e-4, control)
-    assert np.abs(reference[:, 2]).max() > 5.0  # it slides: z near f_c/sigma_0 = 6 um
+    assert np.abs(reference[:, 2]).max() > 5.0  # it slides: z near f_c/sigma_0 = 6 µm
     peaks = np.abs(reference).max(axis=0)
     errors = []
     substeps = [4, 8, 16, 32, 64]

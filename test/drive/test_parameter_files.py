@@ -26,7 +26,7 @@ def flatten(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 
 
 def drive(name: str) -> PlantParameters:
-    """Return the drive of a parameter file; what the node itself declares (frame_id, ...) is not the drive's."""
+    """Return the drive of a parameter file, without the parameters that the node itself declares (frame_id, ...)."""
     content = yaml.safe_load((PARAMS / f'{name}.yaml').read_text())
     known = {declaration.name for declaration in declarations(PlantParameters)}
     values = flatten(content['/**/vcm_plant']['ros__parameters'])
@@ -82,7 +82,7 @@ def test_measured_response_is_the_analytic_one(name: str, sample_time: float) ->
 
 
 def test_sixteen_modes_peak_where_they_are_given() -> None:
-    """At T = 20 us the sampled response has the continuous one's peaks up to 15 kHz within 0.5 dB."""
+    """At T = 20 µs the sampled response has the peaks of the continuous response up to 15 kHz within 0.5 dB."""
     parameters = drive('sixteen_modes')
     assert len(modal_form(parameters.resonance).modes) == 16
     peaks = np.array([f for f in parameters.resonance.frequencies if f < 15_000.0])

@@ -66,7 +66,7 @@ def test_partial_fractions_are_the_product(frequency: float) -> None:
     b1=st.floats(-1.0, 1.0),
     b0=st.floats(0.1, 2.0),
 )
-def test_velocity_has_no_jump_under_a_jump_of_the_force(
+def test_a_force_step_causes_no_velocity_step(
     frequencies: list[float], damping: float, b2: float, b1: float, b0: float
 ) -> None:
     """R1 + sum of beta is zero: the head's acceleration, not its velocity, follows the force."""
@@ -181,4 +181,4 @@ def test_close_poles_that_are_accepted_run_as_their_product(count: int, spacing:
     measured = (z[:, np.newaxis] ** np.arange(1, 20_001)) @ np.array(head) / np.polyval(pulse, z)
     analytic = transfer.frequency_response(plant.parameters, frequencies)
     hold = np.sinc(frequencies * 2.0e-5) * np.exp(-1j * np.pi * frequencies * 2.0e-5)
-    np.testing.assert_allclose(measured, analytic * hold, rtol=5e-5)  # some 1e-5 is folded back
+    np.testing.assert_allclose(measured, analytic * hold, rtol=5e-5)  # aliasing of about 1e-5

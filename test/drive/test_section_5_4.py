@@ -2,7 +2,7 @@
 The open loop of section 5.4 against Radau IIA: m = 1, u = 5 sin t held over T = 1e-4 s, 10 s.
 
 The reference is the three-stage Radau IIA method (Hairer and Wanner, Solving Ordinary Differential Equations II, table
-IV.5.6) with a full Newton iteration, four steps a tick; scipy's Radau, which would take minutes to restart at each of
+IV.5.6) with a full Newton iteration, four steps per tick; scipy's Radau, which would take minutes to restart at each of
 the 1e5 jumps of the input, checks it over the times where the friction changes most.
 """
 
@@ -47,7 +47,7 @@ PLANT = PlantParameters(
 
 @jit
 def rates(x: float, v: float, z: float, u: float) -> tuple[float, float, float]:
-    """(4.1)-(4.4) as they stand."""
+    """(4.1)-(4.4) as printed."""
     g = F_C + (F_S - F_C) * math.exp(-((v / V_S) ** 2))
     z_rate = v - SIGMA_0 * abs(v) / g * z
     return v, u - (SIGMA_0 * z + SIGMA_1 * z_rate + SIGMA_2 * v), z_rate

@@ -1,4 +1,4 @@
-"""The drive's studies draw what they say, from the models."""
+"""Plots of the drive studies match the models."""
 
 from pathlib import Path
 

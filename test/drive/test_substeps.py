@@ -44,7 +44,7 @@ def test_no_substeps_choose_enough(model, stiffness):
     assert np.abs(positions(chosen) - exact).max() <= 0.05 * np.abs(exact).max()
 
 
-def test_what_is_not_warnings_is_resolved_and_what_is_wrong_by_a_tenth_is_warnings():
+def test_errors_of_a_tenth_give_a_warning_and_smaller_errors_do_not():
     for model in ('lugre', 'lugre_position'):
         for stiffness in STIFFNESSES:
             given = drive(model, stiffness, 4)
@@ -57,7 +57,7 @@ def test_what_is_not_warnings_is_resolved_and_what_is_wrong_by_a_tenth_is_warnin
 
 @pytest.mark.parametrize('model', [model for model in MODELS if model not in (*MODELS_WITH_CONTACT, 'rbf_network')])
 def test_models_without_a_contact_do_not_depend_on_the_stiffness(model):
-    """So that there is nothing to resolve: the same bits whatever it is."""
+    """Without a contact nothing needs resolving: the results are bit-identical for any value."""
     soft, stiff = (positions(drive(model, stiffness, 4)) for stiffness in (0.02168, 216.8))
     np.testing.assert_array_equal(soft, stiff)
     assert Plant(drive(model, 216.8, 4), T).warnings() == ()

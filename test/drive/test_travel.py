@@ -1,4 +1,4 @@
-"""Crash stops: closed forms of a bouncing body, SciPy's event solver, and what holds for every friction model."""
+"""Crash stops: closed forms of a bouncing body, SciPy's event solver, and properties of all friction models."""
 
 import math
 from typing import Any
@@ -99,7 +99,7 @@ def test_a_bouncing_body_against_its_closed_form(sign: float, substeps: int, res
 
 
 def test_between_two_stops_without_loss() -> None:
-    """A triangle wave: 6 um at 4000 um/s is 15 ticks."""
+    """A triangle wave: 6 µm at 4000 µm/s takes 15 ticks."""
     body, _, plant = motion(rigid(lower=-3.0, upper=3.0, restitution=1.0, initial_velocity=4000.0), np.zeros(300))
     ticks = np.arange(301)
     phase = (ticks * 0.4 + 3.0) % 12.0
@@ -135,7 +135,7 @@ def test_a_turn_beyond_the_stop_within_a_substep_is_seen() -> None:
     assert body[1, 1] == pytest.approx(-0.5 * arriving - a * left, rel=1e-9)
 
 
-def test_the_modes_ring_by_the_jump_of_velocity() -> None:
+def test_a_velocity_step_excites_the_modes() -> None:
     """Rigid body and modes by SciPy's event solver; the step is exact where the body's acceleration is constant."""
     parameters = drive(lower=-2.0, upper=2.0, restitution=0.8, friction__model='none')
     u, count = 0.3, 35
@@ -286,7 +286,7 @@ def test_pressed_on_a_stop_the_contact_keeps_its_deflection() -> None:
     assert state.friction == pytest.approx(parameters.friction.stiffness * deflections[-1])
 
 
-def test_a_static_friction_on_a_stop_balances_what_it_can() -> None:
+def test_static_friction_on_a_stop_balances_the_force_up_to_its_limit() -> None:
     values: dict[str, Any] = {'friction__model': 'coulomb', 'friction__coulomb_level': 0.1, 'resonance__form': 'none'}
     plant = Plant(drive(restitution=0.0, **values), T)
     for tick in range(1, 101):
@@ -297,7 +297,7 @@ def test_a_static_friction_on_a_stop_balances_what_it_can() -> None:
     assert plant.output() == (5.0, 0.0, -0.05)
 
 
-def test_what_is_told() -> None:
+def test_the_first_impact_gives_a_warning() -> None:
     _, _, plant = motion(rigid(), np.full(60, 0.5))
     (warning,) = plant.impact_warnings().values()
     first = plant.impacts['upper'].first_tick
@@ -317,7 +317,7 @@ def test_what_is_told() -> None:
         ('initial_position', {'travel.upper': 5.0, 'initial_position': 6.0}),
     ],
 )
-def test_what_is_rejected(name: str, values: dict[str, object]) -> None:
+def test_invalid_parameters_are_rejected(name: str, values: dict[str, object]) -> None:
     with pytest.raises(ParameterError) as rejected:
         from_mapping(PlantParameters, values)
     assert rejected.value.name == name

@@ -16,7 +16,7 @@ from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.kernel_folder import PACKAGE
 
 kernel: Any = compiled
-"""Without the type of what it compiles, behind which the cache is."""
+"""Return the cache without the type of the compiled function."""
 
 CALL = """
 import json, os, sys, time
@@ -47,7 +47,7 @@ values = elementary.exp(1.0), elementary.log(2.0), *elementary.sine_cosine_of_tu
 own = {name for name, kernel in vars(elementary).items() if hasattr(kernel, 'py_func')}
 print(json.dumps([values, [' of '.join(signature) for signature in Compiled.signatures if signature[0] in own]]))
 """
-"""Calls three kernels that call others; prints their values and what it has compiled, each with its argument types."""
+"""Call three kernels that call others; print their values and the compiled kernels with their argument types."""
 
 CALLED = {'exp of (float64,)', 'log of (float64,)', 'sine_cosine_of_turns of (float64,)'}
 
@@ -91,14 +91,14 @@ def starter(tmp_path):
 
 
 def result(process):
-    """Return what a process has computed and compiled, and what it has printed besides."""
+    """Return the computed values and the compiled kernels of a process, and its other output."""
     output, errors = process.communicate(timeout=200)
     assert process.returncode == 0, errors
     values, names = json.loads(output)
     return values, names, errors
 
 
-def test_copies_of_the_package_share_what_one_has_compiled(starter):
+def test_copies_of_the_package_share_compiled_kernels(starter):
     values, names, _ = result(starter.start(starter.copy('here')))
     assert set(names) >= CALLED
     before = starter.cached()
@@ -125,9 +125,9 @@ def test_a_killed_compiler_leaves_the_kernel_to_the_one_that_waits(starter):
     compiler = starter.start(PACKAGE.parent, 'stop in exp')
     assert compiler.stdout.readline() == 'stopped\n'
     waiting = [starter.start(PACKAGE.parent) for _ in range(2)]
-    # They say that they wait, and wait.
-    said = [process.stderr.readline() for process in waiting]
-    assert all(kernel_cache.WAITING in line for line in said), said
+    # They print a notice and wait.
+    messages = [process.stderr.readline() for process in waiting]
+    assert all(kernel_cache.WAITING in line for line in messages), messages
     assert all(process.poll() is None for process in waiting)
     compiler.kill()
     results = [result(process) for process in waiting]

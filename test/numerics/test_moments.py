@@ -9,7 +9,7 @@ from hdd_servo_ros.numerics.moments import Moments, mark_changes
 
 
 @pytest.mark.parametrize('origin', [None, 0.0, 1e6])
-def test_pieces_give_the_moments_of_the_whole(origin):
+def test_pieces_give_the_moments_of_the_complete_signal(origin):
     values = 1e6 + np.random.default_rng(1).normal(size=(1000, 3))[:, 1]
     moments = Moments(origin)
     for part in np.split(values, (1, 1, 400)):
@@ -25,7 +25,7 @@ def test_pieces_give_the_moments_of_the_whole(origin):
     assert moments.largest == 2e6
 
 
-def test_a_signal_that_stands_still_has_no_deviation():
+def test_a_constant_signal_has_no_deviation():
     moments = Moments()
     moments.add(np.full(77, 0.1))
     assert moments.rms_about() == 0.0
@@ -33,7 +33,7 @@ def test_a_signal_that_stands_still_has_no_deviation():
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, 1e200])
-def test_what_is_not_finite_is_seen(value):
+def test_non_finite_values_are_detected(value):
     moments = Moments(0.0)
     moments.add(np.array([1.0, value, 1.0]))
     assert not math.isfinite(moments.rms_about(0.0))

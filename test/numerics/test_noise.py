@@ -1,4 +1,4 @@
-"""The noise: known answers, the distribution, and that it is a function of seed, stream and tick alone."""
+"""Noise: known values, distribution, and dependence on seed, stream and tick only."""
 
 import math
 from typing import Any, cast
@@ -25,7 +25,7 @@ ONES = 0xFFFFFFFF
         ),
     ],
 )
-def test_philox_known_answers(counter, key, words):
+def test_philox_known_values(counter, key, words):
     result = philox4x32(*(np.uint64(word) for word in (*counter, *key)))
     assert tuple(int(word) for word in result) == words
 
@@ -34,8 +34,8 @@ def test_normal_quantile_against_scipy():
     p = np.concatenate(
         [np.linspace(1e-6, 1.0 - 1e-6, 4001), 10.0 ** -np.arange(1.0, 17.0), [0.075, 0.925, math.exp(-25.0)]]
     )
-    ours = np.array([normal_quantile(float(value)) for value in p])
-    np.testing.assert_allclose(ours, stats.norm.ppf(p), rtol=2e-14, atol=1e-15)
+    quantiles = np.array([normal_quantile(float(value)) for value in p])
+    np.testing.assert_allclose(quantiles, stats.norm.ppf(p), rtol=2e-14, atol=1e-15)
 
 
 def test_normal_quantile_is_odd():
@@ -76,7 +76,7 @@ def test_agrees_with_the_interpreted_code():
 
 @pytest.mark.parametrize('first_tick', [0, 5, 2**40])
 def test_a_chunk_of_ticks_has_the_pairs_of_its_ticks(first_tick):
-    """To the bit, in the tails too, which a chunk of 5000 pairs reaches on both sides."""
+    """Bit-identical, including the tails, which a chunk of 5000 pairs reaches on both sides."""
     found = np.empty(2 * 5000)
     fill_normal_pairs(7, 3, first_tick, found)
     expected = np.array([normal_pair(7, 3, first_tick + row) for row in range(5000)])

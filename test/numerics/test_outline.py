@@ -72,6 +72,6 @@ def test_a_loaded_kernel_runs_without_its_llvm_code_and_is_linked_with_it(run):
         values, parsed, names, size, was_loaded = run(*words)
         assert was_loaded
         assert values == compiled_values[: len(values)]
-        # What was parsed to load it are outlines; what is linked is all of it.
+        # Only outlines were parsed for loading; the complete code is linked.
         assert 0 < parsed < size
         assert (names, size) == (compiled_names, compiled_size)

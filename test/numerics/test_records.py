@@ -111,5 +111,5 @@ def test_a_kernel_with_layouts_and_enumerations_is_compiled_once_for_all_process
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     monkeypatch.setenv('PYTHONPATH', str(Path(__file__).parents[2]))
     command = [sys.executable, str(script)]
-    said = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(2)]
-    assert said == ['12.0 0\n', '12.0 1\n']
+    outputs = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(2)]
+    assert outputs == ['12.0 0\n', '12.0 1\n']

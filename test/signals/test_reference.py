@@ -41,7 +41,7 @@ def test_phase_counts_in_turns():
 def test_square_has_its_edges_at_their_ticks(frequency, start):
     ticks = np.arange(start, 30000)
     result = rows(ticks, waveform='square', frequency=frequency, amplitude=0.5, offset=0.25, start_time=start / 10000)
-    # In whole numbers: tick k lies in the first half of its period when 2 k f mod 2/T < 1/T.
+    # In whole numbers: tick k is in the first half of its period when 2 k f mod 2/T < 1/T.
     high = (2 * (ticks - start) * int(frequency)) % 20000 < 10000
     np.testing.assert_array_equal(result[:, 0], np.where(high, 0.75, -0.25))
     assert not result[:, 1:].any()
@@ -80,7 +80,7 @@ def test_chirp_against_scipy(method):
     np.testing.assert_allclose(result[:, 0], 2.0 * expected, atol=1e-9)
 
 
-def test_chirp_holds_its_last_frequency_without_a_jump():
+def test_chirp_holds_its_last_frequency_with_continuous_phase():
     ticks = np.arange(4990, 5400)
     result = rows(ticks, waveform='chirp', frequency=20.0, end_frequency=400.0, sweep_time=0.5)
     spectrum = np.abs(np.fft.rfft(result[20:270, 0]))
@@ -151,7 +151,7 @@ def test_derivatives_agree_with_differences(waveform, sweep, frequency, phase, t
         ('waveform', {'waveform': 'sawtooth'}),
     ],
 )
-def test_what_is_rejected(name, parameters):
+def test_invalid_parameters_are_rejected(name, parameters):
     with pytest.raises(ParameterError, match=name):
         ReferenceParameters(**parameters)
 

@@ -44,7 +44,7 @@ def test_steps_are_sharp_to_the_tick():
 
 @pytest.mark.parametrize('sample_time', [1e-4, 5e-5, 60 / 7200 / 220, 1 / 30_000])
 @pytest.mark.parametrize('samples', [1, 7, 100])
-def test_dwell_times_of_whole_samples_stay_whole(sample_time, samples):
+def test_dwell_times_of_whole_samples_are_not_rounded_up(sample_time, samples):
     block = reference(
         sample_time, trajectory='step', targets=[1.0, 2.0], dwell_times=[samples * sample_time], repeat=False
     )
@@ -210,7 +210,7 @@ def test_update_goes_on_in_time():
         ('seek.count', {'source': 'random', 'count': 0}),
     ],
 )
-def test_what_is_rejected(name, values):
+def test_invalid_parameters_are_rejected(name, values):
     with pytest.raises(ParameterError) as rejected:
         parameters(**values)
     assert rejected.value.name == name

@@ -175,7 +175,7 @@ def test_derivatives_integrate_to_the_position(trajectory, length, bounds):
     velocity = cumulative_simpson(rows[:, 2], x=time, initial=0.0)
     position = cumulative_simpson(rows[:, 1], x=time, initial=0.0)
     step = time[1]
-    # Where the acceleration or the jerk jumps, the rule is off by up to an interval of what the acceleration gains.
+    # Where the acceleration or the jerk is discontinuous, the error is up to the acceleration change of one interval.
     gained = min(bounds.acceleration, bounds.jerk * step) if bounds.jerk > 0.0 else bounds.acceleration
     jump = gained * step if trajectory == 'time_optimal' else 0.0
     np.testing.assert_allclose(velocity, rows[:, 1], atol=2.0 * jump + 1e-9 * rows[:, 1].max())

@@ -1,4 +1,4 @@
-"""The compiled loop against the blocks called one by one, to the bit, wherever the run is cut."""
+"""Compiled loop against the blocks called one by one: bit-identical, wherever the run is split."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A disturbance from outside in the loop, its playback from a recorded run, and what is compared of it."""
+"""External disturbance in the loop, its playback from a recorded run, and the comparison of both."""
 
 from typing import Any
 
@@ -134,12 +134,12 @@ def test_the_acceleration_of_the_base_is_played_back_as_well(tmp_path):
     assert again.description['nodes']['/playback']['outputs'] == ['/disturbance', '/base_acceleration']
     assert again.base_acceleration.tolist() == Table().rows(0, TICKS + 1)[1].tolist()
     assert again.base_acceleration.angular_z.tolist() == [tick + 5.0 for tick in range(TICKS + 1)]
-    # The head does not depend on it: what acts is the force.
+    # The head does not depend on it: only the force acts on the head.
     assert simulate(tmp_path / 'force', '-p', f'playback:recorded_run:={record(tmp_path / "shaker", Shaker())}') == 0
     assert Run.open(tmp_path / 'force').head.tobytes() == again.head.tobytes()
 
 
-def test_what_is_missing_or_different_is_found(shaken, tmp_path):
+def test_missing_and_different_messages_are_found(shaken, tmp_path):
     assert simulate(tmp_path / 'plain') == 0
     assert first_difference(shaken, tmp_path / 'plain') == f'disturbance is missing in {tmp_path / "plain"}'
     assert first_difference(tmp_path / 'plain', shaken) == f'disturbance is missing in {tmp_path / "plain"}'

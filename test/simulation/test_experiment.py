@@ -1,4 +1,4 @@
-"""An experiment: its sections, its errors, a controller from outside, and that the default tracks."""
+"""Experiment: sections, errors, a custom controller, and tracking with the defaults."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_controller_from_outside():
     np.testing.assert_array_equal(rows.estimates['t'], np.arange(1500) * T)
 
 
-def test_an_object_with_the_former_arguments_of_step_is_rejected_with_what_to_change():
+def test_an_object_with_the_former_arguments_of_step_is_rejected_with_advice():
     class Old(Outside):
         def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):  # type: ignore[override]
             return 0.0, 0.0, 0.0
@@ -51,14 +51,14 @@ OTHER_SENSOR = {'displacement_scale': 4.0, 'velocity_scale': 2000.0}
 
 
 def test_a_controller_reads_the_sensor_by_its_own_scales_or_else_by_the_sensors():
-    """To the bit with a power of two, as long as neither the noise nor the converter knows volts."""
+    """Bit-identical with a power of two, if neither the noise nor the ADC depends on volts."""
     sections = {'ldv_sensor': {'noise': False, 'adc_bits': 0, 'output_range': 0.0}}
     other = {'ldv_sensor': {**sections['ldv_sensor'], 'displacement_scale': 4.0, 'velocity_scale': 2500.0}}
     for controller in ('adaptive_nn', 'pid'):
         usual, found = (Experiment(T, controller, each).run(0, 1000) for each in (sections, other))
         assert found['head'].tobytes() == usual['head'].tobytes()
         assert (found.ldv[1:, 0] == 2.0 * usual.ldv[1:, 0]).all()
-        # Told of the usual scales it takes the motion for twice as large.
+        # With the usual scales it reads the motion as twice as large.
         wrong = {f'{controller}_controller': {'displacement_scale': 8.0, 'velocity_scale': 5000.0}}
         misread = Experiment(T, controller, {**other, **wrong}).run(0, 1000)
         assert misread['head'].tobytes() != usual['head'].tobytes()
@@ -87,7 +87,7 @@ class Absurd:
         return 8700.0, 8700.0, 8700.0
 
 
-def test_what_the_drive_does_not_take_is_not_held():
+def test_a_command_above_the_drive_limit_is_not_held():
     rows = Experiment(1e-4, Absurd(), {'vcm_plant': {'control_limit': 3.0}}).run(0, 3)
     assert rows.control.tolist() == [[3.0, 8700.0, 8700.0]] * 3
 
@@ -103,7 +103,7 @@ def test_the_loop_in_python_equals_the_compiled_one():
 
 
 def test_the_default_run_tracks():
-    """10 s of the default: 2 um at 100 Hz, and at 200 Hz; limits in nm."""
+    """10 s of the default: 2 µm at 100 Hz, and at 200 Hz; limits in nm."""
     for frequency, rms, largest in ((100.0, 8.0, 35.0), (200.0, 6.5, 25.0)):
         sections = {'reference_generator': {'frequency': frequency}}
         found = metrics(Experiment(T, 'adaptive_nn', sections).run(0, 100001), 2.0)

@@ -26,7 +26,7 @@ LIMITS = {100.0: (1.6, 7.0), 200.0: (1.7, 7.5)}
 
 
 def error(controller, frequency, seconds, ldv=None, gains=None):
-    """Return the metrics, in nm, of a 2 um sine after 2 s."""
+    """Return the metrics, in nm, of a 2 µm sine after 2 s."""
     sections = {
         'reference_generator': {'frequency': frequency},
         'ldv_sensor': ldv or {},
@@ -86,7 +86,7 @@ def test_velocity_from_differences_needs_the_reference_behind_the_same_filter():
         ({'noise': False, 'adc_bits': 0}, 0.1, 0.4),
         ({'noise_measure': 'density'}, 1.0, 1.8),
         ({'adc_bits': 12}, 4.0, 6.5),
-        # Of a delay tau the loop knows nothing: the head leads by tau, 2 um w tau/sqrt(2) rms beside the floor.
+        # The loop does not know the delay tau: the head leads by tau, 2 µm w tau/sqrt(2) rms on top of the noise floor.
         ({'demodulator_delay': 2e-5}, 17.0, 21.0),
         ({'demodulator_bandwidth': 20000.0}, 6.0, 8.5),
     ],

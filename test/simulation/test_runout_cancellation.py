@@ -1,4 +1,4 @@
-"""What the cancellation of repeatable runout must do, by the shipped files over 20 seeds, in memory."""
+"""Requirements of the runout cancellation, with the shipped files over 20 seeds, in memory."""
 
 import dataclasses
 import functools
@@ -69,7 +69,7 @@ def test_peak_sensitivity():
 
 
 def test_harmonics_take_off_their_orders_at_any_sample_time():
-    """With the thesis's T of 0.1 ms a revolution has 83 1/3 samples."""
+    """With the thesis value T = 0.1 ms, one revolution takes 83 1/3 samples."""
     trial = made()
     parameters = with_changes(
         trial.parameters,
@@ -126,8 +126,8 @@ def test_a_delay_that_the_loop_does_not_tolerate_is_reported_and_one_that_it_doe
     assert np.abs(errors).max() > 5.0 * np.abs(track_errors(late, 'none', 20)).max()
 
 
-def test_a_jump_of_the_reference_is_forgotten():
-    """The error of a jump is limited, and what it left in the mean decays."""
+def test_the_effect_of_a_reference_step_decays():
+    """The error after a step is limited, and its effect on the mean decays."""
     trial = made()
     sectors = sectors_of(trial)
     parameters = with_changes(trial.parameters, {'reference_generator:waveform': 'square'})

@@ -1,4 +1,4 @@
-"""The loop with the servo sensor: compiled against the blocks called one by one, and what it does without /ldv."""
+"""Loop with the servo sensor: compiled against the blocks called one by one, and operation without /ldv."""
 
 from pathlib import Path
 from typing import Any
@@ -123,7 +123,7 @@ def test_a_section_of_the_sensor_that_does_not_run_changes_nothing():
     assert 'pes' not in with_section
 
 
-def test_feedforward_knows_its_path_through_the_observer():
+def test_the_feedforward_path_includes_the_observer():
     """The path of the feedforward, learned by stepping observer and law, is P S of the linear loop."""
     law = {'proportional_gain': 0.1, 'integral_gain': 10.0, 'derivative_gain': 1e-4, 'derivative_bandwidth': 0.0}
     feedforward = {'feedforward.method': 'fixed', 'feedforward.path_length': 1024}
@@ -148,7 +148,7 @@ def test_feedforward_knows_its_path_through_the_observer():
 @pytest.mark.parametrize('delay', [0, 1])
 @pytest.mark.parametrize('method', ['fixed', 'network'])
 def test_the_observer_does_not_get_the_feedforward(method, delay):
-    """What cancels a force that the observer does not know moves nothing: the same by the kernel and block by block."""
+    """A voltage that cancels a force unknown to the observer causes no motion, in the kernel and block by block."""
     sections: dict[str, dict[str, object]] = {
         'reference_generator': {'waveform': 'constant', 'amplitude': 0.0},
         'disturbance_generator': {'vibration.rotational.enabled': True},
@@ -192,7 +192,7 @@ def shaken(method, bandwidth=1000.0, gain_error=0.0):
     return 3e3 * float(np.std(rows.track_error[20_000:]))
 
 
-def test_feedforward_is_worth_with_the_servo_sensor_what_it_is_with_the_vibrometer():
+def test_feedforward_helps_as_much_with_the_servo_sensor_as_with_the_vibrometer():
     still, none = shaken('still'), shaken('none')
     assert 6.0 < still < 9.0
     # This loop has a third of the gain of the one on the vibrometer's velocity.

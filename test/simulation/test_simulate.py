@@ -1,4 +1,4 @@
-"""How long a run of `simulate` may be, in what pieces it is run, and what it prints."""
+"""Duration, pieces and output of a run of `simulate`."""
 
 import itertools
 import signal
