@@ -103,11 +103,11 @@ def accelerometer_step(
     deviate_x, deviate_y = normal_pair(np.int64(c.seed), _STREAM, tick)
     x = read_output(c.output, s.x, tick, c.gain_x * motion[0, 2] + c.offset + c.noise * deviate_x)
     y = read_output(c.output, s.y, tick, c.gain_y * motion[1, 2] + c.offset + c.noise * deviate_y)
-    seen_x, seen_y = x, y
+    output_x, output_y = x, y
     if c.delay > 0.0:
-        seen_x, seen_y = s.x_held, s.y_held
+        output_x, output_y = s.x_held, s.y_held
     s.x_held, s.y_held = x, y
-    return seen_x, seen_y
+    return output_x, output_y
 
 
 @compiled
@@ -197,9 +197,9 @@ class Accelerometer:
     def largest_output(self) -> float:
         """Largest magnitude of an unsaturated output [V]."""
         p = self.parameters
-        highest = converter_codes(p.adc_bits, p.adc_range)
-        of_converter = highest[0] * highest[2] if p.adc_bits else math.inf
-        return min(of_converter, p.output_range or math.inf)
+        step, _, highest = converter_codes(p.adc_bits, p.adc_range)
+        converter_limit = step * highest if p.adc_bits else math.inf
+        return min(converter_limit, p.output_range or math.inf)
 
     def saturation_warnings(self) -> dict[str, str]:
         """Return a warning for each output that was clipped, by name."""

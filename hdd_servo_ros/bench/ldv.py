@@ -34,8 +34,8 @@ LDV = layout(
     'noise_step',
     'seed',
     'time_step',
-    'whole_delay',
-    'part_delay',
+    'delay_samples',
+    'delay_fraction',
     'filter_decay',
     'filter_last',
     'filter_now',
@@ -51,11 +51,11 @@ LDV_STATE = layout(
     'has_started',
     'displacement_deviate',
     'velocity_deviate',
-    'dropout_left',
+    'dropout_remaining',
     'position_held',
     'velocity_held',
-    'position_seen',
-    'velocity_seen',
+    'position_input',
+    'velocity_input',
     'position_filtered',
     'velocity_filtered',
 )
@@ -154,7 +154,7 @@ def _start(s: np.record, history: NDArray[np.float64], position: float, velocity
     for i in range(len(history)):
         history[i, 0], history[i, 1] = position, 0.0
     s.position_held, s.velocity_held = position, velocity
-    s.position_seen, s.velocity_seen = position, velocity
+    s.position_input, s.velocity_input = position, velocity
     s.position_filtered, s.velocity_filtered = position, velocity
 
 
@@ -169,33 +169,33 @@ def _delayed(
     """
     kept = len(history)
     history[tick % kept, 0], history[tick % kept, 1] = position, velocity
-    whole, part = int(c.whole_delay), c.part_delay
-    if whole == 0 and part == 0.0:
+    samples, fraction = int(c.delay_samples), c.delay_fraction
+    if samples == 0 and fraction == 0.0:
         return position, velocity
-    after = (tick - whole + kept) % kept
+    after = (tick - samples + kept) % kept
     x1, v1 = history[after, 0], history[after, 1]
-    if part == 0.0:
+    if fraction == 0.0:
         return x1, v1
     before = (after - 1 + kept) % kept
     x0, v0 = history[before, 0], history[before, 1]
     time_step = c.time_step
-    s = 1.0 - part
+    s = 1.0 - fraction
     rise = x1 - x0
-    x = x0 + s * s * (3.0 - 2.0 * s) * rise + time_step * s * part * (part * v0 - s * v1)
-    v = 6.0 * s * part * rise / time_step + (1.0 - 3.0 * s) * part * v0 + s * (3.0 * s - 2.0) * v1
+    x = x0 + s * s * (3.0 - 2.0 * s) * rise + time_step * s * fraction * (fraction * v0 - s * v1)
+    v = 6.0 * s * fraction * rise / time_step + (1.0 - 3.0 * s) * fraction * v0 + s * (3.0 * s - 2.0) * v1
     return x, v
 
 
 @compiled
-def _seen(c: np.record, s: np.record, tick: int, position: float, velocity: float) -> tuple[float, float]:
+def _with_dropouts(c: np.record, s: np.record, tick: int, position: float, velocity: float) -> tuple[float, float]:
     """Return the motion, or the substitute of the demodulator during a drop-out."""
     if c.dropout_chance > 0.0:
-        if s.dropout_left < 1.0:
-            begins, lasts = uniform_pair(np.int64(c.seed), DROPOUT_STREAM, tick)
-            if begins < c.dropout_chance:
-                s.dropout_left = np.ceil(-log(lasts) * c.dropout_samples)
-        if s.dropout_left >= 1.0:
-            s.dropout_left -= 1.0
+        if s.dropout_remaining < 1.0:
+            start, length = uniform_pair(np.int64(c.seed), DROPOUT_STREAM, tick)
+            if start < c.dropout_chance:
+                s.dropout_remaining = np.ceil(-log(length) * c.dropout_samples)
+        if s.dropout_remaining >= 1.0:
+            s.dropout_remaining -= 1.0
             s.dropped_samples += 1.0
             if c.is_dropout_zero != 0.0:
                 return 0.0, 0.0
@@ -210,11 +210,11 @@ def _filtered(c: np.record, s: np.record, position: float, velocity: float) -> t
     """Return the motion after the demodulator low-pass filter, exact for an input that is linear between samples."""
     decay, last, now = c.filter_decay, c.filter_last, c.filter_now
     if decay > 0.0:
-        x = decay * s.position_filtered + last * s.position_seen + now * position
-        v = decay * s.velocity_filtered + last * s.velocity_seen + now * velocity
+        x = decay * s.position_filtered + last * s.position_input + now * position
+        v = decay * s.velocity_filtered + last * s.velocity_input + now * velocity
     else:
         x, v = position, velocity
-    s.position_seen, s.velocity_seen = position, velocity
+    s.position_input, s.velocity_input = position, velocity
     s.position_filtered, s.velocity_filtered = x, v
     return x, v
 
@@ -275,7 +275,7 @@ def ldv_output(
         _start(s, history, head_position, head_velocity)
         s.has_started = 1.0
     position, velocity = _delayed(c, history, tick, head_position, head_velocity)
-    position, velocity = _seen(c, s, tick, position, velocity)
+    position, velocity = _with_dropouts(c, s, tick, position, velocity)
     position, velocity = _filtered(c, s, position, velocity)
     displacement_volts = position * c.displacement_gain
     velocity_volts = velocity * c.velocity_gain
@@ -379,8 +379,8 @@ class Ldv:
         parameters, time_step = self.parameters, self.sample_time
         c.time_step = time_step
         samples = parameters.demodulator_delay / time_step
-        c.whole_delay = math.floor(samples)
-        c.part_delay = samples - math.floor(samples)
+        c.delay_samples = math.floor(samples)
+        c.delay_fraction = samples - math.floor(samples)
         if parameters.demodulator_bandwidth > 0.0:
             angle = TWO_PI * parameters.demodulator_bandwidth * time_step
             decay = exp(-angle)

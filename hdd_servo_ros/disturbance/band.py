@@ -1,12 +1,12 @@
 """
 Steep band-pass filter: Butterworth low-pass and high-pass filters as digital sections, scaled to a given variance.
 
-The bilinear transform with prewarped edge frequencies gives, with W = tan(pi f T),
+With W = tan(pi f T), the bilinear transform with prewarped edge frequencies gives::
 
     |H(f)|^2 = 1/(1 + (W/W_high)^(2 n)) * 1/(1 + (W_low/W)^(2 m)),
 
-with the orders n of the low-pass and m of the high-pass filter. All coefficients come from the elementary functions of
-this package, so they are identical on every machine.
+where n is the order of the low-pass filter and m that of the high-pass filter. All coefficients come from the
+elementary functions of this package, so they are identical on every machine.
 """
 
 import math

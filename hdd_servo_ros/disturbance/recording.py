@@ -43,7 +43,7 @@ def read_recording(parameter: str, path: str, quantity: str) -> NDArray[np.float
             raise ParameterError(parameter, path, allowed)
     span = rows[-1][0] - rows[0][0]
     if not span <= LONGEST:
-        raise ParameterError(parameter, path, f'a recording of at most {LONGEST:g} s; this recording takes {span:g} s')
+        raise ParameterError(parameter, path, f'a recording of at most {LONGEST:g} s; its duration is {span:g} s')
     return np.array(rows)
 
 

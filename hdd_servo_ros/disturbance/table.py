@@ -42,12 +42,12 @@ def read_table(parameter: str, path: str, columns: Sequence[str], least: int) ->
                 continue
             if row is None or len(row) < len(columns):
                 found = ','.join(words)
-                raise ParameterError(parameter, path, f'{form}, finite numbers; line {line} is {found!r}')
+                raise ParameterError(parameter, path, f'{form} as finite numbers; line {line} is {found!r}')
             rows.append(row)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(parameter, path, f'{form}: {error}') from None
+        raise ParameterError(parameter, path, f'{form}; reading failed: {error}') from None
     if len(rows) < least:
-        raise ParameterError(parameter, path, f'{form}, at least {least} rows of numbers; it has {len(rows)}')
+        raise ParameterError(parameter, path, f'{form} and at least {least} rows of numbers; it has {len(rows)}')
     return rows
 
 

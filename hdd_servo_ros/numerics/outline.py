@@ -29,7 +29,7 @@ def outlined(payload: Payload, library: Any) -> tuple[Payload, bytes | None]:
     Returns
     -------
     payload, bitcode
-        The unchanged payload and None if its format is not the one known from Numba.
+        Payload with the outline, and the LLVM code; or the unchanged payload and None, if its format is unknown.
     """
     (name, kind, code), *others = payload
     if kind != 'object' or len(code) != 2 or not hasattr(library, '_get_module_for_linking'):

@@ -113,7 +113,7 @@ def closed_loop(
         fill_ldv_deviates(ldv[0], first_tick, deviates)
     # Optional nodes are branches on conditions that are constant for all ticks.
     is_disturbed = len(disturbance_rows) > 0
-    is_shaken = len(base_rows) > 0
+    has_base_motion = len(base_rows) > 0
     has_accelerometer = len(sensor_rows) > 0
     output_1, output_2 = 0.0, 0.0
     for row in range(len(head_rows)):
@@ -187,7 +187,7 @@ def closed_loop(
         u, unsaturated, feedback = dsp_step(*dsp, u, unsaturated, feedback)
         held[0] = u
         held[1] = disturbance_rows[row, 0] if is_disturbed else 0.0
-        if is_shaken:
+        if has_base_motion:
             held[2] = base_rows[row, LINEAR_Y]
             held[3] = base_rows[row, ANGULAR_Z]
         reference_rows[row, 0] = x_d

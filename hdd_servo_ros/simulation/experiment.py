@@ -228,8 +228,8 @@ class Experiment:
         self.feedforward: Feedforward | None = None
         if feedforward.is_used:
             reject_other_units(f'{node}.feedforward.method', feedforward, self.plant.parameters)
-            knowledge = self._knowledge_of(feedforward, parameters_of_law)
-            self.feedforward = Feedforward(feedforward, sample_time, *knowledge)
+            data = self._feedforward_data(feedforward, parameters_of_law)
+            self.feedforward = Feedforward(feedforward, sample_time, *data)
         self.runout: RunoutCancellation | None = None
         if runout.is_used:
             reject_other_units(f'{node}.runout.method', runout, self.plant.parameters)
@@ -250,7 +250,7 @@ class Experiment:
             raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
         return self._blocks[name]
 
-    def _knowledge_of(
+    def _feedforward_data(
         self, feedforward: FeedforwardParameters, law: Any
     ) -> tuple[NDArray[np.float64], AccelerometerScales]:
         """Return the loop and sensor data that the feedforward needs, for a controller with these parameters."""
@@ -313,7 +313,7 @@ class Experiment:
         if self.feedforward is not None and ControllerFeedforwardParameters in sets:
             parameters = sets[ControllerFeedforwardParameters].feedforward
             law = sets[NODES[node].block_parameters]
-            self.feedforward.update(parameters, *self._knowledge_of(parameters, law))
+            self.feedforward.update(parameters, *self._feedforward_data(parameters, law))
         if self.runout is not None and ControllerRunoutParameters in sets:
             runout = sets[ControllerRunoutParameters].runout
             self.runout.update(runout, self._runout_path(runout, sets[NODES[node].block_parameters]))

@@ -60,7 +60,7 @@ def test_a_bad_recording_is_rejected_in_one_line(tmp_path, text, reason):
 def test_a_file_that_is_not_text_is_rejected(tmp_path):
     with pytest.raises(ParameterError, match='No such file'):
         read_table('file', str(tmp_path / 'nothing.csv'), ['x'], 1)
-    with pytest.raises(ParameterError, match=r'a CSV file with x: .*directory'):
+    with pytest.raises(ParameterError, match=r'a CSV file with x; reading failed: .*directory'):
         read_table('file', str(tmp_path), ['x'], 1)
     binary = tmp_path / 'binary.csv'
     binary.write_bytes(b'\xff\xfe\x00\x81')

@@ -51,5 +51,5 @@ def test_nothing():
     moments = Moments()
     moments.add(np.empty(0))
     assert (moments.span, moments.largest, moments.count) == (0.0, 0.0, 0)
-    with pytest.raises(ValueError, match='no sample'):
+    with pytest.raises(ValueError, match='needs at least one sample'):
         moments.rms_about()

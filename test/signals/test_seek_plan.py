@@ -228,7 +228,7 @@ def test_a_rejected_length_names_the_one_that_it_does_not_go_with():
 @pytest.mark.parametrize(
     ('values', 'number'),
     [
-        ({'targets': [1.0, 100.0], 'dwell_times': [0.001, 0.001]}, 'seek 2 of 99 um takes 0.00181104 s'),
+        ({'targets': [1.0, 100.0], 'dwell_times': [0.001, 0.001]}, 'seek 2 over 99 um takes 0.00181104 s'),
         ({'targets': [1.0, 0.0, 100.0], 'dwell_times': [0.001, 0.001, 0.01]}, 'seek 1 of the repeated list over'),
         ({'source': 'random', 'dwell_times': [0.001]}, 'the next seek starts after 0.001 s'),
     ],
