@@ -85,7 +85,7 @@ def test_every_friction_model_runs_in_the_loop_by_a_parameter(model):
 def test_a_bad_drive_is_rejected_at_start(bench, executable, value, named, allowed):
     process = bench.start(executable, '-p', f'vcm_plant:{value}')
     assert process.wait() == 2
-    assert f'{named} = ' in process.output
+    assert f'{named}: ' in process.output
     assert 'invalid value for parameter' in process.output
     assert allowed in process.output
     assert len(process.output.strip().splitlines()) == 1
