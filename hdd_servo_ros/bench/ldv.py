@@ -121,7 +121,7 @@ class LdvParameters(ParameterSet):
     )
     dropout_rate: float = parameter(
         0.0,
-        'mean number of drop-outs (dark speckles) per second outside drop-outs; 0 for no drop-outs',
+        'mean rate of drop-outs (dark speckles) while the signal is present; 0 for no drop-outs',
         unit='1/s',
         minimum=0.0,
     )

@@ -42,7 +42,7 @@ class RepeatableRunoutParameters(ParameterSet):
     )
     sequence_cutoff: float = parameter(
         20.0,
-        'cutoff order of the random sequence: its amplitude spectrum is a first-order low pass, down to 1/sqrt(2) here',
+        'cutoff order of the random sequence, whose amplitude spectrum is a first-order low pass (1/sqrt(2) at cutoff)',
         above=0.0,
     )
     sequence_file: str = parameter(
