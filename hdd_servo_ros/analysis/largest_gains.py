@@ -120,7 +120,7 @@ def largest_lambda(
             raise ParameterError(
                 'sample_time',
                 margins.sample_time,
-                f'shorter: no error_filter_lambda has a gain with Ms <= {MAX_SENSITIVITY:g} on this drive [s]',
+                f'a shorter one: no error_filter_lambda has a gain with Ms <= {MAX_SENSITIVITY:g} on this drive [s]',
             )
         high, low = low, 0.5 * low
     while high - low > 1e-4 * low:

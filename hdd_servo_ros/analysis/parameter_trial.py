@@ -22,7 +22,7 @@ from hdd_servo_ros.graph.block_parameters import reject_other_units, seek_kind, 
 from hdd_servo_ros.graph.catalog import BASE_SENSOR, CONTROLLER, NODES, SENSORS, resolve
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, from_mapping, to_mapping
+from hdd_servo_ros.parameters import InvalidParameterError, ParameterError, ParameterSet, from_mapping, to_mapping
 
 Sets = Mapping[type[Any], Any]
 """All parameters of a node: an instance of each of its dataclasses."""
@@ -71,9 +71,7 @@ def reject_failing(node: str, sets: Sets, accepted: Sets, attempt: Attempt) -> N
     name, value = _cause(sets, accepted, attempt)
     text = ' '.join(str(error).split())
     reason = text if isinstance(error, NotFiniteInTrialError) else f'{type(error).__name__}{": " if text else ""}{text}'
-    raise ParameterError(
-        name, value, f'a value with which {node} can run; with this one it cannot: {reason}'
-    ) from error
+    raise InvalidParameterError(name, value, f'{node} cannot run with it: {reason}') from error
 
 
 def _failure(sets: Sets, attempt: Attempt) -> Exception | None:

@@ -210,7 +210,7 @@ class AdaptiveNn:
             ('desired.lag', parameters.desired.lag, self.parameters.desired.lag),
         ):
             if new != old:
-                raise ParameterError(name, new, f'fixed at {old} for this run')
+                raise ParameterError(name, new, f'{old}, which is fixed for this run')
         if parameters.reset_count != self.parameters.reset_count:
             self._reset(parameters)
         self._take(parameters)

@@ -233,7 +233,7 @@ def filter_matrices(parameters: ObserverParameters, sample_time: float) -> Filte
     try:
         covariance = solve_discrete_are(transition.T, shown.T, process, np.eye(1))
     except np.linalg.LinAlgError:
-        allowed = f'higher: there is no filter for this model, at T = {sample_time!r} s, with so little process noise'
+        allowed = f'a higher value: with so little process noise this model has no filter at T = {sample_time!r} s'
         raise ParameterError('observer.bandwidth', parameters.bandwidth, allowed) from None
     gains = covariance[:, 0] / (covariance[0, 0] + 1.0)
     return FilterMatrices(transition, response, np.array([_rounded(gain) for gain in gains]))

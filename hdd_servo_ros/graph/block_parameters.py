@@ -104,7 +104,7 @@ def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> An
     try:
         return from_mapping(kind, values)
     except ParameterError as error:
-        raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
+        raise error.renamed(f'{node}.{error.name}') from None
 
 
 def _own(kind: type[Kind], node: str, values: Mapping[str, object]) -> Kind:

@@ -19,7 +19,7 @@ from typing import Any
 from hdd_servo_ros.control.outside import ControllerError, OutsideController, described
 from hdd_servo_ros.graph.catalog import CONTROLLERS, common_controller_parameters, register_controller
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, declarations
+from hdd_servo_ros.parameters import InvalidParameterError, ParameterError, ParameterSet, declarations
 
 ENTRY_POINTS = 'hdd_servo_ros.controllers'
 """Group of the entry points by which an installed package offers controllers."""
@@ -27,7 +27,7 @@ ENTRY_POINTS = 'hdd_servo_ros.controllers'
 _STEP_ARGUMENTS = ('inputs',)
 _FORMER_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
 _CHANGED_STEP = (
-    'step takes one argument now: inputs, with inputs.tick, inputs.position [um] and '
+    'step now takes one argument: inputs, with inputs.tick, inputs.position [um] and '
     'inputs.velocity [um/s] (or inputs.displacement_volts and inputs.velocity_volts [V]), '
     'inputs.desired_position [um], inputs.desired_velocity [um/s] and inputs.desired_acceleration [um/s^2]; '
     'see docs/tutorial-own-controller.md'
@@ -110,7 +110,7 @@ def load_controller(name: str) -> ControllerKind:
     for part in attribute.split('.'):
         if not hasattr(found, part):
             file = getattr(sys.modules[module_name], '__file__', None)
-            raise _rejected(name, f'there is no {attribute} in {module_name} ({file})')
+            raise _rejected(name, f'{module_name} ({file}) has no {attribute}')
         found = getattr(found, part)
     return checked_controller(found, name)
 
@@ -126,7 +126,7 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
         they should be, or if a name is taken already.
     """
     if not isinstance(kind, type):
-        raise _rejected(name, f'{kind!r} is no class')
+        raise _rejected(name, f'{kind!r} is not a class')
     for method, arguments in (('step', _STEP_ARGUMENTS), ('update', ('parameters',))):
         if not callable(getattr(kind, method, None)):
             raise _rejected(name, f'class {kind.__name__} lacks {method}({", ".join(arguments)})')
@@ -159,7 +159,7 @@ def snake_case(name: str) -> str:
 
 
 def _rejected(name: str, reason: str) -> ParameterError:
-    return ParameterError('controller', name, reason)
+    return InvalidParameterError('controller', name, reason)
 
 
 def _entry_point(name: str) -> str:
@@ -170,7 +170,9 @@ def _entry_point(name: str) -> str:
         raise _rejected(name, f'several installed packages offer it: {", ".join(paths)}')
     if not paths:
         names = ', '.join([*CONTROLLERS, *sorted(point.name for point in offered)])
-        raise _rejected(name, f'one of {names}, or the import path module:Class of your own')
+        raise ParameterError(
+            'controller', name, f'one of {names}, or the import path module:Class of a custom controller'
+        )
     return paths[0]
 
 
@@ -183,9 +185,9 @@ def _import(name: str, module: str) -> Any:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is not None and (module == error.name or module.startswith(f'{error.name}.')):
-            reason = f'there is no module {error.name} on sys.path or in {here}'
+            reason = f'module {error.name} is neither on sys.path nor in {here}'
             if module.endswith('.py'):
-                reason += '; a module is named without .py'
+                reason += '; give the module without .py'
         else:
             reason = f'importing {module} raised {described(error)}'
         raise _rejected(name, reason) from None
@@ -249,7 +251,7 @@ def _check_parameters(parameters: Any, name: str) -> None:
     """Reject what is no parameter dataclass, or has undeclared fields, bad defaults or names that every node has."""
     if not _is_parameter_dataclass(parameters):
         shown = getattr(parameters, '__name__', repr(parameters))
-        raise _rejected(name, f'{shown} is no frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')
+        raise _rejected(name, f'{shown} is not a frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')
     for field in dataclasses.fields(parameters):
         if 'declaration' not in field.metadata and not dataclasses.is_dataclass(field.default_factory):
             raise _rejected(name, f'{parameters.__name__}.{field.name} is not declared by parameter() or group()')

@@ -6,7 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from hdd_servo_ros.graph.catalog import NODES, names_with_parameters, parameter_sets
-from hdd_servo_ros.parameters import Declaration, ParameterError, declarations
+from hdd_servo_ros.parameters import (
+    Declaration,
+    InvalidParameterError,
+    ParameterError,
+    UnknownParameterError,
+    declarations,
+)
 from hdd_servo_ros.parameters.files import QOS_IS_FIXED, QOS_OVERRIDES
 
 STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
@@ -41,7 +47,7 @@ def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
         return
     for name in given:
         if name.startswith(QOS_OVERRIDES):
-            raise ParameterError(name, given[name], f'none: {QOS_IS_FIXED}')
+            raise InvalidParameterError(name, given[name], QOS_IS_FIXED)
     known, missing = set(own), given.keys() - set(own)
     # Nodes that are not in every run are imported only for names that the others do not have.
     for node in sorted(names_with_parameters(), key=lambda name: name in NODES and bool(NODES[name].role)):
@@ -52,8 +58,7 @@ def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
     if missing:
         name = next(name for name in given if name in missing)
         similar = difflib.get_close_matches(name, known, n=1)
-        hint = f'; did you mean {similar[0]}?' if similar else ''
-        raise ParameterError(name, given[name], f'no such parameter{hint}')
+        raise UnknownParameterError(name, given[name], f'did you mean {similar[0]}?' if similar else '')
 
 
 @functools.lru_cache(maxsize=64)

@@ -6,8 +6,10 @@ The names of :mod:`~hdd_servo_ros.parameters.declaration` are offered here.
 
 from hdd_servo_ros.parameters.declaration import (
     Declaration,
+    InvalidParameterError,
     ParameterError,
     ParameterSet,
+    UnknownParameterError,
     Value,
     declarations,
     from_mapping,
@@ -19,8 +21,10 @@ from hdd_servo_ros.parameters.declaration import (
 
 __all__ = [
     'Declaration',
+    'InvalidParameterError',
     'ParameterError',
     'ParameterSet',
+    'UnknownParameterError',
     'Value',
     'declarations',
     'from_mapping',

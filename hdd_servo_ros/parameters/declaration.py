@@ -23,28 +23,71 @@ Block = TypeVar('Block')
 
 class ParameterError(ValueError):
     """
-    A parameter value that is not allowed: says the name, the value and what is allowed.
+    Parameter value that is not allowed.
+
+    The message reads ``invalid value for parameter NAME: VALUE; expected ALLOWED``.
 
     Parameters
     ----------
-    name, value, allowed
-        These three.
+    name
+        Name of the parameter, with the prefix of its group.
+    value
+        The rejected value.
+    allowed
+        What is allowed: a phrase that follows "expected".
     where
-        File and line that the value is from; empty if it is from no file, or not known here.
+        File and line of the value; empty if it is not from a file, or the file is not known here.
     """
 
     exit_code = WRONG_ARGUMENTS
 
     def __init__(self, name: str, value: object, allowed: str, where: str = '') -> None:
-        origin = f'; given in {where}' if where else ''
-        super().__init__(f'invalid value for parameter {name}: {shown(value)}; expected {allowed}{origin}')
         self.name = name
         self.value = value
         self.allowed = allowed
         self.where = where
+        super().__init__(self._message())
+
+    def _message(self) -> str:
+        origin = f'; given in {self.where}' if self.where else ''
+        return f'invalid value for parameter {self.name}: {shown(self.value)}; expected {self.allowed}{origin}'
+
+    def renamed(self, name: str) -> 'ParameterError':
+        """Return the same error for another name, such as the full name of the parameter."""
+        return type(self)(name, self.value, self.allowed, self.where)
+
+    def located(self, where: str) -> 'ParameterError':
+        """Return the same error with the file and line of the value."""
+        return type(self)(self.name, self.value, self.allowed, where)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.name, self.value, self.allowed, self.where)
+
+
+class InvalidParameterError(ParameterError):
+    """
+    Parameter value that is rejected for a reason that does not fit after "expected".
+
+    The message reads ``invalid value for parameter NAME: VALUE; REASON``. The reason is the argument ``allowed`` of
+    :class:`ParameterError`.
+    """
+
+    def _message(self) -> str:
+        origin = f'; given in {self.where}' if self.where else ''
+        return f'invalid value for parameter {self.name}: {shown(self.value)}; {self.allowed}{origin}'
+
+
+class UnknownParameterError(ParameterError):
+    """
+    Parameter name that nothing declares.
+
+    The message reads ``unknown parameter NAME; HINT``. The hint is the argument ``allowed`` of :class:`ParameterError`,
+    and may be empty.
+    """
+
+    def _message(self) -> str:
+        origin = f' (given in {self.where})' if self.where else ''
+        return f'unknown parameter {self.name}{origin}' + (f'; {self.allowed}' if self.allowed else '')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -410,11 +453,11 @@ def _constructed(parameters: type[Block], values: Mapping[str, object], prefix: 
     for name in values:
         if name not in known:
             names = ', '.join(prefix + declaration.name for declaration in declarations(parameters))
-            raise ParameterError(prefix + name, values[name], f'no such parameter; there are {names}')
+            raise UnknownParameterError(prefix + name, values[name], f'known: {names}')
     try:
         return parameters(**arguments)
     except ParameterError as error:
-        raise ParameterError(prefix + error.name, error.value, error.allowed) from None
+        raise error.renamed(prefix + error.name) from None
 
 
 def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -115,7 +115,7 @@ class RosArguments:
             origin = self.origin(error.name)
             if not origin or error.where:
                 raise
-            raise ParameterError(error.name, error.value, error.allowed, origin) from error.__cause__
+            raise error.located(origin) from error.__cause__
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
@@ -300,4 +300,4 @@ def with_node(error: ParameterError, node: str) -> ParameterError:
     """Return a parameter error whose name begins with the node's, as it is if it begins with a node's already."""
     if ':' in error.name:
         return error
-    return ParameterError(f'{node}:{error.name}', error.value, error.allowed)
+    return error.renamed(f'{node}:{error.name}')

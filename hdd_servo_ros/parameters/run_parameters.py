@@ -91,7 +91,7 @@ class TimerParameters(ParameterSet):
             sample_time_to_nanoseconds(self.sample_time)
         except ValueError:
             raise ParameterError(
-                'sample_time', self.sample_time, 'a positive whole number of nanoseconds [s]'
+                'sample_time', self.sample_time, 'a positive integer number of nanoseconds [s]'
             ) from None
         if self.duration == 0.0:
             if self.schedule:
@@ -133,16 +133,16 @@ def last_tick_of_run(timer: TimerParameters, needed: Mapping[str, int]) -> int:
     name = 'deterministic_timer:duration'
     if not needed:
         if timer.duration == 0.0:
-            raise ParameterError(name, 0.0, 'above 0 s: no node of this run has a plan that says how long it takes')
+            raise ParameterError(name, 0.0, 'above 0 s, since no node of this run defines the duration')
         return timer.last_tick
     node, longest = max(needed.items(), key=lambda item: item[1])
     if longest * timer.sample_time > LONGEST_RUN:
-        allowed = f'0 takes as long as {node} does, {longest * timer.sample_time:.3g} s: at most {LONGEST_RUN:g} s'
+        allowed = f'a run of at most {LONGEST_RUN:g} s; {node} needs {longest * timer.sample_time:.3g} s'
         raise ParameterError(name, timer.duration, allowed)
     if timer.duration == 0.0:
         return longest
     if timer.last_tick < longest:
-        allowed = f'0 for as long as {node} takes, or at least its {longest * timer.sample_time:.9g} s'
+        allowed = f'0 (as long as {node} needs), or at least {longest * timer.sample_time:.9g} s'
         raise ParameterError(name, timer.duration, allowed)
     return timer.last_tick
 

@@ -7,7 +7,15 @@ from decimal import Decimal, InvalidOperation
 from typing import Any
 
 from hdd_servo_ros.messages.ticks import NANOSECONDS, sample_time_to_nanoseconds
-from hdd_servo_ros.parameters import ParameterError, ParameterSet, Value, declarations, from_mapping, to_mapping
+from hdd_servo_ros.parameters import (
+    InvalidParameterError,
+    ParameterError,
+    ParameterSet,
+    Value,
+    declarations,
+    from_mapping,
+    to_mapping,
+)
 from hdd_servo_ros.parameters.files import parse_value
 from hdd_servo_ros.parameters.ros_yaml import written
 
@@ -126,7 +134,7 @@ def reject_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> Non
     """
     for change in changes:
         if not any(change.is_for(node) for node in nodes):
-            raise ParameterError('schedule', change.entry, f'no such node; there are {", ".join(nodes)}')
+            raise InvalidParameterError('schedule', change.entry, f'unknown node; known: {", ".join(nodes)}')
 
 
 def plan(
@@ -163,12 +171,12 @@ def plan(
         names = set()
         for change in group:
             if change.name not in declared:
-                raise ParameterError('schedule', change.entry, f'{node} has no parameter {change.name}')
+                raise InvalidParameterError('schedule', change.entry, f'{node} has no parameter {change.name}')
             if declared[change.name].read_only:
-                raise ParameterError('schedule', change.entry, f'{change.name} is read-only')
+                raise InvalidParameterError('schedule', change.entry, f'{change.name} is read-only')
             if change.name in names:
-                raise ParameterError(
-                    'schedule', change.entry, f'{change.name} twice at one tick; begin the second with {THEN!r}'
+                raise InvalidParameterError(
+                    'schedule', change.entry, f'{change.name} changes twice at one tick; begin the second with {THEN!r}'
                 )
             names.add(change.name)
             present[change.name] = change.value
@@ -180,7 +188,7 @@ def plan(
                 for kind in kinds
             }
         except ParameterError as error:
-            raise ParameterError('schedule', group[-1].entry, str(error)) from None
+            raise InvalidParameterError('schedule', group[-1].entry, str(error)) from None
         mapping = {name: value for each in sets.values() for name, value in to_mapping(each).items()}
         present = dict(mapping)
         steps.append(Step(group[0].tick, {name: mapping[name] for name in sorted(names)}, sets, group[-1].entry))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.messages.ticks import NANOSECONDS
-from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters import InvalidParameterError
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.bag_topics import BagTopic, bag_topics, to_yaml
 from hdd_servo_ros.recording.disk import Reserve, sync_folder, write_durably
@@ -39,7 +39,7 @@ class McapBag:
             try:
                 require_zstd()
             except ValueError as error:
-                raise ParameterError('compression', options.compression, str(error)) from None
+                raise InvalidParameterError('compression', options.compression, str(error)) from None
         self._path = path
         self._topics = bag_topics(topics)
         self._custom_data = dict(metadata)

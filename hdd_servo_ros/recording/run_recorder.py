@@ -247,7 +247,7 @@ def _chosen(topics: Sequence[tuple[LoopTopic, str]], recorded: Sequence[str]) ->
     chosen = [index for index, (topic, _) in enumerate(topics) if not recorded or topic.name in recorded]
     if recorded and not chosen:
         there = ', '.join(topic.name for topic, _ in topics)
-        raise ParameterError('bag_recorder:topics', tuple(recorded), f'this run has {there}')
+        raise ParameterError('bag_recorder:topics', tuple(recorded), f'topics of this run: {there}')
     return chosen
 
 

@@ -12,7 +12,7 @@ from hdd_servo_ros.analysis.parameter_trial import Attempt, Sets, reject_failing
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
 from hdd_servo_ros.messages.outcome import Outcome
 from hdd_servo_ros.messages.topics import LoopTopic
-from hdd_servo_ros.parameters import ParameterError, ParameterSet
+from hdd_servo_ros.parameters import InvalidParameterError, ParameterError, ParameterSet
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.run_parameters import PeerParameters, SampleTimeParameters
 from hdd_servo_ros.parameters.schedule import Change, Step, plan
@@ -158,7 +158,7 @@ class LoopNode(ParameterNode):
             try:
                 self.check(step.sets, accepted, sample_time, nodes, is_change=True)
             except ParameterError as error:
-                raise ParameterError('schedule', step.entry, str(error)) from None
+                raise InvalidParameterError('schedule', step.entry, str(error)) from None
             accepted = step.sets
 
     def _check_change(self, sets: Sets) -> None:

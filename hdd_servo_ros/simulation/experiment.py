@@ -213,7 +213,7 @@ class Experiment:
             try:
                 surroundings = self._surroundings_of_seek(seek, parameters_of_law)
             except ParameterError as error:
-                raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
+                raise error.renamed(f'{node}.{error.name}') from None
             self.seek = Seek(seek, sample_time, surroundings, self.scales)
         self._disturbance = disturbance
         if DISTURBANCE_GENERATOR in sections:
@@ -236,7 +236,7 @@ class Experiment:
             try:
                 path = self._runout_path(runout, parameters_of_law)
             except ParameterError as error:
-                raise ParameterError(f'{node}.{error.name}', error.value, error.allowed) from None
+                raise error.renamed(f'{node}.{error.name}') from None
             self.runout = RunoutCancellation(runout, sample_time, path)
         self._held: NDArray[np.float64] = np.zeros(6)
         self._next_tick = 0
@@ -247,7 +247,7 @@ class Experiment:
         try:
             self._blocks[name] = make(parameters, self.sample_time)
         except ParameterError as error:
-            raise ParameterError(f'{name}.{error.name}', error.value, error.allowed) from None
+            raise error.renamed(f'{name}.{error.name}') from None
         return self._blocks[name]
 
     def _feedforward_data(

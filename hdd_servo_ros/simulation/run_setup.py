@@ -40,7 +40,14 @@ from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
 from hdd_servo_ros.messages.topics import ESTIMATES, OPTIONAL_TOPICS, LoopTopic, topics_of_run
-from hdd_servo_ros.parameters import ParameterError, Value, declarations, from_mapping, to_mapping
+from hdd_servo_ros.parameters import (
+    InvalidParameterError,
+    ParameterError,
+    Value,
+    declarations,
+    from_mapping,
+    to_mapping,
+)
 from hdd_servo_ros.parameters.events import NodeChange
 from hdd_servo_ros.parameters.files import RosArguments, with_node
 from hdd_servo_ros.parameters.run_parameters import (
@@ -176,7 +183,7 @@ class Simulation:
                 try:
                     reject_failing(name, step.sets, accepted[name], attempt)
                 except ParameterError as error:
-                    raise ParameterError('schedule', step.entry, str(error)) from error.__cause__
+                    raise InvalidParameterError('schedule', step.entry, str(error)) from error.__cause__
             accepted[name] = step.sets
 
     def _attempt(

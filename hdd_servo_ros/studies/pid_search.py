@@ -239,7 +239,9 @@ class PidSearch:
             if found.fun < least:
                 best, least = found.x, found.fun
         if least == _REJECTED:
-            allowed = f'more: no PID controller with Ms <= {MAX_SENSITIVITY:g} overshoots so little on this drive [%]'
+            allowed = (
+                f'a larger value: no PID controller with Ms <= {MAX_SENSITIVITY:g} has less overshoot on this drive [%]'
+            )
             raise ParameterError('overshoot', self._overshoot, allowed)
         return best, least
 

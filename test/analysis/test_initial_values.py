@@ -143,5 +143,5 @@ def test_takes_other_controllers():
     [(0.0, 0.01, 'time_constant'), (math.inf, 0.01, 'time_constant'), (TAU, T, 'horizon')],
 )
 def test_rejects_what_has_no_transient(time_constant, horizon, name):
-    with pytest.raises(ParameterError, match=f'{name} = '):
+    with pytest.raises(ParameterError, match=f'parameter {name}: '):
         initial_value_gains(make_pid, SLIDING, time_constant, T, horizon)

@@ -107,9 +107,7 @@ def test_every_block_that_is_not_a_controller_has_a_step():
 
 def test_of_several_changes_the_one_to_blame_is_named():
     values = {'frequency': 120.0, 'start_time': 1.7e308, 'amplitude': 3.0}
-    with pytest.raises(
-        ParameterError, match=r'invalid value for parameter start_time: 1.7e\+308; expected a value with which'
-    ):
+    with pytest.raises(ParameterError, match=r'invalid value for parameter start_time: 1.7e\+308; '):
         reject('reference_generator', is_change=True, **values)
 
 

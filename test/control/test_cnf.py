@@ -200,5 +200,5 @@ def test_integral_is_frozen_while_the_voltage_is_limited():
     ],
 )
 def test_rejects_what_makes_no_law(values, name):
-    with pytest.raises(ParameterError, match=f'{name} = '):
+    with pytest.raises(ParameterError, match=f'parameter {name}: '):
         CnfParameters(**values)

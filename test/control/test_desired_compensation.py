@@ -123,7 +123,7 @@ def test_what_is_rejected(values, message):
 
 def test_the_lag_is_fixed_for_a_run():
     controller = controller_of()
-    with pytest.raises(ParameterError, match=r'desired\.lag.*fixed at 0\.0003'):
+    with pytest.raises(ParameterError, match=r'desired\.lag.*expected 0\.0003, which is fixed'):
         controller.update(from_mapping(AdaptiveNnParameters, {'desired.lag': 1e-3}))
 
 

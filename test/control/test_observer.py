@@ -116,5 +116,5 @@ def test_an_unknown_method_is_rejected():
 
 def test_a_bandwidth_for_which_there_are_no_gains_is_rejected():
     stiff = ObserverParameters(bandwidth=10.0, gain=4e9, stiffness=10.0, viscous_coefficient=0.0)
-    with pytest.raises(ParameterError, match=r'observer\.bandwidth: 10\.0; expected higher: .* T = 1e-06 s'):
+    with pytest.raises(ParameterError, match=r'observer\.bandwidth: 10\.0; expected a higher value: .* T = 1e-06 s'):
         filter_matrices(stiff, 1e-6)

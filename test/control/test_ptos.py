@@ -158,5 +158,5 @@ def test_lag_makes_up_for_a_delay_exactly():
     ('name', 'value'), [('natural_frequency', 0.0), ('discount', 1.0), ('discount', 0.0), ('lag', -1e-6)]
 )
 def test_rejects_what_makes_no_law(name, value):
-    with pytest.raises(ParameterError, match=f'{name} = '):
+    with pytest.raises(ParameterError, match=f'parameter {name}: '):
         PtosParameters(**{name: value})

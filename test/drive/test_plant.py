@@ -47,7 +47,7 @@ RIGID = PlantParameters(friction=FrictionParameters(model='none'), resonance=Res
         ({'resonance.damping_ratios': (0.5, 2.0)}, 'at most'),
         ({'disturbance.angular_frequency': -1.0}, 'at least 0'),
         ({'actuator.inertia': 0.0}, 'above 0'),
-        ({'friction.mass': 1.0}, 'no such parameter'),
+        ({'friction.mass': 1.0}, 'unknown parameter friction.mass; known: '),
     ],
 )
 def test_bad_parameters_are_named(values: dict[str, object], allowed: str) -> None:

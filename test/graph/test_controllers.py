@@ -126,16 +126,16 @@ def test_an_entry_point(tmp_path, monkeypatch):
         ([(', sample_time: float)', ')')], r'Spring\(parameters: .*\) .* cannot be called with \(parameters, sample_t'),
         ([('parameters: Gains', 'parameters')], r'Spring\.__init__ does not annotate parameters'),
         ([('parameters: Gains', "parameters: 'Gainz'")], r'annotations of Spring\.__init__ raised NameError'),
-        ([('parameters: Gains', 'parameters: dict')], r'dict is no frozen dataclass derived from .*ParameterSet'),
-        ([('@dataclasses.dataclass(frozen=True)', '')], r'Gains is no frozen dataclass'),
-        ([('(frozen=True)', ''), ('(ParameterSet)', '')], r'Gains is no frozen dataclass'),
+        ([('parameters: Gains', 'parameters: dict')], r'dict is not a frozen dataclass derived from .*ParameterSet'),
+        ([('@dataclasses.dataclass(frozen=True)', '')], r'Gains is not a frozen dataclass'),
+        ([('(frozen=True)', ''), ('(ParameterSet)', '')], r'Gains is not a frozen dataclass'),
         ([("parameter(0.5, 'k_p', unit='V/um', minimum=0.0)", '0.5')], r'Gains\.stiffness is not declared by'),
         ([('(0.5,', '(-0.5,')], r'the defaults of Gains: invalid value for parameter stiffness: -0\.5;'),
         ([('stiffness: float', 'peer_timeout: float')], r'Gains\.peer_timeout: every node has a para'),
-        ([('class Spring', 'class VcmPlant'), ], r'there is no Spring in'),
+        ([('class Spring', 'class VcmPlant'), ], r' has no Spring'),
         ([("'Pulls back. And more.'", "node_name = 'vcm_plant'")], r'there is another node vcm_plant; give class Spr'),
         ([("'Pulls back. And more.'", "node_name = 'a node'")], r"node name 'a node' is not made of letters"),
-        ([('class Spring', 'Spring = 3\nclass Other')], r'3 is no class'),
+        ([('class Spring', 'Spring = 3\nclass Other')], r'3 is not a class'),
         ([('import dataclasses', 'import dataclasses, no_such_module')], r'importing .* raised ModuleNotFoundError: '),
         ([('import dataclasses', 'import dataclasses\nraise SystemExit(3)')], r'importing .* raised SystemExit: 3 \('),
     ],
@@ -144,7 +144,7 @@ def test_what_is_rejected(tmp_path, changes, said):
     module = write(tmp_path, GOOD, *changes)
     with pytest.raises(ParameterError, match=said) as rejected:
         load_controller(f'{module}:Spring')
-    assert str(rejected.value).startswith(f"invalid value for parameter controller: '{module}:Spring'; expected ")
+    assert str(rejected.value).startswith(f"invalid value for parameter controller: '{module}:Spring'; ")
     assert '\n' not in str(rejected.value)
 
 
@@ -159,14 +159,14 @@ FORMER = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d'
 def test_the_former_arguments_of_step_are_rejected_with_what_to_change(tmp_path, capsys, arguments):
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {", ".join(arguments)})'))
     said = (
-        'Spring.step takes one argument now: inputs, with inputs.tick, inputs.position [um] and inputs.velocity [um/s]'
+        'Spring.step now takes one argument: inputs, with inputs.tick, inputs.position [um] and inputs.velocity [um/s]'
     )
     with pytest.raises(ParameterError, match=re.escape(said)):
         load_controller(f'{module}:Spring')
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run']) == 2
     # With a cold cache a line says first that kernels are being compiled.
-    (error,) = [line for line in capsys.readouterr().err.splitlines() if 'rejected' in line]
-    assert error.startswith(f"simulate: invalid value for parameter controller: '{module}:Spring'; expected {said}")
+    (error,) = [line for line in capsys.readouterr().err.splitlines() if 'invalid' in line]
+    assert error.startswith(f"simulate: invalid value for parameter controller: '{module}:Spring'; {said}")
     assert error.endswith('; see docs/tutorial-own-controller.md')
 
 
@@ -183,7 +183,7 @@ def test_former_arguments_that_only_a_trial_finds_are_rejected_with_what_to_chan
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {arguments})'), (error, law))
     with pytest.raises(ParameterError, match=r'tried with zeros: spring: step raised (Type|Value)Error') as rejected:
         simulation(tmp_path, module)
-    assert ('; Spring.step takes one argument now: inputs, with' in str(rejected.value)) == hinted
+    assert ('; Spring.step now takes one argument: inputs, with' in str(rejected.value)) == hinted
 
 
 @pytest.mark.parametrize('arguments', ['inputs', 'measured', '*arguments', 'inputs, gain=1.0'])
@@ -194,13 +194,13 @@ def test_step_with_one_argument_of_any_name(tmp_path, arguments):
 
 @pytest.mark.parametrize('name', ['no_such_module:Spring', 'no_such_package.module:Spring'])
 def test_a_module_that_is_not_there(name, tmp_path):
-    with pytest.raises(ParameterError, match=f'there is no module no_such_[a-z]+ on sys.path or in {tmp_path}'):
+    with pytest.raises(ParameterError, match=f'module no_such_[a-z]+ is neither on sys.path nor in {tmp_path}'):
         load_controller(name)
 
 
 def test_a_file_named_instead_of_its_module(tmp_path):
     module = write(tmp_path, GOOD)
-    with pytest.raises(ParameterError, match=r'a module is named without \.py'):
+    with pytest.raises(ParameterError, match=r'give the module without \.py'):
         load_controller(f'{module}.py:Spring')
 
 
@@ -332,7 +332,7 @@ def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys)
 def test_a_scheduled_change_that_the_class_cannot_take_is_rejected_before_the_run(tmp_path):
     rejecting = 'assert parameters.stiffness < 1.0; self.parameters = parameters'
     module = write(tmp_path, GOOD, ('self.parameters = parameters', rejecting))
-    with pytest.raises(ParameterError, match=r"schedule: '0.03 spring stiffness 1.5'; expected .*AssertionError"):
+    with pytest.raises(ParameterError, match=r"schedule: '0.03 spring stiffness 1.5'; .*AssertionError"):
         simulation(tmp_path, module, '-p', "schedule:=['0.01 spring stiffness 0.75', '0.03 spring stiffness 1.5']")
 
 

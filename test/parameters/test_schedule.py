@@ -93,7 +93,7 @@ def test_other_nodes_are_passed_over_and_strangers_rejected():
     assert planned('0.5 vcm_plant gain 1', '0.5 /bench2/pid_controller proportional_gain 1') == ()
     changes = parse_schedule(['0.5 vcm_plant gain 1'], T, 10_000)
     reject_unknown_nodes(changes, ['/vcm_plant'])
-    with pytest.raises(ParameterError, match='no such node; there are /bench1/pid_controller'):
+    with pytest.raises(ParameterError, match='unknown node; known: /bench1/pid_controller'):
         reject_unknown_nodes(changes, [PID])
 
 

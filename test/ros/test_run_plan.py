@@ -46,5 +46,5 @@ def test_a_node_that_rejects_the_schedule_ends_the_run_with_its_reason():
 
 def test_a_schedule_for_a_node_that_does_not_take_part_is_rejected():
     timer = TimerParameters(schedule=('0.005 pid_controller k_p 2.0',))
-    with pytest.raises(ParameterError, match='no such node'):
+    with pytest.raises(ParameterError, match='unknown node'):
         make_run_plan(TIMER, timer, nodes(), ['a'])

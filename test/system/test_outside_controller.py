@@ -126,8 +126,8 @@ def test_what_cannot_be_found_is_one_line(bench, name):
     process = bench.start(name, '-p', 'controller:=no_such_module:MyController')
     assert process.wait() == 2
     here = bench.directory
-    reason = f'there is no module no_such_module on sys.path or in {here}'
-    expected = f"{name}: invalid value for parameter controller: 'no_such_module:MyController'; expected {reason}\n"
+    reason = f'module no_such_module is neither on sys.path nor in {here}'
+    expected = f"{name}: invalid value for parameter controller: 'no_such_module:MyController'; {reason}\n"
     assert process.output.endswith(expected)
 
 
@@ -141,7 +141,7 @@ def test_the_former_arguments_of_step_are_one_line(bench, name):
     assert process.wait() == 2
     (line,) = [line for line in process.output.splitlines() if 'former:MyController' in line]
     assert line.startswith(
-        f"{name}: invalid value for parameter controller: 'former:MyController'; expected MyController.step takes one"
+        f"{name}: invalid value for parameter controller: 'former:MyController'; MyController.step now takes one"
     )
     assert line.endswith('; see docs/tutorial-own-controller.md')
     assert 'Traceback' not in process.output

@@ -22,5 +22,8 @@ def test_compressed_split_and_chosen(bench):
 def test_a_run_without_any_chosen_topic_says_so(bench):
     process = bench.start('rig', *DURATION, '-p', 'run_dir:=run', '-p', 'topics:=[disturbance]')
     assert process.wait() != 0
-    assert "invalid value for parameter bag_recorder:topics: ('disturbance',); expected this run has" in process.output
+    assert (
+        "invalid value for parameter bag_recorder:topics: ('disturbance',); expected topics of this run: "
+        in process.output
+    )
     assert not (bench.directory / 'run').exists()

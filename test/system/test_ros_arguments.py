@@ -57,10 +57,13 @@ FILES: dict[str, tuple[str | bytes, str]] = {
     'date': (f'reference_generator:\n{SECTION}    frequency: 2001-99-99\n', ' [Hz]; given in file.yaml, line 3'),
     'quoted number': (f'ldv_sensor:\n{SECTION}    noise: true\n    seed: "7"\n', '; given in file.yaml, line 4'),
     'null': (f'/**:\n{SECTION}    frequency: null\n', '; given in file.yaml, line 3'),
-    'misspelt': (f'ldv_sensor:\n{SECTION}    sed: 7\n', 'did you mean seed?; given in file.yaml, line 3'),
+    'misspelt': (
+        f'ldv_sensor:\n{SECTION}    sed: 7\n',
+        'unknown parameter ldv_sensor:sed (given in file.yaml, line 3); did you mean seed?',
+    ),
     'misspelt for all': (
         f'/**:\n{SECTION}    sample_tme: 1.0\n',
-        'did you mean sample_time?; given in file.yaml, line 3',
+        'sample_tme (given in file.yaml, line 3); did you mean sample_time?',
     ),
     'blocks': (f'vcm_plant:\n{SECTION}    gain: -1.0\n', '; given in file.yaml, line 3'),
     'deep': (f'reference_generator:\n{SECTION}    phase: {"[" * 2000}\n', 'line 3: phase: a list holds a list'),

@@ -75,7 +75,7 @@ def test_a_change_at_every_tick(bench):
     ('entry', 'said'),
     [
         ('0.05 vcm_plant friction.stiffnes 1', '/vcm_plant has no parameter friction.stiffnes'),
-        ('0.05 nobody gain 1', 'no such node'),
+        ('0.05 nobody gain 1', 'unknown node'),
     ],
 )
 def test_a_wrong_entry_is_rejected_before_the_run(bench, name, entry, said):

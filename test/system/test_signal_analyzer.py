@@ -91,7 +91,7 @@ def test_rig_separate_processes_and_simulate_measure_the_same(bench):
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        ((*SWEEP, '-p', 'duration:=0.5'), 'deterministic_timer:duration: 0.5; expected 0 for as long as'),
+        ((*SWEEP, '-p', 'duration:=0.5'), 'deterministic_timer:duration: 0.5; expected 0 (as long as'),
         ((*SWEEP, '-p', 'deterministic_timer:sample_time:=1e-4'), 'stop_frequency: 20000.0; expected at most 4500'),
         ((*OVERLAY, '-p', 'controller:=pid'), 'deterministic_timer:duration: 0.0; expected above 0 s'),
     ],
@@ -107,7 +107,7 @@ def test_apart_a_duration_that_is_too_short_ends_all(bench):
     processes = [bench.start(node, *OVERLAY, *SHORT, '-p', 'duration:=0.01') for node in nodes]
     for process in processes:
         assert process.wait() == 1
-        assert 'duration: 0.01; expected 0 for as long as /signal_analyzer takes' in process.output
+        assert 'duration: 0.01; expected 0 (as long as /signal_analyzer needs)' in process.output
 
 
 @pytest.mark.parametrize('executable', ['rig', 'simulate'])
