@@ -1,4 +1,4 @@
-"""The adaptive neural network controller of chapter 4, (4.10)-(4.21)."""
+"""Adaptive neural network controller of chapter 4, thesis eqs. (4.10)-(4.21)."""
 
 import math
 from typing import Any
@@ -40,7 +40,7 @@ AdaptiveNnArrays = tuple[
 
 class AdaptiveNn:
     """
-    The adaptive neural network controller of chapter 4.
+    Adaptive neural network controller of chapter 4.
 
     With e = x - x_d, v = dx/dt::
 
@@ -52,24 +52,24 @@ class AdaptiveNn:
         phi_hat' = k_phi (|r| - sigma_phi phi_hat)              (4.20, corrected: the dot is missing in print)
         W_hat' = Gamma (S |r| - sigma_w W_hat)                  (4.21, corrected: the dot is missing in print)
 
-    At tick k the control uses the estimates of tick k, which hold what was learned up to tick k - 1; then the laws run
-    over one sample with r, v, a_r and S held. They are linear in their own estimate, so this is done exactly (see
-    :func:`~hdd_servo_ros.control.adaptation.decay_and_step`), which is stable for any constants that are not negative.
+    The control at tick k uses the estimates of tick k, which are adapted up to tick k - 1. The adaptation laws are then
+    integrated over one sample with r, v, a_r and S held. Each law is linear in its own estimate, so its discrete form
+    is exact (see :func:`~hdd_servo_ros.control.adaptation.decay_and_step`), and stable for all nonnegative constants.
 
     Estimates: t [s]; r [um/s]; sigma_hat [V s/um]; m_hat [V s^2/um]; phi_hat [V]; norm of W_hat [V]; e [um]; the
     network's output W_hat'S [V]; integral of e [um s]; the lattice's widths [um], [um/s]; the compensator's output
-    [V]; spring_hat and hysteresis_hat [V/um], relaxation_hat [V s/um], and the friction of the bristles by them [V].
+    [V]; spring_hat and hysteresis_hat [V/um], relaxation_hat [V s/um], and the estimated bristle friction [V].
 
     Parameters
     ----------
     parameters
-        Design constants. ``docs/controllers.md`` relates their names to the thesis's symbols.
+        Design constants. ``docs/controllers.md`` lists them with the thesis's symbols.
     sample_time
         T [s].
 
     Examples
     --------
-    One tick with the head 0.1 um off, moving at 50 um/s:
+    One tick with a position error of 0.1 um and a velocity of 50 um/s:
 
     >>> from hdd_servo_ros.control import AdaptiveNn, AdaptiveNnParameters, ControllerInputs
     >>> controller = AdaptiveNn(AdaptiveNnParameters(), sample_time=1e-4)
@@ -121,12 +121,12 @@ class AdaptiveNn:
             self._history,
             self.estimates,
         )
-        """The arrays that the kernel takes first; the estimates are the last."""
+        """Array arguments of the kernel, in order; the last one holds the estimates."""
         self._reset(parameters)
         self._take(parameters)
 
     def _reset(self, parameters: AdaptiveNnParameters) -> None:
-        """Set what is learned to its initial values: the estimates, both networks' weights, the widths."""
+        """Reset the estimates, the weights of both networks and the widths to their initial values."""
         s = record(self.state, STATE)
         s.sigma_hat = parameters.sigma.initial
         s.m_hat = parameters.mass.initial
@@ -140,21 +140,21 @@ class AdaptiveNn:
 
     @property
     def weights(self) -> NDArray[np.float64]:
-        """W_hat [V], a view of shape (n n,), position index first."""
+        """Network weights W_hat [V], a view of shape (n n,), position index first."""
         return self._weights.reshape(-1)
 
     @property
     def compensator_weights(self) -> NDArray[np.float64]:
-        """W_c [V], a view of shape (m m,), position index first."""
+        """Compensator weights W_c [V], a view of shape (m m,), position index first."""
         return self._compensator_weights.reshape(-1)
 
     @property
     def gain_on_r(self) -> float:
         """
-        The linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] that the law comes to once its estimates follow r.
+        Linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] of the law once its estimates have converged.
 
-        A steady r ends in ``phi_hat = |r|/sigma_phi`` and ``W_hat = S |r|/sigma_w``, which multiply sgn r. Where the
-        widths adapt, the widest lattice counts.
+        For a constant r the estimates converge to ``phi_hat = |r|/sigma_phi`` and ``W_hat = S |r|/sigma_w``, which
+        multiply sgn r. With adaptive widths, the largest widths are used.
         """
         p = self.parameters
         gain = p.feedback_gain
@@ -170,24 +170,24 @@ class AdaptiveNn:
 
     def warnings(self) -> tuple[str, ...]:
         """
-        Return what a user should be told of these constants before a run: what makes the loop fragile, if so.
+        Return warnings about these constants: a linear gain above ``safe_gain``, negative adaptation gains.
 
-        ``safe_gain`` judges the loop; where the drive is known, :mod:`~hdd_servo_ros.analysis.fragility` does.
+        ``safe_gain`` is the limit here. If the drive is known, :mod:`~hdd_servo_ros.analysis.fragility` computes it.
         """
         safe, gain = self.parameters.safe_gain, self.gain_on_r
         if not gain > safe > 0.0:
             return self.sign_warnings()
         fragile = (
-            f"fragile constants: k + 1/sigma_phi + max(S'S)/sigma_w = {gain:.3g} V s/um acts as one linear gain on "
-            f'r and exceeds safe_gain = {safe:.3g} V s/um; the loop may track at first and burst after seconds: '
+            f"low stability margin: k + 1/sigma_phi + max(S'S)/sigma_w = {gain:.3g} V s/um acts as one linear gain on "
+            f'r and exceeds safe_gain = {safe:.3g} V s/um; the loop may track at first and diverge after seconds: '
             'raise phi.leakage or network.leakage, or lower feedback_gain'
         )
         return fragile, *self.sign_warnings()
 
     def sign_warnings(self) -> tuple[str, ...]:
-        """Return what a user should be told of laws that learn away from the error."""
+        """Return warnings about adaptation laws with a negative gain."""
         return tuple(
-            f'{name}.gain = {law.gain:.3g} is negative: the law learns away from the error, and its leakage '
+            f'{name}.gain = {law.gain:.3g} is negative: the law adapts in the wrong direction, and its leakage '
             f'makes the estimate grow by {-law.gain * law.leakage:.3g} 1/s'
             for name, law in (('sigma', self.parameters.sigma), ('mass', self.parameters.mass))
             if law.enabled and law.gain < 0.0
@@ -195,14 +195,15 @@ class AdaptiveNn:
 
     def update(self, parameters: AdaptiveNnParameters) -> None:
         """
-        Take other parameters from the next tick on; what was learned stays, unless ``reset_count`` is another.
+        Use new parameters from the next tick on; the estimates are kept unless ``reset_count`` changes.
 
-        A reset leaves the integral of e, the velocity filter and a jump's late part alone: they are no estimates.
+        A reset does not affect the integral of e, the velocity filter and the delayed part of a shaped step, because
+        they are not estimates.
 
         Raises
         ------
         ParameterError
-            If a number of nodes or the lag differs: the weights and the stored regressors would have no meaning.
+            If the number of nodes or the lag changes: the weights and the stored regressors would be meaningless.
         """
         for name, new, old in (
             ('network.nodes', parameters.network.nodes, len(self._weights)),
@@ -216,7 +217,7 @@ class AdaptiveNn:
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
-        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
         self._take(self.parameters)
 
@@ -253,7 +254,7 @@ class AdaptiveNn:
             law = getattr(c, name.removeprefix('bristle.'))
             law.decay, law.step = decay_and_step(own.gain, own.leakage, self.sample_time)
             law.minimum, law.maximum = (own.minimum, own.maximum) if parameters.projection else (-math.inf, math.inf)
-            # The law of phi_hat has no regressor to be normalized by.
+            # The law of phi_hat has no regressor to normalize.
             if name != 'phi' and own.scale > 0.0:
                 law.normalization = 1.0 / (own.scale * own.scale)
             else:

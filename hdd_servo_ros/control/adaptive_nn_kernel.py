@@ -1,4 +1,4 @@
-"""The compiled step of the adaptive neural network controller, (4.10)-(4.21)."""
+"""Compiled step of the adaptive neural network controller, thesis eqs. (4.10)-(4.21)."""
 
 import math
 from typing import Any
@@ -25,11 +25,11 @@ from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.elementary import exp
 from hdd_servo_ros.numerics.records import layout, record
 
-# One adaptation law: whether it is enabled, a and b of decay_and_step, smallest and largest estimate, and 1/s^2 of the
+# One adaptation law: enabled or not, a and b of decay_and_step, smallest and largest estimate, and 1/s^2 for the
 # normalized laws of desired compensation.
 LAW = layout('enabled', 'decay', 'step', 'minimum', 'maximum', 'normalization')
 
-# The law of one weight of the network; they share their bounds.
+# Adaptation law of one network weight; all weights share their bounds.
 WEIGHT_LAW = layout('decay', 'step')
 
 NETWORK = layout('enabled', 'reads_reference', 'position_inverse_square', 'velocity_inverse_square', 'weight_limit')
@@ -106,7 +106,7 @@ ESTIMATES = layout(*ESTIMATE_NAMES)
 
 @compiled
 def _adapted(law: Any, estimate: float, drive: float) -> float:
-    """Return the next value of an estimate under one law: exact exponential, then its bounds."""
+    """Return the next value of an estimate: exact exponential step, then projection onto its bounds."""
     value: float = law.decay * estimate + law.step * drive
     if value < law.minimum:
         return law.minimum  # type: ignore[no-any-return]
@@ -117,7 +117,7 @@ def _adapted(law: Any, estimate: float, drive: float) -> float:
 
 @compiled
 def _tracking(c: Any, s: Any, inputs: ControllerInputs, x_d: float) -> tuple[float, float]:
-    """Return the velocity [um/s] by the chosen source, and the reference velocity on the same path."""
+    """Return the velocity [um/s] from the chosen source, and the reference velocity through the same filter."""
     x, dx_d = inputs.position, inputs.desired_velocity
     if c.uses_difference == 0.0:
         return inputs.velocity, dx_d
@@ -139,10 +139,10 @@ def _tracking(c: Any, s: Any, inputs: ControllerInputs, x_d: float) -> tuple[flo
 
 @compiled
 def _sign(r: float, boundary_layer: float) -> float:
-    """Return sgn r with sgn 0 = 0, or r over the boundary layer inside of it."""
+    """Return sgn r with sgn 0 = 0, linear inside the boundary layer."""
     if boundary_layer > 0.0:
         return max(-1.0, min(1.0, r / boundary_layer))
-    # Without a branch: the sign of r is noise, which no processor predicts.
+    # No branch: the sign of r is noise, which no branch predictor can predict.
     return (1.0 if r > 0.0 else 0.0) - (1.0 if r < 0.0 else 0.0)
 
 
@@ -150,7 +150,7 @@ def _sign(r: float, boundary_layer: float) -> float:
 def _activate_network(
     c: Any, s: Any, centers: NDArray[np.float64], x: float, v: float, activations: NDArray[np.float64]
 ) -> None:
-    """Fill the network's activations S at its present widths."""
+    """Compute the network activations S for the present widths."""
     position_inverse_square = c.network.position_inverse_square
     velocity_inverse_square = c.network.velocity_inverse_square
     if c.width.enabled != 0.0:
@@ -161,9 +161,9 @@ def _activate_network(
 
 @compiled
 def _width(log_width: float, inverse_square: float) -> float:
-    """Return the width eta whose initial value is given by 1/eta^2; the logarithm is that of the ratio to it."""
+    """Return the width eta from the logarithm of its ratio to the initial width, which is given as 1/eta^2."""
     initial = math.sqrt(inverse_square)
-    # Widths that do not adapt need no exponential.
+    # Fixed widths need no exponential.
     return 1.0 / initial if log_width == 0.0 else exp(log_width) / initial
 
 
@@ -189,7 +189,7 @@ def _adapt_widths(
     v: float,
     r: float,
 ) -> None:
-    """Adapt the logarithms of the widths relative to their initial ones; uses W_hat before its own adaptation."""
+    """Adapt the logarithms of the widths relative to the initial ones; uses W_hat before its own adaptation."""
     n = len(weights)
     position_slope = 0.0
     velocity_slope = 0.0
@@ -220,7 +220,7 @@ def _adapt_weights(
     weights: NDArray[np.float64],
     r: float,
 ) -> None:
-    """Adapt W_hat by (4.21)."""
+    """Adapt W_hat by thesis eq. (4.21)."""
     n = len(weights)
     for i in range(n):
         drive = activations[0, i] * abs(r)
@@ -245,7 +245,7 @@ def _adapt_compensator(law: Any, activations: NDArray[np.float64], weights: NDAr
 
 @compiled
 def _adapt_desired(c: Any, s: Any, regressors: NDArray[np.float64], r: float) -> None:
-    """Adapt sigma_hat, m_hat and the friction of the bristles with the regressors of a lag ago, shape (5,)."""
+    """Adapt sigma_hat, m_hat and the bristle friction with the delayed regressors, shape (5,)."""
     peaks = s.desired.peaks
     if c.sigma.enabled != 0.0:
         drive = learning_signal(c.sigma, peaks.velocity, regressors[VELOCITY], r)
@@ -278,20 +278,20 @@ def adaptive_nn_step(
     *values: Any,
 ) -> tuple[float, float, float]:
     """
-    Return u, u before the limit and -k r [V]; see :class:`AdaptiveNn`.
+    Return u, u before the limit, and its feedback part -k r [V]; see :class:`AdaptiveNn`.
 
     Parameters
     ----------
     constants, state, estimates
-        Laid out as ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
+        Records ``CONSTANTS``, ``STATE`` and ``ESTIMATES``.
     centers, activations
-        Of the network with n x n nodes: those of the position axis, then those of the velocity axis, shape (2, n).
+        Centers and activations of the n x n network: position axis first, then velocity axis, shape (2, n).
     weight_laws
         ``WEIGHT_LAW`` of each node, shape (n n, 2).
     weights
         W_hat [V], shape (n, n), position index first.
     compensator_centers, compensator_activations, compensator_weights
-        The same of the compensator with m x m nodes.
+        The same arrays of the m x m compensator.
     history
         Regressors of desired compensation, shape (ticks of its lag + 1, 5); see
         :func:`~hdd_servo_ros.control.desired_compensation.advance`.
@@ -306,7 +306,7 @@ def adaptive_nn_step(
     dx_d, ddx_d = inputs.desired_velocity, inputs.desired_acceleration
     x_d = shaped(s.shaping, inputs.desired_position, dx_d, c.shaping_share, c.shaping_ticks)
     v, reference_velocity = _tracking(c, s, inputs, x_d)
-    # (4.10), (4.11), with the integral of the option.
+    # (4.10) and (4.11), with the optional integral term.
     lambda_, lambda_i = c.error_filter_lambda, c.integral_gain
     e = x - x_d
     e_rate = v - reference_velocity
@@ -315,7 +315,7 @@ def adaptive_nn_step(
         integral += c.time_step * e
     r = e_rate + lambda_ * e + lambda_i * integral
     a_r = ddx_d - lambda_ * e_rate - lambda_i * e
-    # What sigma_hat and m_hat multiply: (4.16), or the same of the reference.
+    # Regressors of sigma_hat and m_hat: those of (4.16), or those of the reference.
     velocity_regressor, acceleration_regressor = v, a_r
     row = 0
     is_desired = c.desired.enabled != 0.0
@@ -386,7 +386,7 @@ def adaptive_nn_step(
         r = max(-c.r_limit, min(c.r_limit, r))
     # (4.18)-(4.21)
     if is_desired:
-        # A reference at rest excites nothing: the integral alone then deals with what is left of a step.
+        # A constant reference does not excite the laws; the integral alone removes the rest of a step's error.
         if dx_d != 0.0 or ddx_d != 0.0:
             _adapt_desired(c, s, history[(row + 1) % len(history)], r)
     else:
@@ -402,7 +402,7 @@ def adaptive_nn_step(
         _adapt_weights(weight_laws, c.network.weight_limit, activations, weights, r)
     if own.enabled != 0.0:
         if own.lag > 0.0:
-            # r answers to what the compensator did a lag ago.
+            # r responds to the compensator output one lag later.
             activate(
                 compensator_centers,
                 own.position_inverse_square,

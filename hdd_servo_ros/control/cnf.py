@@ -1,31 +1,32 @@
 """
-Composite nonlinear feedback (CNF), a law for seeks: little damping far from the target, much of it close by.
+Composite nonlinear feedback (CNF) for seeks: low damping far from the target, high damping close to it.
 
-A linear law of low damping moves the head fast; a nonlinear one adds damping as the head comes near, so that it does
-not overshoot (Lin, Pachter, Banda, Int. J. Control 70(1), 1998; Chen, Lee, Peng, Venkataramanan, IEEE Trans. Automatic
-Control 48(3), 2003, for hard disk drives). For x = (y, v), v' = -c v + a u, and a target r at rest, x_e = (r, 0),
+A linear law of low damping moves the head fast. A nonlinear part adds damping as the head approaches the target, so
+that it does not overshoot (Lin, Pachter, Banda, Int. J. Control 70(1), 1998; Chen, Lee, Peng, Venkataramanan, IEEE
+Trans. Automatic Control 48(3), 2003, for hard disk drives). For x = (y, v), v' = -c v + a u, and a target r at rest,
+x_e = (r, 0),
 
     u = F x + G r + rho B'P (x - x_e),    rho = -beta exp(-alpha |y - r|/|y_0 - r|),
     (A + BF)'P + P (A + BF) = -W.
 
-All of it has a closed form. F places the poles of natural frequency w and damping ratio zeta, G = -F_1 as the drive has
-no stiffness, and W = diag(q, q mu/w^2) gives
+The solution has a closed form. F places poles of natural frequency w and damping ratio zeta; G = -F_1 because the drive
+has no stiffness; and W = diag(q, q mu/w^2) gives
 
     F = -(w^2, 2 zeta w - c)/a,    P_12 = q/(2 w^2),    P_22 = q (1 + mu)/(4 zeta w^3).
 
-P scales with q, which rho would take up: q is chosen such that a^2 P_22 = 2 w. At the target the law then has the
-damping 2 (zeta + beta) w and the stiffness w^2 (1 + 4 zeta beta/(1 + mu)).
+P scales with q, and so would rho: q is chosen so that a^2 P_22 = 2 w. At the target the law then has the damping
+2 (zeta + beta) w and the stiffness w^2 (1 + 4 zeta beta/(1 + mu)).
 
-A seek of length L starts with u = w^2 L/a. Beyond some length w falls as 1/sqrt(L), so that this is a given share of
-u_max. Close to the target all seeks shall be alike, with a natural frequency w_s and a damping ratio zeta_s. From these
-follow beta and mu of a length, with R = w_s/w,
+A seek of length L starts with u = w^2 L/a. Above a certain length, w falls as 1/sqrt(L), so that this initial voltage
+is a given fraction of u_max. Close to the target all seeks should behave alike, with natural frequency w_s and damping
+ratio zeta_s. With R = w_s/w this gives beta and mu for a length,
 
     beta = zeta_s R - zeta,    1 + mu = 4 zeta beta/(R^2 - 1),
 
-except that mu is at least 0, and the law less stiff than w_s where R is large.
+except that mu is at least 0, which makes the law less stiff than w_s where R is large.
 
-The integral (enhanced CNF: Peng, Chen, Cheng, Lee, IEEE Trans. Control Systems Technology 13(5), 2005) takes up
-constant forces; it counts errors with the weight -rho/beta, so that the way to the target does not fill it.
+The integral (enhanced CNF: Peng, Chen, Cheng, Lee, IEEE Trans. Control Systems Technology 13(5), 2005) removes the
+effect of constant forces. It weights errors by -rho/beta, so that it does not wind up on the way to the target.
 """
 
 import dataclasses
@@ -58,13 +59,13 @@ CNF = layout(
 )
 """
 Constants: a [um/s^2/V], u_max [V], c [1/s], the largest w [rad/s], the largest w^2 L [um/s^2], zeta, w_s [rad/s],
-zeta_s, alpha, T times the integral's rate, T/2 [s].
+zeta_s, alpha, T times the integral rate, T/2 [s].
 """
 CNF_STATE = layout('integral')
-"""The integral's share of u [V]."""
+"""Integral part of u [V]."""
 
 SHORTEST = 1e-3
-"""Least length of a seek [um], by which distances are divided."""
+"""Minimum length of a seek [um]; avoids division by zero."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,31 +73,34 @@ class CnfParameters(ParameterSet):
     """Parameters of :func:`cnf_step`."""
 
     natural_frequency: float = parameter(
-        900.0, 'largest natural frequency w of the linear part, that in short seeks', unit='Hz', above=0.0, maximum=1e6
+        900.0, 'largest natural frequency w of the linear part (short seeks)', unit='Hz', above=0.0, maximum=1e6
     )
     damping_ratio: float = parameter(0.75, 'damping ratio zeta of the linear part', minimum=0.01, maximum=2.0)
     start_share: float = parameter(
         2.7,
-        'share of the largest voltage with which the linear part may start, above 1 to saturate there; its natural '
-        'frequency is lower in longer seeks',
+        'fraction of the largest voltage with which the linear part starts at most; above 1 it saturates at the start; '
+        'long seeks have a lower natural frequency',
         above=0.0,
         maximum=100.0,
     )
     settling_frequency: float = parameter(
-        930.0, 'natural frequency w_s of the law at the target, nonlinear part included', unit='Hz', above=0.0
+        930.0, 'natural frequency w_s at the target, including the nonlinear part', unit='Hz', above=0.0
     )
     settling_damping_ratio: float = parameter(
-        0.9, 'damping ratio zeta_s of the law at the target, nonlinear part included', minimum=0.01, maximum=10.0
+        0.9, 'damping ratio zeta_s at the target, including the nonlinear part', minimum=0.01, maximum=10.0
     )
     steepness: float = parameter(
-        4.0, 'exponent alpha: at the start the nonlinear part is exp(-alpha) of that at the target', minimum=0.0
+        4.0, 'exponent alpha: the nonlinear part starts with exp(-alpha) of its value at the target', minimum=0.0
     )
     integral_rate: float = parameter(
-        0.0, 'rate of the integral of enhanced CNF against the proportional part, 0 for none', unit='1/s', minimum=0.0
+        0.0,
+        'rate of the integral relative to the proportional part (enhanced CNF); 0 disables the integral',
+        unit='1/s',
+        minimum=0.0,
     )
 
     def check_together(self) -> None:
-        """Check that the nonlinear part adds damping and stiffness, and takes off neither."""
+        """Check that the nonlinear part increases both damping and stiffness."""
         if self.settling_frequency < self.natural_frequency:
             allowed = f'at least natural_frequency, which is {self.natural_frequency:g} [Hz]'
             raise ParameterError('settling_frequency', self.settling_frequency, allowed)
@@ -109,12 +113,12 @@ def cnf_constants(
     parameters: CnfParameters, gain: float, limit: float, sample_time: float, viscous_coefficient: float = 0.0
 ) -> Array:
     """
-    Return the constants of :func:`cnf_step`, of the layout :data:`CNF`.
+    Return the constants of :func:`cnf_step`, a record of :data:`CNF`.
 
     Parameters
     ----------
     parameters
-        The law.
+        Parameters of the law.
     gain
         Acceleration of the head per volt a, above 0 [um/s^2/V].
     limit
@@ -122,7 +126,7 @@ def cnf_constants(
     sample_time
         T [s].
     viscous_coefficient
-        Viscous friction c/a that the linear part allows for [V s/um]; 0 where a feedforward cancels it.
+        Viscous friction c/a that the linear part compensates [V s/um]; 0 if a feedforward cancels it.
 
     Notes
     -----
@@ -153,7 +157,7 @@ def cnf_constants(
 @compiled
 def cnf_design(c: np.record, length: float) -> tuple[float, float, float]:
     """
-    Return what the law of a seek of a length has: w [rad/s], beta, and the relative stiffness that rho adds at most.
+    Return w [rad/s], beta, and the largest relative stiffness that rho adds, for a seek of a given length.
 
     Parameters
     ----------
@@ -172,14 +176,14 @@ def cnf_design(c: np.record, length: float) -> tuple[float, float, float]:
 @compiled
 def cnf_gains(c: np.record, nearness: float, length: float) -> tuple[float, float]:
     """
-    Return the gains on error [V/um] and on minus velocity [V s/um], for a value of rho/(-beta) from 0 to 1.
+    Return the gains on the error [V/um] and on the negative velocity [V s/um] for -rho/beta from 0 to 1.
 
     Parameters
     ----------
     c
         Record of :data:`CNF`.
     nearness
-        exp(-alpha |y - r|/L), with 0 for the linear part alone.
+        exp(-alpha |y - r|/L); 0 for the linear part alone.
     length
         L, above 0 [um].
     """
@@ -192,22 +196,22 @@ def cnf_gains(c: np.record, nearness: float, length: float) -> tuple[float, floa
 @compiled
 def cnf_step(constants: Array, state: Array, error: float, velocity: float, length: float) -> float:
     """
-    Return the voltage u of CNF for the sample that begins [V], at most u_max in magnitude.
+    Return the voltage u [V] of CNF for the sample that starts now, at most u_max in magnitude.
 
-    As with PTOS the law holds in the middle of the sample for which u is held.
+    As in PTOS, the law holds at the middle of the sample over which u is held.
 
     Parameters
     ----------
     constants
-        Laid out as :data:`CNF`.
+        A record of :data:`CNF`.
     state
-        Laid out as :data:`CNF_STATE`; zeros at the start of a seek. The integral is advanced.
+        A record of :data:`CNF_STATE`; zeros at the start of a seek. The integral is advanced in place.
     error
-        e = r - y, target less position, at this tick [um].
+        e = r - y, target minus position, at this tick [um].
     velocity
-        Of the head, at this tick [um/s].
+        Velocity of the head at this tick [um/s].
     length
-        L, magnitude of r - y_0, the error at the start of the seek [um].
+        L, the magnitude of the error r - y_0 at the start of the seek [um].
 
     Notes
     -----
@@ -215,7 +219,7 @@ def cnf_step(constants: Array, state: Array, error: float, velocity: float, leng
 
     Examples
     --------
-    A seek of a free body over 100 um, to within 10 nm; without an integral the state is one zero:
+    Seek of a free body over 0.1 mm, until it is within 10 nm; without an integral the state is a single zero:
 
     >>> import numpy as np
     >>> from hdd_servo_ros.control import CnfParameters, cnf_constants, cnf_step

@@ -1,4 +1,4 @@
-"""What every controller offers, and what some do: protocols that let a new one into the loop without inheritance."""
+"""Protocols of controllers: the required interface and optional extensions; no inheritance is needed."""
 
 import math
 from collections.abc import Iterable
@@ -13,18 +13,18 @@ from hdd_servo_ros.numerics.compiled import compiled
 
 class Controller(Protocol):
     """
-    A controller as the loop and the nodes see it.
+    Interface of a controller for the control loop and the nodes.
 
     Attributes
     ----------
     estimate_names
-        What the elements of ``estimates`` are; the first is ``'t'``, the time of the tick [s].
+        Names of the elements of ``estimates``; the first is ``'t'``, the time of the tick [s].
     estimates
         Array of shape (len(estimate_names),), float64, filled by :meth:`step`.
 
     Examples
     --------
-    A proportional and velocity feedback as a whole controller, run for 0.1 s on the default drive:
+    A complete controller, proportional and velocity feedback, run for 0.1 s on the default drive:
 
     >>> import numpy as np
     >>> from hdd_servo_ros.control import Controller
@@ -46,48 +46,48 @@ class Controller(Protocol):
 
     @property
     def estimate_names(self) -> tuple[str, ...]:
-        """The names of the elements of ``estimates``."""
+        """Names of the elements of ``estimates``."""
 
     @property
     def estimates(self) -> NDArray[np.float64]:
-        """The controller's inner state at the tick of the last step, as used in that step."""
+        """Internal state at the tick of the last step, as used in that step."""
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """
-        Compute the drive voltage of one tick.
+        Compute the drive voltage for one tick.
 
         Parameters
         ----------
         inputs
-            What is measured and desired at this tick, by name.
+            Measured and desired signals of this tick, by name.
 
         Returns
         -------
         u, u_unsaturated, u_feedback
-            The voltage held until the next tick, the voltage before the limit, and its feedback part before any
-            compensation [V]. If an input is not finite, neither is ``u``: a run that has diverged must be seen to.
+            Voltage held until the next tick, voltage before the limit, and its feedback part without feedforward and
+            compensation [V]. If an input is not finite, ``u`` must not be finite, so that a diverged run is detected.
         """
 
 
 @runtime_checkable
 class KnowsOutputLimit(Protocol):
-    """A controller that wants to know what comes out behind it, so that integrals and estimates rest in time."""
+    """Controller that uses the output limit after it, for example to freeze integrators and estimates in time."""
 
     def limit_output(self, limit: float) -> None:
         """
-        Take note that at most +-``limit`` [V] comes out of the DSP behind the controller.
+        Receive the output limit +-``limit`` [V] of the DSP after the controller.
 
-        The node and `simulate` call it before tick 0, and after every change of the DSP's parameters.
+        The node and `simulate` call it before tick 0 and after every change of the DSP's parameters.
         """
 
 
 @runtime_checkable
 class WarnsBeforeRun(Protocol):
-    """A controller that may have something to tell its user before a run."""
+    """Controller that may return warnings before a run."""
 
     def warnings(self) -> Iterable[str]:
         """
-        Return a line for each thing to tell, none if all is well.
+        Return the warnings, one line each; or nothing.
 
         The node and `simulate` call it once before tick 0, after ``limit_output``, and log the lines.
         """
@@ -95,32 +95,33 @@ class WarnsBeforeRun(Protocol):
 
 @runtime_checkable
 class ReportsFault(Protocol):
-    """A controller that ends a run by a voltage that is not finite, and can say why."""
+    """Controller that can end a run by returning a non-finite voltage, and can report the reason."""
 
     def fault(self) -> str:
         """
-        Return why the run cannot go on, in one line, empty if it can.
+        Return in one line why the run cannot continue; an empty string if it can.
 
-        The node and `simulate` call it once a message was not finite; the line is then the reason of the failed run.
+        The node and `simulate` call it after a non-finite message; the line becomes the reason of the failed run.
         """
 
 
 @runtime_checkable
 class HasPlan(Protocol):
-    """A controller with a plan for a certain number of ticks, such as a sweep."""
+    """Controller whose plan has a fixed number of ticks, such as a sweep."""
 
     @property
     def last_tick(self) -> int:
         """
-        The last tick of the plan.
+        Last tick of the plan.
 
-        The node and `simulate` read it before the run: one without a duration ends there, a shorter one is rejected.
+        The node and `simulate` read it before the run. A run without a duration ends there; a shorter duration is
+        rejected.
         """
 
 
 @compiled
 def saturated(u: float, limit: float) -> float:
-    """Return ``u`` limited to +-``limit``; what is not finite stays so, as no limit makes it meaningful."""
+    """Return ``u`` limited to +-``limit``; a value that is not finite is returned unchanged."""
     if abs(u) < math.inf:
         if u > limit:
             return limit
@@ -131,7 +132,7 @@ def saturated(u: float, limit: float) -> float:
 
 @compiled
 def all_finite(inputs: ControllerInputs) -> bool:
-    """Return whether no input of a controller is infinite or not a number."""
+    """Return whether all inputs of a controller are finite."""
     measured = abs(inputs.displacement_volts) + abs(inputs.velocity_volts)
     desired = abs(inputs.desired_position) + abs(inputs.desired_velocity) + abs(inputs.desired_acceleration)
     return measured + desired < math.inf

@@ -1,14 +1,14 @@
 """
-Desired compensation: feedforward that is computed from the reference alone and adapted by the error.
+Desired compensation: feedforward computed from the reference alone and adapted by the error.
 
-Sadegh and Horowitz (Int. J. Robotics Research 9(3), 1990) replace the measured signals that multiply the estimates of
-an adaptive law by those of the reference. The estimates are then not part of the loop, and no noise enters the
-regressors. The friction of the reference is that of two bristles, rate independent as Dahl's, which is LuGre's (2.21)
-for a constant g = sigma_0 d:
+Sadegh and Horowitz (Int. J. Robotics Research 9(3), 1990) replace the measured regressors of an adaptive law by those
+of the reference. The estimates are then outside the feedback loop, and the regressors contain no noise. The friction of
+the reference is modeled by two bristles. They are rate independent, as in Dahl's model, which is LuGre's (2.21) with a
+constant g = sigma_0 d:
 
     z' = x_d' - |x_d'| z/d.
 
-docs/controllers.md, "Desired compensation", has the law, its proof and what it does.
+Section "Desired compensation" of docs/controllers.md has the law, its proof and its effect.
 """
 
 from typing import Any
@@ -26,18 +26,18 @@ REGRESSORS = ('velocity', 'acceleration', 'spring', 'hysteresis', 'relaxation')
 VELOCITY, ACCELERATION, SPRING, HYSTERESIS, RELAXATION = range(len(REGRESSORS))
 
 DESIRED = layout('enabled', 'has_bristles', 'decay', 'distance', 'spring_distance')
-"""Constants: ``decay`` is what a tick leaves of a peak; distances d_1 and d_2 in um."""
+"""Constants: ``decay`` is the factor by which a peak decays per tick; distances d_1 and d_2 in um."""
 
 DESIRED_STATE = layout('reference', 'bristle', 'spring', 'row', ('peaks', layout(*REGRESSORS)))
-"""The last x_d, z_1 and z_2 [um], the row of the history that was written last, the squares of the held peaks."""
+"""Last x_d, z_1 and z_2 [um], row of the history that was written last, squares of the held peaks."""
 
 
 @compiled
 def bristle_after(deflection: float, change: float, distance: float) -> float:
     """
-    Return a bristle's deflection z [um] after the reference has moved monotonically by ``change`` [um].
+    Return the deflection z [um] of a bristle after the reference has moved monotonically by ``change`` [um].
 
-    It is the exact solution of dz/dx = 1 - z sgn(x')/d, so that |z| never exceeds ``distance`` d [um].
+    Exact solution of dz/dx = 1 - z sgn(x')/d, so that ``|z|`` never exceeds ``distance`` d [um].
     """
     if change == 0.0:
         return deflection
@@ -48,21 +48,21 @@ def bristle_after(deflection: float, change: float, distance: float) -> float:
 @compiled
 def advance(c: Any, s: Any, x_d: float, dx_d: float, ddx_d: float, history: NDArray[np.float64]) -> int:
     """
-    Write the regressors of a tick into ``history``, a ring of rows, and return the row; the next one is the oldest.
+    Write the regressors of a tick into ``history``, a ring buffer of rows, and return the row; the next is the oldest.
 
     Parameters
     ----------
     c, s
         Records of ``DESIRED`` and ``DESIRED_STATE``.
     x_d, dx_d, ddx_d
-        Reference [um] and its derivatives [um/s], [um/s^2].
+        Reference [um], its velocity [um/s] and its acceleration [um/s^2].
     history
-        Regressors of the ticks before, shape (ticks of the lag + 1, 5).
+        Regressors of the previous ticks, shape (ticks of the lag + 1, 5).
     """
     last = int(s.row)
     row = (last + 1) % len(history)
     s.row = float(row)
-    # A step of the reference is left to the integral, which already has its share of a step's force.
+    # The bristles do not follow a step of the reference: the integral already provides part of its force.
     moves = dx_d != 0.0 or history[last, VELOCITY] != 0.0
     history[row, VELOCITY] = dx_d
     history[row, ACCELERATION] = ddx_d
@@ -86,5 +86,5 @@ def advance(c: Any, s: Any, x_d: float, dx_d: float, ddx_d: float, history: NDAr
 
 @compiled
 def learning_signal(law: Any, peak: float, regressor: float, r: float) -> float:
-    """Return -phi r/(1 + p^2/s^2), which drives a normalized law; ``peak`` is p^2, ``law.normalization`` is 1/s^2."""
+    """Return -phi r/(1 + p^2/s^2), the input of a normalized law; ``peak`` is p^2, ``law.normalization`` is 1/s^2."""
     return -regressor * r / (1.0 + law.normalization * peak)  # type: ignore[no-any-return]

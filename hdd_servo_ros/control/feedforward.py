@@ -1,4 +1,4 @@
-"""Feedforward from accelerometers on the base of the drive, against vibration and shock."""
+"""Feedforward from accelerometers on the drive's base, against vibration and shock."""
 
 import math
 from typing import NamedTuple, cast
@@ -24,17 +24,17 @@ from hdd_servo_ros.numerics.records import record, zeros
 
 Array = NDArray[np.float64]
 PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]
-"""The fields of :class:`FeedforwardArrays`."""
+"""Fields of :class:`FeedforwardArrays`."""
 
 ESTIMATE_NAMES: tuple[str, ...] = ESTIMATES.names or ()
 _METHODS = {'fixed': FIXED, 'fxlms': FXLMS, 'iir': IIR, 'network': NETWORK}
 _UM_PER_M = 1e6
 _NODE_POWER_TIMES = 2.0
-"""The nodes' powers are averaged for this many times as long as those of the accelerations."""
+"""Averaging time of the nodes' powers, relative to that of the accelerations."""
 
 
 class AccelerometerScales(NamedTuple):
-    """How the outputs of the two accelerometers are read."""
+    """Scale factors of the two accelerometers."""
 
     sensitivity: float
     """[V s^2/m]."""
@@ -44,26 +44,26 @@ class AccelerometerScales(NamedTuple):
 
 class Feedforward:
     """
-    Feedforward u_ff between a controller's law and the DSP, from two accelerometers on the base.
+    Feedforward u_ff from two accelerometers on the base, added between control law and DSP.
 
-    The drive moves by x'' = -R alpha - eta a + g (u + u_ff): half the difference of the sensors gives alpha, half their
-    sum gives a, and each is scaled to the voltage v that it acts like. Then
+    The drive moves by x'' = -R alpha - eta a + g (u + u_ff). Half the difference of the sensors gives alpha, half their
+    sum gives a, and each is scaled to the equivalent voltage v. Then
 
         u_ff = sum_i w_i v_rotation(k - i) + sum_i c_i v_linear(k - i),
 
-    with w = c = (1, 0, 0, ...) at tick 0, or a lead. ``fixed`` leaves it at that. ``fxlms`` adapts all weights by the
+    with w = c = (1, 0, 0, ...) at tick 0, or a lead. ``fixed`` keeps these weights. ``fxlms`` adapts all weights by the
     filtered-x LMS algorithm (Widrow and Stearns, Adaptive Signal Processing, 1985) in its modified form (Bjarnason,
-    IEEE Trans. Speech Audio Process. 3(6), 1995): from the model of the path from u_ff to the error follows the error
-    as it would be with the present weights all the time, and that is reduced along the accelerations filtered by the
-    path. These pass a discrete cosine transform and are normalized one by one (Narayan, Peterson and Narasimha, IEEE
-    Trans. Acoust. Speech Signal Process. 31(3), 1983), since the last n samples of a slow vibration are nearly the same
-    and the plain algorithm takes minutes. ``iir`` adds two recursive weights, projected so that their poles stay inside
-    a circle. ``network`` adds W'S(z), radial basis functions of the linear part's output z (section 6.2), with
-    normalized gradient, sigma-modification and projection; for its boundedness, see
-    ``docs/controllers/vibration-feedforward.md``.
+    IEEE Trans. Speech Audio Process. 3(6), 1995): a model of the path from u_ff to the error gives the error that the
+    present weights would have caused, and the weights follow its gradient, computed from the accelerations filtered by
+    the path. The filtered accelerations are transformed by a discrete cosine transform and normalized separately
+    (Narayan, Peterson and Narasimha, IEEE Trans. Acoust. Speech Signal Process. 31(3), 1983). Without it the algorithm
+    takes minutes to converge, since the last n samples of a slow vibration are almost equal. ``iir`` adds two recursive
+    weights, projected so that their poles stay inside a circle. ``network`` adds W'S(z), radial basis functions of the
+    linear part's output z (section 6.2), with normalized gradient, sigma-modification and projection;
+    ``docs/controllers/vibration-feedforward.md`` shows its boundedness.
 
-    A supervisor compares the mean square of the error with that of the error as it would be without feedforward, and
-    fades the feedforward out while it does harm.
+    A supervisor compares the mean square error with the one expected without feedforward, and fades the feedforward
+    out while it increases the error.
 
     Parameters
     ----------
@@ -74,13 +74,13 @@ class Feedforward:
     path
         Response of the error to a pulse of the feedforward [um/V], shape (path_length,); element 0 is 0.
     scales
-        How the sensors are read.
+        Scale factors of the sensors.
 
     Attributes
     ----------
     estimates
-        u_ff [V]; the share of it that acts, 0 to 1; rms of the error, and as it would be without feedforward [um]; norm
-        of the weights.
+        u_ff [V]; fraction of it that is applied, 0 to 1; rms error, and rms error expected without feedforward [um];
+        norm of the weights.
     """
 
     estimate_names = ESTIMATE_NAMES
@@ -107,7 +107,7 @@ class Feedforward:
             estimates=self.estimates,
         )
         self.arrays: PlainArrays = cast(PlainArrays, tuple(self._named))
-        """The arrays that the kernel takes first: plain, as numba joins no named tuple to another."""
+        """Array arguments of the kernel, in order; a plain tuple, because numba cannot concatenate named tuples."""
         self.update(parameters, path, scales)
         self._named.weights[:] = self._named.nominal
         s = record(self._named.state, STATE)
@@ -116,7 +116,7 @@ class Feedforward:
         s.settling_left = record(self._named.constants, CONSTANTS).settling
 
     def update(self, parameters: FeedforwardParameters, path: Array, scales: AccelerometerScales) -> None:
-        """Take other parameters from the next tick on; what was adapted and what is remembered go on."""
+        """Use new parameters from the next tick on; weights and delay lines are kept."""
         pause_before = self.parameters.supervisor.pause
         self.parameters = parameters
         self._named.path[:] = path
@@ -161,39 +161,39 @@ class Feedforward:
 
     @property
     def voltage(self) -> float:
-        """u_ff of the last step [V]."""
+        """Feedforward u_ff of the last step [V]."""
         return float(record(self.estimates, ESTIMATES).u_ff)
 
     @property
     def is_switched_off(self) -> bool:
-        """Whether the supervisor has switched the feedforward off at present."""
+        """Whether the supervisor has switched the feedforward off."""
         return bool(record(self._named.state, STATE).is_off)
 
     @property
     def times_switched_off(self) -> int:
-        """How often the supervisor has switched the feedforward off."""
+        """Number of times that the supervisor has switched the feedforward off."""
         return int(record(self._named.state, STATE).switched_off)
 
     @property
     def error_rms(self) -> float:
-        """Rms of the error [um], averaged as the supervisor does."""
+        """Rms error [um], averaged as in the supervisor."""
         return float(record(self.estimates, ESTIMATES).ff_rms)
 
     @property
     def error_rms_without(self) -> float:
-        """Rms of the error as it would be without feedforward [um]."""
+        """Rms error expected without feedforward [um]."""
         return float(record(self.estimates, ESTIMATES).ff_rms_without)
 
     def step(self, error: float, x_volts: float, y_volts: float) -> float:
         """
-        Return u_ff of this tick [V].
+        Return the feedforward u_ff of this tick [V].
 
         Parameters
         ----------
         error
-            Measured position less desired position [um].
+            Measured minus desired position [um].
         x_volts, y_volts
-            Outputs of the accelerometers [V]. If an input is not finite, neither is u_ff.
+            Outputs of the accelerometers [V]. If an input is not finite, u_ff is not finite.
         """
         return feedforward_step(*self.arrays, error, x_volts, y_volts)
 
@@ -201,14 +201,14 @@ class Feedforward:
         self, error: float, x_volts: float, y_volts: float, u: float, unsaturated: float, feedback: float
     ) -> tuple[float, float, float]:
         """
-        Return a controller's output of this tick with u_ff added [V].
+        Return the controller output of this tick with u_ff added [V].
 
         Parameters
         ----------
         error, x_volts, y_volts
-            As of :meth:`step`.
+            See :meth:`step`.
         u, unsaturated, feedback
-            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V]; the feedback part stays.
+            Output of :meth:`~hdd_servo_ros.control.controller.Controller.step` [V]; the feedback part is unchanged.
         """
         u_ff = self.step(error, x_volts, y_volts)
         return u + u_ff, unsaturated + u_ff, feedback

@@ -1,4 +1,4 @@
-"""The compiled step of the feedforward from the accelerometers; see :mod:`hdd_servo_ros.control.feedforward`."""
+"""Compiled step of the feedforward from the accelerometers; see :mod:`hdd_servo_ros.control.feedforward`."""
 
 import math
 from typing import NamedTuple
@@ -43,8 +43,8 @@ CONSTANTS = layout(
     'fade_step',
 )
 """
-Scales from half the difference and half the sum of the sensors' outputs to equivalent volts at the drive [V/V];
-``kept`` and ``network_kept`` are what does not leak; times of the supervisor [samples].
+Scales from half the difference and half the sum of the sensor outputs to equivalent volts at the drive [V/V];
+``kept`` and ``network_kept`` are the factors that remain after leakage; times of the supervisor [samples].
 """
 
 STATE = layout(
@@ -69,29 +69,29 @@ STATE = layout(
     'recursive_power',
 )
 """
-Where the delay lines begin; the share of the output that acts on the drive; the supervisor; the weights of the
-recursion, its last outputs [V], what they do to the error [um], and the power of that [um^2].
+Offsets of the delay lines; fraction of the output that is applied to the drive; supervisor; weights of the recursion,
+its last outputs [V], their effect on the error [um], and the power of that effect [um^2].
 """
 
 ESTIMATES = layout('u_ff', 'ff_share', 'ff_rms', 'ff_rms_without', 'ff_weights')
 
 ROTATION, LINEAR, ACTING, OUTPUT, NODES = range(5)
-"""Rows of the long delay lines: both accelerations, what acts on the drive, the output, and the first node."""
+"""Rows of the long delay lines: both accelerations, applied feedforward, output, and first node."""
 ROTATION_TAPS, LINEAR_TAPS, FILTERED_ROTATION_TAPS, FILTERED_LINEAR_TAPS = range(4)
-"""Rows of the taps' delay lines."""
+"""Rows of the delay lines of the taps."""
 NODE_WEIGHT, NODE_FILTERED, NODE_POWER = range(3)
-"""Rows of the network's array."""
+"""Rows of the network array."""
 
 _GROSS = 4.0
-"""Ratio of the mean squares of a few milliseconds at which the supervisor cuts the feedforward off at once."""
+"""Ratio of the mean squares over a few milliseconds above which the supervisor switches the feedforward off at once."""
 _LONGEST_PAUSE = 64.0
-"""Longest pause over the first one."""
+"""Longest pause, relative to the first one."""
 _NODE_POWER_FLOOR = 1e-4
-"""Added to the power of a node's filtered value [um^2/V^2]."""
+"""Added to the power of a node's filtered value [um^2/V^2], to avoid division by zero."""
 
 
 class FeedforwardArrays(NamedTuple):
-    """The arrays of :func:`feedforward_step`, before its inputs."""
+    """Array arguments of :func:`feedforward_step` that precede its inputs."""
 
     constants: Array
     state: Array
@@ -100,17 +100,17 @@ class FeedforwardArrays(NamedTuple):
     transform: Array
     """Orthonormal discrete cosine transform, shape (n, n)."""
     nominal: Array
-    """Weights of both channels to which they leak, shape (2, n)."""
+    """Leakage targets of the weights of both channels, shape (2, n)."""
     weights: Array
     """Weights of both channels, shape (2, n)."""
     powers: Array
     """Power of each transformed filtered acceleration [um^2], shape (2, n)."""
     transformed: Array
-    """The transformed filtered accelerations [um], then the correction of each, shape (2, n)."""
+    """Transformed filtered accelerations [um], then their corrections, shape (2, n)."""
     lines: Array
-    """Delay lines as long as the path, shape (4 + nodes, 2 p)."""
+    """Delay lines of the length of the path, shape (4 + nodes, 2 p)."""
     taps: Array
-    """Delay lines as long as the taps, shape (4, 2 n)."""
+    """Delay lines of the length of the taps, shape (4, 2 n)."""
     network: Array
     """Weight [V], filtered value [um/V] and power [um^2/V^2] of each node, shape (3, nodes)."""
     estimates: Array
@@ -144,7 +144,7 @@ def feedforward_step(
     s.offset, s.tap_offset = float(offset), float(tap_offset)
     _take(lines, taps, path, ROTATION, offset, tap_offset, 0.5 * c.rotation_scale * (x_volts - y_volts))
     _take(lines, taps, path, LINEAR, offset, tap_offset, 0.5 * c.linear_scale * (x_volts + y_volts))
-    # The error as it would be without the feedforward of the past, and with the present weights all the time.
+    # The error without past feedforward, and the error that the present weights would have caused.
     without = error - _convolved(path, lines, ACTING, offset)
     expected = without + _filtered_output(c, s, path, weights, lines, taps, network, offset, tap_offset)
     if c.method >= FXLMS:
@@ -169,20 +169,20 @@ def feedforward_step(
 
 @compiled
 def _one_back(offset: float, length: int) -> int:
-    """Return where a delay line of twice its length begins after one more value."""
+    """Return the offset of a delay line of double length after one more value."""
     return int(offset) - 1 if offset > 0.0 else length - 1
 
 
 @compiled
 def _push(lines: Array, row: int, offset: int, length: int, value: float) -> None:
-    """Write the newest value of a delay line twice, so that all its values lie side by side from ``offset`` on."""
+    """Write the newest value of a delay line twice, so that all its values are contiguous from ``offset`` on."""
     lines[row, offset] = value
     lines[row, offset + length] = value
 
 
 @compiled_apart
 def _convolved(path: Array, lines: Array, row: int, offset: int) -> float:
-    """Return the sum of path[i] times the value of i samples ago; four sums, since each addition waits for the last."""
+    """Return the sum of path[i] times the value i samples ago; four partial sums hide the latency of the additions."""
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     for i in range(0, len(path), 4):
         sum_0 += path[i] * lines[row, offset + i]
@@ -194,7 +194,7 @@ def _convolved(path: Array, lines: Array, row: int, offset: int) -> float:
 
 @compiled
 def _take(lines: Array, taps: Array, path: Array, row: int, offset: int, tap_offset: int, value: float) -> None:
-    """Take the newest value of a channel [V] and what the path makes of it [um]."""
+    """Append the newest value of a channel [V] and its response through the path [um]."""
     length = taps.shape[1] // 2
     _push(lines, row, offset, len(path), value)
     _push(taps, row, tap_offset, length, value)
@@ -203,7 +203,7 @@ def _take(lines: Array, taps: Array, path: Array, row: int, offset: int, tap_off
 
 @compiled
 def _weighted(weights: Array, taps: Array, first_row: int, tap_offset: int) -> float:
-    """Return the sum of weights times remembered values over both channels."""
+    """Return the weighted sum of the stored values of both channels."""
     rotation, linear = 0.0, 0.0
     for i in range(weights.shape[1]):
         rotation += weights[0, i] * taps[first_row, tap_offset + i]
@@ -223,7 +223,7 @@ def _filtered_output(
     offset: int,
     tap_offset: int,
 ) -> float:
-    """Return what the output of the present weights does to the error [um]."""
+    """Return the effect of the output of the present weights on the error [um]."""
     total = _weighted(weights, taps, FILTERED_ROTATION_TAPS, tap_offset)
     if c.method == IIR:
         total += s.a1 * s.filtered_1 + s.a2 * s.filtered_2
@@ -246,7 +246,7 @@ def _adapt_taps(
     tap_offset: int,
     error: float,
 ) -> None:
-    """Take a step of the normalized filtered-x LMS algorithm in the coordinates of the cosine transform."""
+    """Take one step of the normalized filtered-x LMS algorithm in the coordinates of the cosine transform."""
     count = weights.shape[1]
     total = 0.0
     for channel in range(2):
@@ -264,7 +264,7 @@ def _adapt_taps(
     step = c.step_size * error / (float(count) + max(total, 1.0))
     for channel in range(2):
         for i in range(count):
-            # Far below the regularization a weight would only walk at random: it then hardly moves.
+            # Far below the regularization a weight would only follow noise, so its step becomes very small.
             power = powers[channel, i]
             transformed[channel, i] *= step * power / ((power + c.regularization) * (power + c.regularization))
         for j in range(count):
@@ -278,13 +278,13 @@ def _adapt_taps(
 
 @compiled
 def _adapt_recursion(c: np.record, s: np.record, error: float) -> None:
-    """Adapt the two recursive weights and project them, so that both poles stay inside a circle."""
+    """Adapt the two recursive weights and project them so that both poles stay inside a circle."""
     square = s.filtered_1 * s.filtered_1
     s.recursive_power = c.power_decay * s.recursive_power + (1.0 - c.power_decay) * square
     step = c.recursive_step_size * error / (s.recursive_power + square + c.regularization)
     a1 = c.kept * s.a1 - step * s.filtered_1
     a2 = c.kept * s.a2 - step * s.filtered_2
-    # With z = r w the polynomial z^2 - a1 z - a2 is stable in w inside a triangle.
+    # With z = r w, the polynomial z^2 - a1 z - a2 is stable in w inside a triangle.
     radius = c.pole_radius
     a2 = min(max(a2, -radius * radius), radius * radius)
     bound = radius - a2 / radius
@@ -342,7 +342,7 @@ def _output(
 
 @compiled
 def _supervise(c: np.record, s: np.record, error: float, without: float, expected: float) -> None:
-    """Compare the error with what it would be without feedforward, and fade the feedforward out or in."""
+    """Compare the error with the one expected without feedforward, and fade the feedforward out or in."""
     if s.share == 0.0 or s.share == 1.0:
         seen = error if s.share == 1.0 else expected
         s.square_with += c.mean_step * (seen * seen - s.square_with)

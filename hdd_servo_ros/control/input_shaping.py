@@ -1,4 +1,4 @@
-"""Input shaping of a reference's jumps (Singer and Seering, ASME J. Dyn. Syst. Meas. Control 112, 1990)."""
+"""Input shaping of reference steps (Singer and Seering, ASME J. Dyn. Syst. Meas. Control 112, 1990)."""
 
 from typing import Any
 
@@ -8,28 +8,28 @@ from numpy.typing import NDArray
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.records import layout, record
 
-# The last reference and its velocity, what is held back, and for how many ticks; zeros at first.
+# Last reference and its velocity, delayed part of the steps, and remaining ticks of the delay; initially zero.
 SHAPING_STATE = layout('last_position', 'last_velocity', 'held', 'ticks')
 
 
 @compiled
 def shaped(s: Any, x_d: float, dx_d: float, share: float, ticks: float) -> float:
     """
-    Return the reference of a tick without the part of its last jumps that is still held back.
+    Return the reference of a tick without the part of its last steps that is still delayed.
 
-    A jump is a change of x_d between two ticks at both of which x_d' = 0, so that a smooth reference has none. Before
-    the first tick the reference counts as zero. Jumps that follow each other sooner than ``ticks`` wait together.
+    A step is a change of x_d between two ticks at which x_d' = 0, so that a smooth reference has none. Before the first
+    tick the reference counts as zero. Steps closer together than ``ticks`` share one delay.
 
     Parameters
     ----------
     s
-        The filter's state, a record of ``SHAPING_STATE``.
+        State of the filter, a record of ``SHAPING_STATE``.
     x_d, dx_d
         Reference [um] and its velocity [um/s].
     share
-        Part of a jump that is held back; with 0 the reference is returned as it is.
+        Fraction of a step that is delayed; with 0 the reference is returned unchanged.
     ticks
-        For how many ticks.
+        Delay in ticks.
     """
     jump = 0.0
     if dx_d == 0.0 and s.last_velocity == 0.0:
@@ -51,7 +51,7 @@ def shaped(s: Any, x_d: float, dx_d: float, share: float, ticks: float) -> float
 def fill_shaped(
     state: NDArray[np.float64], x_d: NDArray[np.float64], dx_d: NDArray[np.float64], share: float, ticks: float
 ) -> None:
-    """Replace x_d (n,) of consecutive ticks by what :func:`shaped` makes of it; ``state`` is of ``SHAPING_STATE``."""
+    """Apply :func:`shaped` in place to x_d (n,) of consecutive ticks; ``state`` is a record of ``SHAPING_STATE``."""
     s = record(state, SHAPING_STATE)
     for row in range(len(x_d)):
         x_d[row] = shaped(s, x_d[row], dx_d[row], share, ticks)

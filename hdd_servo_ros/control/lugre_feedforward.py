@@ -1,4 +1,4 @@
-"""The LuGre friction (2.20) to (2.22) of a known motion, as a feedforward wants it."""
+"""LuGre friction, thesis eqs. (2.20)-(2.22), of a known motion, for use as a feedforward."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ BRISTLE = layout('stiffness', 'bristle_damping', 'coulomb_level', 'static_level'
 """sigma_0 [V/um], sigma_1 [V s/um], f_c and f_s [V], 1/v_s [s/um]."""
 
 SUBSTEPS = 4
-"""Per sample; in each the velocity is held, so that the bristle equation is solved exactly."""
+"""Substeps per sample; the velocity is constant in each, so that the solution of the bristle equation is exact."""
 
 
 @compiled_apart
@@ -18,19 +18,19 @@ def mean_friction(
     c: np.record, deflection: float, time_step: float, rise: float, first_velocity: float, last_velocity: float
 ) -> tuple[float, float]:
     """
-    Return the mean friction [V] over a sample, without its viscous part, and the deflection [um] at its end.
+    Return the mean friction [V] over a sample without its viscous part, and the bristle deflection [um] at its end.
 
     Parameters
     ----------
     c
         Record of ``BRISTLE``.
     deflection
-        Deflection z of the bristles at the start [um].
+        Bristle deflection z at the start [um].
     time_step
         T [s].
     rise, first_velocity, last_velocity
-        What is known of the motion: how far it goes [um], and its velocities at both ends [um/s]. Between them it is
-        the cubic with these values.
+        Displacement over the sample [um], and velocities at its start and end [um/s]. The motion in between is the
+        cubic with these values.
     """
     substep = time_step / SUBSTEPS
     start = deflection

@@ -1,4 +1,4 @@
-"""Velocity for a controller from measured positions alone: a Kalman filter, or filtered differences."""
+"""Velocity estimation from measured positions: Kalman filter or filtered differences."""
 
 import dataclasses
 import math
@@ -14,14 +14,14 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 
 Array = NDArray[np.float64]
 ObserverArrays = tuple[Array, Array, Array]
-"""Constants, state, estimates."""
+"""Records of constants, state and estimates."""
 
 METHODS = ('kalman', 'difference')
 DIGITS = 12
-"""Significant digits to which the gains are rounded: those of LAPACK differ in the last bits between machines."""
+"""Significant digits of the rounded gains, since LAPACK's results differ in the last bits between machines."""
 
 OBSERVER = layout('a11', 'a12', 'a21', 'a22', 'b1', 'b2', 'gain_1', 'gain_2', 'per_second')
-"""Transition of (position, velocity times T) over a sample, its response to u, filter gains, and 1/T [1/s]."""
+"""State transition of (position, velocity times T) over a sample, its response to u, filter gains, and 1/T [1/s]."""
 OBSERVER_STATE = layout('position', 'travel', 'has_started')
 ESTIMATE_NAMES = ('observed_position', 'observed_velocity')
 ESTIMATES = layout(*ESTIMATE_NAMES)
@@ -33,28 +33,30 @@ class ObserverParameters(ParameterSet):
 
     method: str = parameter(
         'kalman',
-        'kalman: steady-state Kalman filter on the rigid drive with its command; difference: filtered differences of '
+        'kalman: steady-state Kalman filter of the rigid drive with its command; difference: filtered difference of '
         'the position',
         choices=METHODS,
     )
     bandwidth: float = parameter(
         2000.0,
-        'kalman: natural frequency of its poles for a free body and short T, which stands for the ratio of the noises; '
-        'difference: corner frequency of the first-order low pass',
+        'kalman: natural frequency of its poles for a free body and short T, which sets the ratio of the noise '
+        'densities; difference: corner frequency of the first-order low pass',
         unit='Hz',
         minimum=10.0,
         maximum=1e7,
     )
-    gain: float = parameter(4.0968e7, 'acceleration of the head per volt, of the model', unit='um/s^2/V', minimum=0.0)
+    gain: float = parameter(4.0968e7, 'acceleration of the head per volt in the model', unit='um/s^2/V', minimum=0.0)
     stiffness: float = parameter(
-        0.02168, "stiffness of the pivot's friction in presliding, of the model", unit='V/um', minimum=0.0
+        0.02168, 'presliding stiffness of the pivot friction in the model', unit='V/um', minimum=0.0
     )
-    viscous_coefficient: float = parameter(6.9e-6, 'viscous friction, of the model', unit='V s/um', minimum=0.0)
+    viscous_coefficient: float = parameter(
+        6.9e-6, 'viscous friction coefficient in the model', unit='V s/um', minimum=0.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class ControllerObserverParameters(ParameterSet):
-    """Parameters of every controller node for the sensor that has no velocity output."""
+    """Parameters of every controller node for a sensor without velocity output."""
 
     observer: ObserverParameters = group(ObserverParameters)
 
@@ -69,11 +71,11 @@ def observed(c: np.record, position: float, travel: float, measured: float, cont
     c
         Record of :data:`OBSERVER`.
     position, travel
-        The estimates a sample ago [um].
+        Estimates of the previous sample [um].
     measured
-        Position that is measured now [um].
+        Newly measured position [um].
     control
-        Drive voltage held since then [V].
+        Drive voltage held since the previous sample [V].
     """
     predicted = c.a11 * position + c.a12 * travel + c.b1 * control
     ahead = c.a21 * position + c.a22 * travel + c.b2 * control
@@ -100,15 +102,15 @@ def observer_step(
 
 class Observer:
     """
-    Velocity from positions that are measured once per sample, and from the command that is held between them.
+    Observer of the velocity from one position per sample and the command held between samples.
 
-    ``kalman`` is the steady-state Kalman filter of the rigid drive m x'' + c x' + s x = u, exactly discretized, with u
-    held. Its process noise is a white force, its measurement noise white with the density 1/w^4 of the acceleration's;
-    the continuous filter of a free body then has its poles at w exp(+-135 degrees), w = 2 pi bandwidth. The gains come
-    from the discrete algebraic Riccati equation. ``difference`` is the difference of two positions over T behind a
-    first-order low pass with the pole exp(-w T), and takes no command.
+    ``kalman`` is the steady-state Kalman filter of the rigid drive m x'' + c x' + s x = u, exactly discretized with u
+    held. Its process noise is a white force. Its measurement noise is white, with 1/w^4 of the density of the
+    acceleration. The continuous filter of a free body then has its poles at w exp(+-135 degrees), w = 2 pi bandwidth.
+    The gains follow from the discrete algebraic Riccati equation. ``difference`` is the difference of two positions
+    over T, followed by a first-order low pass with the pole exp(-w T); it does not use the command.
 
-    At the first sample the head rests where it is measured.
+    The initial state is the first measured position at rest.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ class Observer:
 
     Examples
     --------
-    A head that moves at 1000 um/s without a command, seen at its positions alone:
+    Head that moves at 1 mm/s without a command, of which only the position is measured:
 
     >>> from hdd_servo_ros.control import Observer, ObserverParameters
     >>> observer = Observer(ObserverParameters(stiffness=0.0, viscous_coefficient=0.0), sample_time=1e-4)
@@ -147,7 +149,7 @@ class Observer:
         self.update(parameters)
 
     def update(self, parameters: ObserverParameters) -> None:
-        """Take other parameters from the next tick on; position and velocity stay."""
+        """Use new parameters from the next tick on; position and velocity are kept."""
         self.parameters = parameters
         constants = zeros(OBSERVER)
         c = record(constants, OBSERVER)
@@ -165,16 +167,16 @@ class Observer:
         Parameters
         ----------
         position
-            Measured at this tick [um].
+            Position measured at this tick [um].
         control
-            Drive voltage held since the tick before [V].
+            Drive voltage held since the previous tick [V].
         """
         return observer_step(*self.arrays, position, control)
 
 
 def standing_bias(c: np.record) -> float:
     """
-    Return the velocity that an observer shows of a head at rest, over its position [1/s]; 0 without a spring.
+    Return the estimated velocity of a head at rest per position [1/s]; 0 without a spring.
 
     Parameters
     ----------
@@ -190,7 +192,7 @@ def standing_bias(c: np.record) -> float:
 @dataclasses.dataclass(frozen=True)
 class FilterMatrices:
     """
-    An observer as x^-_k = A x_{k-1} + B u_{k-1}, x_k = x^-_k + L (y_k - C x^-_k), C = (1, 0).
+    Matrices of an observer x^-_k = A x_{k-1} + B u_{k-1}, x_k = x^-_k + L (y_k - C x^-_k), C = (1, 0).
 
     The states are the position [um] and the velocity times T [um].
     """
@@ -207,14 +209,14 @@ def filter_matrices(parameters: ObserverParameters, sample_time: float) -> Filte
     Raises
     ------
     ParameterError
-        If the Riccati equation has no solution in floating-point numbers: far too low a bandwidth for a stiff model.
+        If the Riccati equation has no floating-point solution: the bandwidth is far too low for a stiff model.
     """
     frequency = TWO_PI * parameters.bandwidth
     if parameters.method == 'difference':
         smoothing = 1.0 - exp(-frequency * sample_time)
-        # The state is the last position itself, so that the innovation is the difference.
+        # The state is the last position, so that the innovation is the difference.
         return FilterMatrices(np.diag([1.0, 1.0 - smoothing]), np.zeros(2), np.array([1.0, smoothing]))
-    # Late: it takes a tenth of a second, and only runs with this filter need it.
+    # Imported late: it takes a tenth of a second, and only runs with this filter need it.
     from scipy.linalg import solve_discrete_are
 
     gain, rate = parameters.gain, 1.0 / sample_time
@@ -225,8 +227,8 @@ def filter_matrices(parameters: ObserverParameters, sample_time: float) -> Filte
     transition, response = (
         np.array(found) for found in held_input_transition(dynamics, [0.0, gain * sample_time], sample_time)
     )
-    # White acceleration, of density w^4 T over that of the measurement, integrated twice over a sample; as T is small
-    # against the drive's own time constants, it acts like on a free body.
+    # White acceleration, with w^4 T of the density of the measurement noise, integrated twice over a sample. T is small
+    # compared with the drive's time constants, so it acts as on a free body.
     density = (frequency * sample_time) ** 4
     process = density * np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
     shown = np.array([[1.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Open loop: the reference itself is the drive voltage."""
+"""Open-loop controller: the reference is the drive voltage."""
 
 import dataclasses
 import math
@@ -34,7 +34,7 @@ def open_loop_step(
     estimates: NDArray[np.float64],
     *values: Any,
 ) -> tuple[float, float, float]:
-    """Return (u, u before the limit, 0) with u = x_d, read as volts."""
+    """Return (u, u before the limit, 0) with u = x_d in volts."""
     inputs = ControllerInputs(*values)
     if not all_finite(inputs):
         return math.nan, math.nan, math.nan
@@ -46,20 +46,20 @@ def open_loop_step(
 
 class OpenLoop:
     """
-    The open loop controller: u = x_d, its number read as volts, for hysteresis curves and swept sines.
+    Open-loop controller u = x_d, with the reference in volts, for hysteresis curves and swept sines.
 
-    It looks at no measurement, so the feedback part of its command is zero.
+    It uses no measurement, so the feedback part of its command is zero.
 
     Parameters
     ----------
     parameters
-        The limit.
+        Limit of the drive voltage.
     sample_time
         T [s].
 
     Notes
     -----
-    Source: the open-loop experiments of thesis sections 5.3 and 5.4.
+    Source: open-loop experiments of thesis sections 5.3 and 5.4.
 
     Examples
     --------
@@ -78,15 +78,15 @@ class OpenLoop:
         self.constants = zeros(CONSTANTS)
         self.estimates = zeros(ESTIMATES)
         self.arrays: OpenLoopArrays = (self.constants, self.estimates)
-        """The arrays that the kernel takes first: constants, estimates."""
+        """Array arguments of the kernel, in order: constants, estimates."""
         self.update(parameters)
 
     def update(self, parameters: OpenLoopParameters) -> None:
-        """Take other parameters from the next tick on."""
+        """Use new parameters from the next tick on."""
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
-        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
         self._take(self.parameters)
 

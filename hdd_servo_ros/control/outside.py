@@ -1,4 +1,4 @@
-"""A controller from outside this package, seen as one of its own: what it answers is checked, and its faults named."""
+"""Adapter for custom controllers: checks the results of a user's class and names its faults."""
 
 import traceback
 from collections.abc import Iterable
@@ -14,16 +14,16 @@ from hdd_servo_ros.parameters import ParameterError
 
 TIME = 't'
 _RAISED = (Exception, SystemExit)
-"""What the class may raise: one that calls ``sys.exit()`` ends its run, not the process that makes it."""
+"""Exceptions caught from the class; with SystemExit, ``sys.exit()`` in it ends its run, not the process."""
 _OPTIONAL_METHODS = {
     'limit_output': 'a method limit_output(limit)',
-    'warnings': 'a method warnings() that returns a list or tuple of texts',
-    'fault': 'a method fault() that returns a text',
+    'warnings': 'a method warnings() that returns a list or tuple of strings',
+    'fault': 'a method fault() that returns a string',
 }
 
 
 class ControllerError(Exception):
-    """A controller from outside that failed at a tick; says which, when, why, and in which line of its file."""
+    """Failure of a custom controller at a tick: names the controller, the tick, the reason and the line of its file."""
 
     exit_code = WRONG_ARGUMENTS
 
@@ -34,32 +34,32 @@ class ControllerError(Exception):
 
 class OutsideController:
     """
-    The adapter between a user's class and the protocol :class:`~hdd_servo_ros.control.controller.Controller`.
+    Adapter from a user's class to the protocol :class:`~hdd_servo_ros.control.controller.Controller`.
 
-    The class is constructed with its parameters and T [s], and has ``update(parameters)`` and ``step(inputs)``, which
-    returns u [V], or the three voltages of the protocol. It may name further signals in ``estimate_names`` and keep
-    them in ``estimates``; the time of the tick is put in front of them if it is not there. It may satisfy
+    The class is constructed with its parameters and T [s]. It has ``update(parameters)`` and ``step(inputs)``, which
+    returns u [V] or the three voltages of the protocol. It may name further signals in ``estimate_names`` and keep
+    them in ``estimates``; the adapter prepends the time of the tick if it is missing. It may satisfy
     :class:`~hdd_servo_ros.control.controller.KnowsOutputLimit`,
     :class:`~hdd_servo_ros.control.controller.WarnsBeforeRun`,
     :class:`~hdd_servo_ros.control.controller.ReportsFault` and
-    :class:`~hdd_servo_ros.control.controller.HasPlan`; the adapter then satisfies them too, and else does not.
+    :class:`~hdd_servo_ros.control.controller.HasPlan`; the adapter satisfies exactly the same ones.
 
     Parameters
     ----------
     name
-        What messages call the controller.
+        Name of the controller in messages.
     kind
-        The class.
+        The user's class.
     parameters
-        An instance of its parameters.
+        Its parameters.
     sample_time
         T [s].
 
     Raises
     ------
     ParameterError
-        If the class cannot be constructed, its ``estimate_names`` are no names, its ``last_tick`` is no tick, or
-        what is to be a method is none.
+        If the class cannot be constructed, its ``estimate_names`` are not strings, its ``last_tick`` is not a tick, or
+        an optional method is not callable.
     """
 
     def __init__(self, name: str, kind: type[Any], parameters: Any, sample_time: float) -> None:
@@ -78,7 +78,7 @@ class OutsideController:
             found = getattr(self._block, attribute, None)
             if found is not None and not callable(found):
                 raise ParameterError('controller', name, f'a class whose {attribute} is {wanted}, not {found!r}')
-        # Attributes of the adapter, not of its class: it is to have these only where the user's class has them.
+        # Attributes of the instance, not of its class: only if the user's class has them.
         if isinstance(self._block, KnowsOutputLimit):
             self.limit_output = self._limit_output
         if isinstance(self._block, WarnsBeforeRun):
@@ -106,23 +106,23 @@ class OutsideController:
     def _warnings(self) -> tuple[str, ...]:
         try:
             lines = self._block.warnings()
-            # A text is iterable too, letter by letter.
+            # A string is iterable too, character by character.
             found = tuple(lines) if isinstance(lines, Iterable) and not isinstance(lines, str) else (None,)
         except _RAISED as error:
             raise ControllerError(self._name, self._tick, f'warnings raised {described(error)}') from error
         if not all(isinstance(line, str) for line in found):
-            reason = f'warnings returned {lines!r}, not a list or tuple of texts,'
+            reason = f'warnings returned {lines!r}, not a list or tuple of strings,'
             raise ControllerError(self._name, self._tick, reason)
         return found
 
     def _fault(self) -> str:
-        # The run has failed already: what is wrong with the reason must not hide that, and is the reason then.
+        # The run has already failed. An error here must not hide that, so it becomes the reason.
         try:
             reason = self._block.fault()
         except _RAISED as error:
             return str(ControllerError(self._name, self._tick, f'fault raised {described(error)}'))
         if not isinstance(reason, str):
-            return str(ControllerError(self._name, self._tick, f'fault returned {reason!r}, not a text,'))
+            return str(ControllerError(self._name, self._tick, f'fault returned {reason!r}, not a string,'))
         return ' '.join(reason.split())
 
     def _planned_last_tick(self) -> int:
@@ -138,7 +138,7 @@ class OutsideController:
         return int(tick)
 
     def update(self, parameters: Any) -> None:
-        """Take other parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""
+        """Use new parameters from the next tick on; raises :class:`ControllerError` if the class fails to."""
         try:
             self._block.update(parameters)
         except _RAISED as error:
@@ -146,12 +146,12 @@ class OutsideController:
 
     def step(self, inputs: ControllerInputs) -> tuple[float, float, float]:
         """
-        Return u, u before the limit, and its feedback part [V]; one number returned by the class stands for all three.
+        Return u, u before the limit, and its feedback part [V]; a single number from the class is used for all three.
 
         Raises
         ------
         ControllerError
-            If the class raises something, or answers or estimates in anything but numbers.
+            If the class raises an exception, or returns or estimates anything but numbers.
         """
         tick = self._tick = inputs.tick
         try:
@@ -160,7 +160,7 @@ class OutsideController:
             raise ControllerError(self._name, tick, f'step raised {described(error)}') from error
         if self._has_estimates:
             self._take_estimates(tick)
-        self.estimates[0] = tick * self._sample_time  # readers of /estimates know the tick by it
+        self.estimates[0] = tick * self._sample_time  # subscribers to /estimates identify the tick by it
         if type(answer) is float:
             return answer, answer, answer
         numbers = answer if isinstance(answer, tuple) else (answer,) * 3
@@ -187,7 +187,7 @@ def _is_number(value: object) -> bool:
 
 
 def described(error: BaseException) -> str:
-    """Return an exception in one line: type, text, and the file and line where it was raised."""
+    """Return an exception in one line: type, message, and the file and line where it was raised."""
     text = ' '.join(str(error).split())
     frames = traceback.extract_tb(error.__traceback__)
     location = f' ({frames[-1].filename}:{frames[-1].lineno})' if frames else ''

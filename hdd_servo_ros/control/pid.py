@@ -1,4 +1,4 @@
-"""The conventional PID controller, the baseline of chapters 4 and 5."""
+"""Conventional PID controller, the baseline of chapters 4 and 5."""
 
 import dataclasses
 import math
@@ -20,7 +20,7 @@ VELOCITY_SOURCES = ('sensor', 'difference')
 # Not 'off', which YAML reads as false.
 ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
 
-# The array of constants; 1 for yes where a choice is made.
+# Array of constants; flags are 1 for yes.
 CONSTANTS = layout(
     'time_step',
     'uses_difference',
@@ -56,40 +56,42 @@ ESTIMATES = layout(*ESTIMATE_NAMES)
 
 @dataclasses.dataclass(frozen=True)
 class PidParameters(ParameterSet):
-    """Parameters of :class:`Pid`; the gains are those of ``studies/tune.py`` for the drive of chapter 5."""
+    """Parameters of :class:`Pid`; ``studies/tune.py`` finds these gains for the drive of chapter 5."""
 
     proportional_gain: float = parameter(0.627, 'proportional gain k_p', unit='V/um', minimum=0.0)
     integral_gain: float = parameter(61.6, 'integral gain k_i', unit='V/(um s)', minimum=0.0)
     derivative_gain: float = parameter(1.39e-4, 'derivative gain k_d', unit='V s/um', minimum=0.0)
     derivative_bandwidth: float = parameter(
-        3170.0, 'corner frequency of the first-order low pass on the derivative, 0 for none', unit='Hz', minimum=0.0
+        3170.0, 'corner frequency of the first-order low pass on the derivative; 0 disables it', unit='Hz', minimum=0.0
     )
     velocity_source: str = parameter(
         'sensor',
-        'where de/dt comes from: the velocity output of the sensor, or the difference of two errors over T',
+        'source of de/dt: the velocity output of the sensor, or the difference of two errors over T',
         choices=VELOCITY_SOURCES,
     )
     filter_reference: bool = parameter(
         True,
-        'whether the reference goes through the same difference and low pass as the measurement; false takes its given '
-        'velocity, so that the filter delays the measurement alone: to show what that costs',
+        'pass the reference through the same difference and low pass as the measurement; false uses the velocity of '
+        '/reference unfiltered, so that only the measurement is delayed, which shows the cost of that delay',
         read_only=True,
     )
     anti_windup: str = parameter(
         'clamping',
-        'clamping: the integral rests while the output is limited and the error would drive it further; '
-        'back_calculation: the excess over the limit discharges it; none: it winds up',
+        'clamping: the integral is frozen while the output is saturated and the error would drive it further; '
+        'back_calculation: the excess over the limit discharges the integral; none: the integral winds up',
         choices=ANTI_WINDUP,
     )
-    tracking_time: float = parameter(1.0e-3, 'time constant of the back calculation', unit='s', above=0.0)
+    tracking_time: float = parameter(1.0e-3, 'time constant of back calculation', unit='s', above=0.0)
     transfer_time: float = parameter(
         1.0e-2,
-        'time constant with which the step fades that new gains would make in u, where there is no integral to take it',
+        'bumpless-transfer time constant: with k_i = 0, the step in u caused by a gain change decays with it',
         unit='s',
         above=0.0,
     )
-    velocity_feedforward: float = parameter(0.0, 'voltage per reference velocity', unit='V s/um')
-    acceleration_feedforward: float = parameter(0.0, 'voltage per reference acceleration', unit='V s^2/um')
+    velocity_feedforward: float = parameter(0.0, 'feedforward voltage k_v per reference velocity', unit='V s/um')
+    acceleration_feedforward: float = parameter(
+        0.0, 'feedforward voltage k_a per reference acceleration', unit='V s^2/um'
+    )
     control_limit: float = parameter(10.0, 'largest magnitude of the drive voltage', unit='V', above=0.0)
 
 
@@ -133,7 +135,7 @@ def pid_step(
     limit = c.control_limit
     feedback = derivative + integral + s.bump - c.proportional_gain * error
     unsaturated = feedback + compensation
-    # Clamping takes back what the integral's own step does beyond the limit.
+    # Clamping undoes the part of the integral's own step that exceeds the limit.
     if c.clamps != 0.0:
         if unsaturated > limit and error < 0.0:
             integral = max(s.integral, integral - (unsaturated - limit))
@@ -164,16 +166,16 @@ class Pid:
     """
     PID controller in parallel form with filtered derivative, anti-windup and feedforward.
 
-    With e = x - x_d, the sign of (4.10)::
+    With e = x - x_d, the sign convention of thesis eq. (4.10)::
 
         u = -(k_p e + k_i int e dt + k_d de/dt) + k_v dx_d/dt + k_a d2x_d/dt2.
 
-    The integral is the sum of T e, the present sample included, kept in volts. The derivative is the sensor's velocity
-    less dx_d, or the difference of errors over T, behind a first-order low pass that a constant input passes exactly
-    as the continuous one (pole exp(-2 pi f T)). Both act on the error, so that the reference goes through the same as
-    the measurement; without ``filter_reference`` they act on the measurement alone.
+    The integral is the sum of T e including the present sample, in volts. The derivative is the sensor's velocity minus
+    dx_d/dt, or the difference of errors over T. It passes a first-order low pass that is exact for constant inputs over
+    a sample (pole exp(-2 pi f T)). Difference and low pass act on the error, so that the reference passes the same
+    filter as the measurement; without ``filter_reference`` they act on the measurement alone.
 
-    Estimates: t [s]; e [um]; integral and derivative, the integral's and the derivative's share of u [V].
+    Estimates: t [s]; e [um]; integral and derivative parts of u [V].
 
     Parameters
     ----------
@@ -184,7 +186,7 @@ class Pid:
 
     Notes
     -----
-    Source: a standard form; thesis section 4.4 compares with a PID controller that it does not specify.
+    Source: a standard form; the PID controller of thesis section 4.4 is not specified there.
 
     Examples
     --------
@@ -216,16 +218,16 @@ class Pid:
         self.state = zeros(STATE)
         self.estimates = zeros(ESTIMATES)
         self.arrays: PidArrays = (self.constants, self.state, self.estimates)
-        """The arrays that the kernel takes first: constants, state, estimates."""
+        """Array arguments of the kernel, in order: constants, state, estimates."""
         self._take(parameters)
 
     def update(self, parameters: PidParameters) -> None:
         """
-        Take other parameters from the next tick on, without a bump in u.
+        Use new parameters from the next tick on, without a bump in u.
 
-        The integral takes up the difference that new k_p and k_d would make at the last error. With a new k_i of zero
-        nothing would ever take it out of there again: the difference, and what the integral holds, then fade with
-        ``transfer_time``. So does the difference that a new feedforward would make.
+        The integral absorbs the change in u that new k_p and k_d would cause at the last error. With a new k_i of zero,
+        nothing would ever remove it again: this change and the value of the integral then decay with
+        ``transfer_time``. The change caused by new feedforward gains decays in the same way.
         """
         old = self.parameters
         s = record(self.state, STATE)
@@ -241,7 +243,7 @@ class Pid:
         self._take(parameters)
 
     def limit_output(self, limit: float) -> None:
-        """Limit the drive voltage to +-``limit`` [V] as well, since no more comes out behind the controller."""
+        """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
         self._take(self.parameters)
 

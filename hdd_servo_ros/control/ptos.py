@@ -1,17 +1,17 @@
 """
-Proximate time-optimal servomechanism (PTOS), a law for seeks: nearly time-optimal, and linear close to the target.
+Proximate time-optimal servomechanism (PTOS) for seeks: nearly time-optimal, and linear close to the target.
 
 Time-optimal control of a free body x'' = a u, |u| <= u_max, brakes along v = sgn(e) sqrt(2 a u_max |e|), e = r - x. It
-chatters at the target, and has no reserve for a weaker drive. PTOS (Workman, Adaptive Proximate Time-Optimal
-Servomechanisms, Stanford, 1987; Franklin, Powell, Workman, Digital Control of Dynamic Systems) brakes with a share
-alpha of u_max, the discount, and replaces the end of the curve by its tangent:
+chatters at the target and has no reserve for a weaker drive. PTOS (Workman, Adaptive Proximate Time-Optimal
+Servomechanisms, Stanford, 1987; Franklin, Powell, Workman, Digital Control of Dynamic Systems) brakes with a fraction
+alpha of u_max, the acceleration discount factor, and replaces the end of the curve by its tangent:
 
     u = sat(k2 (f(e) - v)),
     f(e) = (k1/k2) e                                               for |e| <= y_l = u_max/k1,
            sgn(e) (sqrt(2 a alpha u_max |e|) - u_max/k2)           beyond.
 
-f and its slope are continuous at y_l only if k2 = sqrt(2 k1/(a alpha)). So two parameters are left: the natural
-frequency w of the linear region, k1 = w^2/a, and the discount, which fixes the damping ratio 1/sqrt(2 alpha).
+f and its slope are continuous at y_l only if k2 = sqrt(2 k1/(a alpha)). Two parameters remain: the natural frequency w
+of the linear region, k1 = w^2/a, and the discount factor, which sets the damping ratio 1/sqrt(2 alpha).
 """
 
 import dataclasses
@@ -41,19 +41,19 @@ class PtosParameters(ParameterSet):
     """Parameters of :func:`ptos_step`."""
 
     natural_frequency: float = parameter(
-        700.0, 'natural frequency of the linear region, for a free body', unit='Hz', above=0.0, maximum=1e6
+        700.0, 'natural frequency w of the linear region, for a free body', unit='Hz', above=0.0, maximum=1e6
     )
     discount: float = parameter(
         0.9,
-        'share alpha of the largest voltage with which the head brakes; the damping ratio of the linear region is '
-        '1/sqrt(2 alpha)',
+        'acceleration discount factor alpha: fraction of the largest voltage used for braking; the damping ratio of '
+        'the linear region is 1/sqrt(2 alpha)',
         minimum=0.05,
         maximum=0.999,
     )
     lag: float = parameter(
         0.0,
-        'lag of actuator, computation and resonances over which error and velocity are predicted with the voltage of '
-        'the sample before (extended PTOS); 0 for none. Half a sample of the hold is always allowed for',
+        'lag of actuator, computation and resonances, over which error and velocity are predicted with the previous '
+        'voltage (extended PTOS); 0 disables the prediction; half a sample of the hold is always compensated',
         unit='s',
         minimum=0.0,
         maximum=0.01,
@@ -61,18 +61,18 @@ class PtosParameters(ParameterSet):
 
     @property
     def damping_ratio(self) -> float:
-        """Return the damping ratio of the linear region, for a free body."""
+        """Damping ratio of the linear region, for a free body."""
         return math.sqrt(0.5 / self.discount)
 
 
 def ptos_constants(parameters: PtosParameters, gain: float, limit: float, sample_time: float) -> Array:
     """
-    Return the constants of :func:`ptos_step`, of the layout :data:`PTOS`.
+    Return the constants of :func:`ptos_step`, a record of :data:`PTOS`.
 
     Parameters
     ----------
     parameters
-        The law.
+        Parameters of the law.
     gain
         Acceleration of the head per volt a, above 0 [um/s^2/V].
     limit
@@ -108,7 +108,7 @@ def ptos_constants(parameters: PtosParameters, gain: float, limit: float, sample
 
 @compiled
 def ptos_velocity(c: np.record, error: float) -> tuple[float, float]:
-    """Return the velocity f(e) [um/s] that PTOS wants at an error e [um], and its slope [1/s]; ``c`` is of PTOS."""
+    """Return the commanded velocity f(e) [um/s] at an error e [um], and its slope [1/s]; ``c`` is a :data:`PTOS`."""
     distance = abs(error)
     if distance <= c.linear_error:
         return c.linear_slope * error, c.linear_slope
@@ -119,21 +119,21 @@ def ptos_velocity(c: np.record, error: float) -> tuple[float, float]:
 @compiled
 def ptos_step(constants: Array, error: float, velocity: float, last_control: float) -> float:
     """
-    Return the voltage u of PTOS for the sample that begins [V], at most u_max in magnitude.
+    Return the voltage u [V] of PTOS for the sample that starts now, at most u_max in magnitude.
 
-    The law holds in the middle of the sample for which u is held: exactly in the linear region, and with the tangent
-    of f beyond.
+    The law holds at the middle of the sample over which u is held: exactly in the linear region, and with the tangent
+    of f outside it.
 
     Parameters
     ----------
     constants
-        Laid out as :data:`PTOS`.
+        A record of :data:`PTOS`.
     error
-        e, target less position, at this tick [um].
+        e, target minus position, at this tick [um].
     velocity
-        Of the head, at this tick [um/s].
+        Velocity of the head at this tick [um/s].
     last_control
-        Voltage of the sample before, without what cancels friction [V]; read only with a lag.
+        Voltage of the previous sample without the friction compensation [V]; used only with a lag.
 
     Notes
     -----
@@ -141,7 +141,7 @@ def ptos_step(constants: Array, error: float, velocity: float, last_control: flo
 
     Examples
     --------
-    A seek of a free body over 100 um, to within 10 nm:
+    Seek of a free body over 0.1 mm, until it is within 10 nm:
 
     >>> from hdd_servo_ros.control import PtosParameters, ptos_constants, ptos_step
     >>> gain, sample_time = 4.0968e7, 1e-4

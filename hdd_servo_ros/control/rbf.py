@@ -1,4 +1,4 @@
-"""Gaussian radial basis functions on a lattice over position and velocity, (4.7)."""
+"""Gaussian radial basis functions on a lattice over position and velocity, thesis eq. (4.7)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,21 @@ def activate(
     activations: NDArray[np.float64],
 ) -> None:
     """
-    Write the activations exp(-(z - mu_i)^2 / eta^2) of both axes of a lattice.
+    Compute the activations exp(-(z - mu_i)^2 / eta^2) of both axes of a lattice.
 
-    On a lattice, and with one width per axis, the Gaussian of node (i, j) is the product of one of position and one of
-    velocity: 2 n exponentials give all n x n nodes.
+    On a lattice with one width per axis, the Gaussian of node (i, j) is the product of one of position and one of
+    velocity, so that 2 n exponentials give all n x n nodes.
 
     Parameters
     ----------
     centers
-        mu_1 ... mu_n of position and of velocity, shape (2, n).
+        Centers mu_1 ... mu_n of position and of velocity, shape (2, n).
     position_inverse_square, velocity_inverse_square
         1 / eta^2 of each axis.
     x, v
-        The inputs of the axes.
+        Inputs of the axes.
     activations
-        Takes the result, shape (2, n).
+        Output array, shape (2, n).
     """
     for i in range(centers.shape[1]):
         distance = x - centers[0, i]
@@ -44,14 +44,14 @@ def activate(
 @compiled
 def lattice_sum(weights: NDArray[np.float64], activations: NDArray[np.float64]) -> float:
     """
-    Return W'S over a lattice, S the product of the two axes' activations.
+    Return W'S over a lattice, where S is the product of the activations of both axes.
 
     Parameters
     ----------
     weights
         Shape (n, n), position index first.
     activations
-        Those of the position and of the velocity axis, shape (2, n).
+        Activations of the position and of the velocity axis, shape (2, n).
     """
     total = 0.0
     for i in range(weights.shape[0]):
@@ -63,7 +63,7 @@ def lattice_sum(weights: NDArray[np.float64], activations: NDArray[np.float64]) 
 
 
 def lattice(minimum: float, maximum: float, count: int) -> NDArray[np.float64]:
-    """Return ``count`` evenly spaced centers from ``minimum`` to ``maximum``; the middle if there is only one."""
+    """Return ``count`` evenly spaced centers from ``minimum`` to ``maximum``; the midpoint for a single one."""
     if count == 1:
         return np.array([0.5 * (minimum + maximum)])
     step = (maximum - minimum) / (count - 1)

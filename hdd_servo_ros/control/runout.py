@@ -1,4 +1,4 @@
-"""Cancellation of repeatable runout: adaptive feedforward on harmonics, or repetitive control per sector."""
+"""Cancellation of repeatable runout: adaptive feedforward of harmonics, or repetitive control per sector."""
 
 import math
 from typing import cast
@@ -29,21 +29,21 @@ from hdd_servo_ros.parameters import ParameterError
 
 Array = NDArray[np.float64]
 PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array]
-"""The fields of :class:`~hdd_servo_ros.control.runout_kernel.RunoutArrays`."""
+"""Fields of :class:`~hdd_servo_ros.control.runout_kernel.RunoutArrays`."""
 
 ESTIMATE_NAMES: tuple[str, ...] = ESTIMATES.names or ()
 _METHODS = {'harmonics': HARMONICS, 'repetitive': REPETITIVE}
 _TOLERANCE, _ROUNDING = 1e-5, 0.501e-9
-"""By how much T may differ from the time between two sectors, as for the spindle of the disturbances: relative, [s]."""
+"""Tolerances on the difference between T and the time between two sectors: relative, and [s]; as for the spindle."""
 _REVOLUTIONS_OF_PATH = 4.0
-"""So long is the pulse response from which the method harmonics takes its angles."""
+"""Revolutions of the pulse response from which the method harmonics computes its phase angles."""
 
 
 def samples_per_revolution(parameters: RunoutParameters, sample_time: float) -> int:
     """
-    Return how many samples of T [s] a revolution has, 0 if that is not a whole number.
+    Return the number of samples of T [s] per revolution, 0 if it is not an integer.
 
-    A revolution counts as exactly N samples if T differs from 60/(rpm N) by at most 1e-5 of T, or by rounding to whole
+    A revolution has exactly N samples if T differs from 60/(rpm N) by at most 1e-5 of T, or by rounding to integer
     nanoseconds.
     """
     count = parameters.sectors or round(60.0 / (parameters.revolutions_per_minute * sample_time)) or 1
@@ -53,12 +53,12 @@ def samples_per_revolution(parameters: RunoutParameters, sample_time: float) -> 
 
 def path_length(parameters: RunoutParameters, sample_time: float) -> int:
     """
-    Return how many samples of the pulse response of the error the cancellation needs, the first one included.
+    Return the number of samples of the error's pulse response that the cancellation needs, including the first one.
 
     Raises
     ------
     ParameterError
-        If T [s] does not go with the parameters.
+        If T [s] and the parameters are incompatible.
     """
     samples = samples_per_revolution(parameters, sample_time)
     if parameters.method == 'harmonics':
@@ -72,7 +72,7 @@ def path_length(parameters: RunoutParameters, sample_time: float) -> int:
         count = parameters.sectors or round(60.0 / (parameters.revolutions_per_minute * sample_time)) or 1
         needed = round(60e9 / (parameters.revolutions_per_minute * count)) / 1e9
         allowed = (
-            'harmonics, since repetitive needs a whole number of samples per revolution, from 3 on, such as '
+            'harmonics, since repetitive needs an integer number of samples per revolution, at least 3, such as '
             f'{count} with sample_time = {needed!r} s at {parameters.revolutions_per_minute:g} 1/min; sample_time is '
             f'{sample_time!r} s'
         )
@@ -87,26 +87,26 @@ def _turns_per_sample(parameters: RunoutParameters, sample_time: float) -> float
 
 class RunoutCancellation:
     """
-    Cancellation of what repeats in the error with every revolution of the spindle.
+    Cancellation of the error component that repeats with every revolution of the spindle.
 
-    It adds a voltage u_rro to the output of a controller. With the spindle's angle theta and the response H_n of the
+    A voltage u_rro is added to the output of a controller. With the spindle angle theta and the response H_n of the
     error to u_rro at order n, ``harmonics`` is adaptive feedforward cancellation (Bodson, Sacks and Khosla, IEEE Trans.
     Autom. Control 39(9), 1994):
 
         u_rro = sum of a_n cos n theta + b_n sin n theta,
         a_n -= g 2/(N |H_n|) e cos(n theta + arg H_n),   b_n -= g 2/(N |H_n|) e sin(n theta + arg H_n),
 
-    with N samples per revolution, so that the part g of the error is taken off in a revolution. g falls from
-    ``initial_gain`` as 2/(2 + t) with t revolutions of learning, down to ``gain``. It works at any T.
+    with N samples per revolution, so that each revolution removes the fraction g of the error. g decreases from
+    ``initial_gain`` as 2/(2 + t), with t revolutions of learning, to ``gain``. It works at any T.
 
-    ``repetitive`` is repetitive control in the structure of internal model control. From the pulse response h of the
-    error to u_rro follows the error as it would be without the cancellation, d = e - h * u_rro. Its mean over the
-    revolutions is kept for each sector, with the weight g of the newest, 1/j in the j-th revolution and at least
-    ``gain``: the first revolutions are averaged, so that they do not turn noise into runout. In the next revolution
+    ``repetitive`` is repetitive control with an internal model of the path. The error without the cancellation is
+    computed with the pulse response h of the error to u_rro: d = e - h * u_rro. Its mean over the revolutions is kept
+    for each sector. The newest revolution has the weight g: 1/j in the j-th revolution, and at least ``gain``. The
+    first revolutions are averaged, so that noise is not learned as runout. In the next revolution
 
         u_rro = -(periodic convolution of the mean with l),   l = inverse DFT of Q_k/H_k,
 
-    Q_k = 1/(1 + (k f_rev/cutoff)^8). The filter reaches ahead of the sector, into what the last revolutions have shown.
+    Q_k = 1/(1 + (k f_rev/cutoff)^8). The filter is noncausal: it uses the previous revolutions ahead of the sector.
 
     Parameters
     ----------
@@ -120,14 +120,14 @@ class RunoutCancellation:
     Attributes
     ----------
     path
-        As given.
+        The pulse response above.
     estimates
-        u_rro [V]; rms of what is learned over a revolution [V]; the gain g.
+        u_rro [V]; rms of the learned cancellation over a revolution [V]; the gain g.
 
     Raises
     ------
     ParameterError
-        If T does not go with the parameters.
+        If T and the parameters are incompatible.
     """
 
     estimate_names = ESTIMATE_NAMES
@@ -135,7 +135,7 @@ class RunoutCancellation:
     def __init__(self, parameters: RunoutParameters, sample_time: float, path: Array) -> None:
         self.sample_time = sample_time
         self.estimates = zeros(ESTIMATES)
-        path_length(parameters, sample_time)  # rejects
+        path_length(parameters, sample_time)  # Rejects an incompatible T.
         samples = samples_per_revolution(parameters, sample_time) if parameters.method == 'repetitive' else 0
         self._named = RunoutArrays(
             constants=zeros(CONSTANTS),
@@ -147,11 +147,11 @@ class RunoutCancellation:
             estimates=self.estimates,
         )
         self.arrays: PlainArrays = cast(PlainArrays, tuple(self._named))
-        """The arrays that the kernel takes first: plain, as numba joins no named tuple to another."""
+        """Array arguments of the kernel, in order; a plain tuple, because numba cannot concatenate named tuples."""
         self.update(parameters, path)
 
     def update(self, parameters: RunoutParameters, path: Array) -> None:
-        """Take other parameters from the next tick on; what was learned stays."""
+        """Use new parameters from the next tick on; the learned cancellation is kept."""
         self.parameters, self.path = parameters, path
         samples = samples_per_revolution(parameters, self.sample_time)
         turns = _turns_per_sample(parameters, self.sample_time)
@@ -163,7 +163,7 @@ class RunoutCancellation:
         c.turns_per_sample = turns
         c.gain = parameters.gain
         c.initial_gain = parameters.initial_gain
-        # Of a whole number of samples exactly so many, since 1.0/(1.0/n) may be less than n.
+        # Exact for an integer number of samples, since 1.0/(1.0/n) may be less than n.
         c.first_tick = float(parameters.wait * samples) if samples else math.ceil(parameters.wait / turns)
         c.error_limit = parameters.error_limit
         c.control_limit = parameters.control_limit
@@ -183,17 +183,17 @@ class RunoutCancellation:
 
     @property
     def learned_rms(self) -> float:
-        """Rms of the cancellation that has been learned, over a revolution [V]."""
+        """Rms of the learned cancellation over a revolution [V]."""
         return float(record(self.estimates, ESTIMATES).rro_rms)
 
     @property
     def is_limited(self) -> bool:
-        """Whether the cancellation was at its limit in the last revolution, as it is when it diverges."""
+        """Whether the cancellation reached its limit in the last revolution, as when it diverges."""
         return bool(record(self._named.state, STATE).limited_left > 0.0)
 
     @property
     def gain(self) -> float:
-        """Part of the repeatable error that is learned in a revolution at present."""
+        """Present fraction of the repeatable error that is learned per revolution."""
         return float(record(self.estimates, ESTIMATES).rro_gain)
 
     def step(self, tick: int, error: float) -> float:
@@ -203,9 +203,9 @@ class RunoutCancellation:
         Parameters
         ----------
         tick
-            The tick k, which gives the spindle's angle.
+            Tick k, which gives the spindle angle.
         error
-            Measured position less desired position [um]. If it is not finite, u_rro is not a number.
+            Measured minus desired position [um]. If it is not finite, u_rro is NaN.
         """
         return runout_step(*self.arrays, tick, error)
 
@@ -213,14 +213,14 @@ class RunoutCancellation:
         self, tick: int, error: float, u: float, unsaturated: float, feedback: float
     ) -> tuple[float, float, float]:
         """
-        Return a controller's output of this tick with u_rro added [V].
+        Return the controller output of this tick with u_rro added [V].
 
         Parameters
         ----------
         tick, error
-            As of :meth:`step`.
+            See :meth:`step`.
         u, unsaturated, feedback
-            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V]; the feedback part stays.
+            Output of :meth:`~hdd_servo_ros.control.controller.Controller.step` [V]; the feedback part is unchanged.
         """
         u_rro = self.step(tick, error)
         return u + u_rro, unsaturated + u_rro, feedback

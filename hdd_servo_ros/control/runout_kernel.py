@@ -1,4 +1,4 @@
-"""The compiled steps of the cancellation of repeatable runout; see :mod:`hdd_servo_ros.control.runout`."""
+"""Compiled steps of the cancellation of repeatable runout; see :mod:`hdd_servo_ros.control.runout`."""
 
 import math
 from typing import NamedTuple
@@ -27,33 +27,32 @@ CONSTANTS = layout(
     'control_limit',
 )
 """
-``samples`` per revolution, 0 if that is not a whole number; gains per revolution; ``first_tick`` from which it
-learns.
+``samples`` per revolution, 0 if it is not an integer; gains per revolution; ``first_tick`` of learning.
 """
 
 STATE = layout('offset', 'learned', 'square', 'limited_left')
 """
-Start of the delay line, samples that harmonics has learned from, sum of squares of a revolution [V^2], how many
-more samples it counts as limited.
+Offset of the delay line, number of samples learned by harmonics, sum of squares over a revolution [V^2], remaining
+samples for which it counts as limited.
 """
 
 ESTIMATES = layout('u_rro', 'rro_rms', 'rro_gain')
 
 ORDER, SINE, COSINE, SCALE, U_COSINE, U_SINE = range(6)
 """
-Rows of the array of harmonics: order, sine and cosine of the angle of the response there, 2 over its magnitude and over
-the samples per revolution [V/um], and the cancellation's coefficients a and b [V].
+Rows of the array of harmonics: order, sine and cosine of the phase of the response there, 2 over its magnitude and over
+the samples per revolution [V/um], coefficients a and b of the cancellation [V].
 """
 MEAN, COUNT, LEARNED, LEARNED_AGAIN, FILTER, PARTS = range(6)
 """
-Parts of the array of sectors, each as long as a revolution: mean error as it would be without the cancellation [um],
-how often it was taken, what was known of it at the beginning of the revolution, twice in a row, and the learning filter
-[V/um], reversed; then how many parts there are.
+Parts of the array of sectors, each one revolution long: mean error without the cancellation [um], number of averaged
+revolutions, mean at the start of the revolution, stored twice in a row, and the learning filter [V/um], reversed; then
+the number of parts.
 """
 
 
 class RunoutArrays(NamedTuple):
-    """The arrays of :func:`runout_step`, before its inputs."""
+    """Array arguments of :func:`runout_step` that precede its inputs."""
 
     constants: Array
     state: Array
@@ -109,15 +108,15 @@ def runout_step(
 def _harmonics(
     c: np.record, s: np.record, harmonics: Array, estimates: Array, tick: int, error: float, learns: bool
 ) -> float:
-    """Return the sum of the harmonics after this sample's correction [V]."""
+    """Return the sum of the harmonics after the correction of this sample [V]."""
     if c.samples > 0.0:
-        # Exactly the same in every revolution.
+        # Exactly the same value in every revolution.
         turns = float(tick % int(c.samples)) / c.samples
     else:
         turns = float(tick) * c.turns_per_sample
     step = 0.0
     if learns:
-        # With 2/(2 + t) the error left falls as the square of the time t.
+        # With the gain 2/(2 + t) the remaining error decreases as 1/t^2.
         gain = max(min(2.0 / (2.0 + s.learned * c.turns_per_sample), c.initial_gain), c.gain)
         s.learned += 1.0
         record(estimates, ESTIMATES).rro_gain = gain
@@ -127,7 +126,7 @@ def _harmonics(
         sine, cosine = sine_cosine_of_turns(harmonics[ORDER, i] * turns)
         a, b = harmonics[U_COSINE, i], harmonics[U_SINE, i]
         if step != 0.0:
-            # cos and sin of n theta + phi_n.
+            # Cosine and sine of n theta + phi_n.
             a -= step * harmonics[SCALE, i] * (cosine * harmonics[COSINE, i] - sine * harmonics[SINE, i])
             b -= step * harmonics[SCALE, i] * (sine * harmonics[COSINE, i] + cosine * harmonics[SINE, i])
             size = math.sqrt(a * a + b * b)
@@ -177,7 +176,7 @@ def _repetitive(
 
 @compiled_apart
 def dot(left: Array, first: int, right: Array, second: int, count: int) -> float:
-    """Return the sum of ``count`` products from two offsets on; four sums, since each addition waits for the last."""
+    """Return the sum of ``count`` products from two offsets on; four partial sums hide the latency of the additions."""
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     fours = count - count % 4
     for i in range(0, fours, 4):
@@ -192,7 +191,7 @@ def dot(left: Array, first: int, right: Array, second: int, count: int) -> float
 
 @compiled_apart
 def response_at(pulse: Array, turns: float) -> tuple[float, float]:
-    """Return real and imaginary part of the sum of pulse[i] exp(-2 pi j turns i); exact reduction of the angle."""
+    """Return real and imaginary part of the sum of pulse[i] exp(-2 pi j turns i), with exact reduction of the angle."""
     real, imaginary = 0.0, 0.0
     for i in range(len(pulse)):
         angle = turns * float(i)
@@ -205,19 +204,19 @@ def response_at(pulse: Array, turns: float) -> tuple[float, float]:
 @compiled_apart
 def learning_filter(pulse: Array, cutoff_order: float, taps: Array) -> None:
     """
-    Fill ``taps`` with the periodic inverse of a pulse response, low-pass filtered without phase.
+    Fill ``taps`` with the periodic inverse of a pulse response and a zero-phase low pass.
 
     Tap i is the sum over the orders k of (Q_k/H_k) exp(2 pi j k i/N)/N with H_k the response at k/N turns per sample.
-    Order 0 is left out: the integral of the controller holds the mean. So is a half of the sampling frequency.
+    Order 0 is omitted, since the controller's integral cancels the mean, and so is half the sampling frequency.
 
     Parameters
     ----------
     pulse
         Pulse response [um/V], shape (p,).
     cutoff_order
-        Order at which Q is a half; 0 for Q = 1.
+        Order at which Q is 0.5; 0 for Q = 1.
     taps
-        The filter [V/um], shape (N,), written.
+        Output array of the filter [V/um], shape (N,).
     """
     count = len(taps)
     for i in range(count):
@@ -233,5 +232,5 @@ def learning_filter(pulse: Array, cutoff_order: float, taps: Array) -> None:
         scale = 2.0 / (float(count) * square * (1.0 + ratio * ratio))
         for i in range(count):
             sine, cosine = sine_cosine_of_turns(float((k * i) % count) / float(count))
-            # The real part of exp(j angle) times the conjugate of H.
+            # Real part of exp(j angle) times the conjugate of H.
             taps[i] += scale * (real * cosine + imaginary * sine)

@@ -1,4 +1,4 @@
-"""Seek and settle around a controller that follows: trajectories to new targets, with their feedforward."""
+"""Seek and settle for any controller: trajectories to new targets, with their feedforward."""
 
 import dataclasses
 import math
@@ -29,26 +29,26 @@ from hdd_servo_ros.numerics.records import record, zeros
 
 Array = NDArray[np.float64]
 PlainArrays = tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]
-"""The fields of :class:`SeekArrays`."""
+"""Fields of :class:`SeekArrays`."""
 
 ESTIMATE_NAMES: tuple[str, ...] = ESTIMATES.names or ()
 _METHODS = {'final_state': FINAL_STATE, 'ptos': PTOS_LAW, 'cnf': CNF_LAW}
 MODES = ('follow', 'seek', 'settle')
-"""The modes by their numbers in `/estimates`."""
+"""Names of the modes, by their numbers in `/estimates`."""
 _SHARE_OF_OUTPUT = 0.93
-"""Share of the largest voltage behind the law that a seek uses at most."""
+"""Largest fraction of the voltage limit after the law that a seek uses."""
 _ROUNDING = 1e-9
 _CALM = 3.0
-"""The model swings on for so many times the samples in which its vibration counts: then a nanometer is left."""
+"""Simulated time after a plan, relative to the settling time of its vibration: leaves less than a nanometer."""
 
 
 class SeekPlans(NamedTuple):
-    """The model of a drive, and voltages that move it from rest to rest."""
+    """Model of a drive, and voltages that move it from rest to rest."""
 
     plans: Array
-    """Voltage per length of each plan and sample [V/um], shape (plans, longest), zeros behind the end of a plan."""
+    """Voltage per length for each plan and sample [V/um], shape (plans, longest), zero after the end of a plan."""
     durations: Array
-    """Samples of each plan, and the vibration that it leaves per length, shape (plans, 2); the shortest one first."""
+    """Samples of each plan, and its residual vibration per length, shape (plans, 2); shortest plan first."""
     transition: Array
     """A, shape (n, n)."""
     response: Array
@@ -56,63 +56,64 @@ class SeekPlans(NamedTuple):
     outputs: Array
     """Head position [um] and velocity [um/s] of the states, shape (2, n)."""
     vibration_samples: int
-    """Samples after a plan for which the model's vibration counts."""
+    """Samples after a plan over which the residual vibration of the model counts."""
 
 
 class SeekSurroundings(NamedTuple):
-    """What a seek part has to know beside its parameters."""
+    """Knowledge of the seek part about drive and loop, in addition to its parameters."""
 
     plans: SeekPlans
     """Model and plans at T."""
     delay: int = 0
-    """Computation delay behind the law [samples], 0 or 1."""
+    """Computation delay after the law [samples], 0 or 1."""
     velocity_limit: float = math.inf
-    """Largest velocity that the sensor shows [um/s]."""
+    """Largest velocity that the sensor can measure [um/s]."""
     output_limit: float = math.inf
-    """Largest voltage that comes out behind the law [V]."""
+    """Largest voltage after the law [V]."""
     bias_gains: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Gains of the constant voltage after a switch, on error [V/um], velocity [V s/um] and gap."""
+    """Gains of the constant voltage after a switch: on error [V/um], velocity [V s/um] and voltage difference."""
     observer: Array | None = None
-    """Constants of the observer that gives the velocity (:data:`~hdd_servo_ros.control.observer.OBSERVER`), if any."""
+    """Constants of the observer for the velocity (:data:`~hdd_servo_ros.control.observer.OBSERVER`), or None."""
 
 
 class Seek:
     """
-    Seek and settle around the law of any controller, which follows.
+    Seek and settle around the law of any controller, which then follows the track.
 
-    A jump of the reference x_d is a new target. ``final_state`` brings the head there by final-state control in two
-    degrees of freedom: a sampled model of the drive with all its modes is driven from rest to rest by
+    A step of the reference x_d is a new target. ``final_state`` moves the head there by final-state control with two
+    degrees of freedom. A sampled model of the drive, with all its modes, is driven from rest to rest by
 
         u_p(k) = L p_N(k),    k = 0 ... N-1,
 
-    where p_N is the smoothest plan of N samples, see :mod:`hdd_servo_ros.analysis.seek_plans`, and N the smallest one
-    for which |u_p| stays below the limit and little vibration is left. The model is linear: a target that changes on
-    the way adds a plan to the one under way, from any state. The model's position y and velocity are the trajectory.
-    The controller gets the head's deviation from it, on top of the reference: position x - (y - x_d). Its law therefore
-    knows nothing of the seek, and one with a feedforward of its own from x_d adds nothing twice. Then
+    where p_N is the smoothest plan of N samples, see :mod:`hdd_servo_ros.analysis.seek_plans`. N is the smallest number
+    for which ``|u_p|`` stays below the limit and the residual vibration is small. The model is linear: a target change
+    during a seek adds a plan to the active one, from any state. Position y and velocity of the model are the
+    trajectory. The controller receives the head's deviation from it, on top of the reference: position x - (y - x_d).
+    Its law is therefore unaware of the seek, and a controller with its own feedforward of x_d adds nothing twice. Then
 
         u = u_law + u_p/g + theta F(z),
 
-    with F the friction of LuGre bristles along the trajectory (:mod:`hdd_servo_ros.control.lugre_feedforward`), which
-    is held after the arrival, in the place of an integral preset.
+    where F is the friction of LuGre bristles along the trajectory (:mod:`hdd_servo_ros.control.lugre_feedforward`). It
+    is held after arrival and serves as an integrator preset.
 
-    The drive's gain, over that of the model, is estimated during a seek: g is the quotient of sums of v w and w w, with
-    v the measured velocity and w that of the model under the voltage that was held, less the friction. The level theta
-    of the friction is learned after the trajectory's end, from the voltage that the law still adds (feedback error
-    learning, Kawato, Furukawa and Suzuki, Biol. Cybern. 57, 1987): theta += mu u_law F/(F^2 + eps).
+    The gain g of the drive relative to the model is estimated during a seek: it is the sum of v w divided by the sum of
+    w w, with the measured velocity v and the velocity w of the model under the held voltage minus the friction. The
+    relative friction theta is learned after the end of the trajectory, from the voltage that the law still adds
+    (feedback error learning, Kawato, Furukawa and Suzuki, Biol. Cybern. 57, 1987):
+    theta += mu u_law F/(F^2 + eps).
 
     ``ptos`` (:mod:`~hdd_servo_ros.control.ptos`) and ``cnf`` (:mod:`~hdd_servo_ros.control.cnf`) move the head by
-    feedback of error and velocity instead, with the friction of the measured velocity fed forward. They replace the
-    controller's voltage until the head is close to the target and slow; meanwhile the controller sees the head on the
-    target. At the switch u goes on without a step: a constant and a fading voltage are added to the controller's, which
-    take the place of its initial values (:mod:`hdd_servo_ros.analysis.initial_values`).
+    feedback of error and velocity, with a feedforward of the friction at the measured velocity. They replace the
+    controller's voltage until the head is close to the target and slow. Meanwhile the controller is given the target as
+    the head's position. At the switch u has no step: a constant and a decaying voltage are added to the controller's,
+    instead of initial values of its states (:mod:`hdd_servo_ros.analysis.initial_values`).
 
-    With a sensor that has no velocity output, the velocity comes from an observer
-    (:mod:`~hdd_servo_ros.control.observer`), which takes the voltage against friction for acceleration. What it makes
-    of the trajectory and of the added voltage is taken off what it shows of the head; the gain is then estimated from
-    positions.
+    If the sensor has no velocity output, an observer estimates the velocity
+    (:mod:`~hdd_servo_ros.control.observer`). The observer interprets the voltage against friction as acceleration.
+    Its response to the trajectory and to the added voltage is subtracted from its estimate for the head. The gain is
+    then estimated from positions.
 
-    Modes: seek while there is a plan or the law of the seek acts, settle until the measured position is on the target
+    Modes: seek while a plan or the law of the seek is active, settle until the measured position has been on the target
     for some samples, follow.
 
     Parameters
@@ -122,16 +123,16 @@ class Seek:
     sample_time
         T [s].
     surroundings
-        Model and plans at T, delay, and the sensor's limit.
+        Model and plans at T, delay, and limit of the sensor.
     scales
-        How the sensor's outputs are scaled.
+        Scale factors of the sensor outputs.
 
     Attributes
     ----------
     estimates
         Mode (0 follow, 1 seek, 2 settle); target [um]; distance to it from the measured position [um]; time since the
-        last change of the mode [s]; position on the trajectory [um]; voltage that is added to the law's [V]; estimated
-        gain over that of the model; learned level of the friction over that of the model.
+        last change of mode [s]; position on the trajectory [um]; voltage added to that of the law [V]; estimated gain
+        relative to the model; learned friction relative to the model.
     """
 
     estimate_names = ESTIMATE_NAMES
@@ -164,7 +165,7 @@ class Seek:
             estimates=self.estimates,
         )
         self.arrays: PlainArrays = cast(PlainArrays, tuple(self._named))
-        """The arrays that the kernels take first: plain, as numba joins no named tuple to another."""
+        """Array arguments of the kernels, in order; a plain tuple, because numba cannot concatenate named tuples."""
         s = record(self._named.state, STATE)
         s.gain = s.friction_level = 1.0
         s.gain_products = s.gain_squares = GAIN_PRIOR
@@ -172,7 +173,7 @@ class Seek:
         self.update(parameters, surroundings)
 
     def update(self, parameters: SeekParameters, surroundings: SeekSurroundings) -> None:
-        """Take other parameters from the next tick on; a seek under way and what was learned go on."""
+        """Use new parameters from the next tick on; an active seek continues, and learned values are kept."""
         self.parameters = parameters
         plans = surroundings.plans
         for name in ('plans', 'durations', 'transition', 'response', 'outputs'):
@@ -226,53 +227,53 @@ class Seek:
 
     @staticmethod
     def _control_limit(parameters: SeekParameters, surroundings: SeekSurroundings) -> float:
-        """Return the largest voltage of a seek [V]; some of what the drive takes is left to feedback and friction."""
+        """Return the largest voltage of a seek [V]; leaves a reserve for feedback and friction."""
         return min(parameters.control_limit, _SHARE_OF_OUTPUT * surroundings.output_limit)
 
     def _ptos(self, parameters: SeekParameters, surroundings: SeekSurroundings) -> Array:
-        # A late command is a lag.
+        # The computation delay is a lag.
         lag = parameters.ptos.lag + surroundings.delay * self.sample_time
         law = dataclasses.replace(parameters.ptos, lag=lag)
         limit = self._control_limit(parameters, surroundings)
         return ptos_constants(law, parameters.model.gain, limit, self.sample_time)
 
     def _cnf(self, parameters: SeekParameters, surroundings: SeekSurroundings) -> Array:
-        # What the friction's feedforward does not cancel, the linear part has to know.
+        # The linear part must compensate the friction that the feedforward does not cancel.
         model, limit = parameters.model, self._control_limit(parameters, surroundings)
         return cnf_constants(parameters.cnf, model.gain, limit, self.sample_time, model.viscous_coefficient)
 
     @property
     def mode(self) -> str:
-        """``follow``, ``seek`` or ``settle``."""
+        """Mode: ``follow``, ``seek`` or ``settle``."""
         return MODES[int(record(self._named.state, STATE).mode)]
 
     @property
     def gain(self) -> float:
-        """Estimated gain over that of the model."""
+        """Estimated gain of the drive relative to the model."""
         return float(record(self._named.state, STATE).gain)
 
     @property
     def friction_level(self) -> float:
-        """Learned level of the friction over that of the model."""
+        """Learned friction relative to the model."""
         return float(record(self._named.state, STATE).friction_level)
 
     @property
     def at_limits(self) -> tuple[str, ...]:
-        """Which of ``gain`` and ``friction`` are at the limit of what is learned."""
+        """Names, of ``gain`` and ``friction``, whose learned value is at its bound."""
         learning = self.parameters.learning
         found = {'gain': (self.gain, learning.gain_range), 'friction': (self.friction_level, learning.friction_range)}
         return tuple(name for name, (value, reach) in found.items() if 0.0 < reach <= abs(value - 1.0) + _ROUNDING)
 
     def before_law(self, inputs: ControllerInputs, control: float) -> ControllerInputs:
         """
-        Return what the controller gets at a tick: the head's deviation from the trajectory, on top of the reference.
+        Return the inputs of the controller at a tick: the deviation from the trajectory, on top of the reference.
 
         Parameters
         ----------
         inputs
-            What is measured and desired.
+            Measured and desired signals.
         control
-            Drive voltage held since the tick before [V].
+            Drive voltage held since the previous tick [V].
         """
         offset, rate = seek_before_law(
             *self.arrays,
@@ -292,22 +293,22 @@ class Seek:
 
     def after_law(self, u: float, unsaturated: float, feedback: float) -> tuple[float, float, float]:
         """
-        Return a controller's output of this tick with that of the seek part added [V].
+        Return the controller output of this tick with the voltage of the seek part added [V].
 
         Parameters
         ----------
         u, unsaturated, feedback
-            As :meth:`~hdd_servo_ros.control.controller.Controller.step` returns them [V]; the feedback part stays.
+            Output of :meth:`~hdd_servo_ros.control.controller.Controller.step` [V]; the feedback part is unchanged.
         """
         added = seek_after_law(*self.arrays, u)
         return u + added, unsaturated + added, feedback
 
 
 def no_plans() -> SeekPlans:
-    """Return plans for a method that has none, and a model that does not move."""
+    """Return empty plans for a method without plans, and a model that does not move."""
     return SeekPlans(np.zeros((1, 1)), np.ones((1, 2)), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)), 1)
 
 
 def no_seek(sample_time: float) -> Seek:
-    """Return a seek part that stands for none."""
+    """Return a seek part with method none, as a placeholder."""
     return Seek(SeekParameters(method='final_state'), sample_time, SeekSurroundings(no_plans()))

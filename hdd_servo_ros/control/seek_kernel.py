@@ -1,4 +1,4 @@
-"""The compiled steps of the seek part, before and after a controller's law; see :mod:`hdd_servo_ros.control.seek`."""
+"""Compiled steps of the seek part, before and after a control law; see :mod:`hdd_servo_ros.control.seek`."""
 
 import math
 from typing import NamedTuple
@@ -16,9 +16,9 @@ from hdd_servo_ros.numerics.records import layout, record
 Array = NDArray[np.float64]
 
 FOLLOW, SEEK, SETTLE = 0.0, 1.0, 2.0
-"""The modes, as `/estimates` has them."""
+"""Modes in `/estimates`."""
 FINAL_STATE, PTOS_LAW, CNF_LAW = 1.0, 2.0, 3.0
-"""The methods."""
+"""Methods."""
 
 CONSTANTS = layout(
     'method',
@@ -53,8 +53,9 @@ CONSTANTS = layout(
     ('observer', OBSERVER),
 )
 """
-Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples. ``fading`` is what a sample leaves of the
-fading voltage, the next three give the constant one, see :mod:`hdd_servo_ros.analysis.initial_values`.
+Limits of voltages [V], lengths [um] and velocities [um/s]; times in samples. ``fading`` is the factor by which the
+decaying voltage decreases per sample. The next three give the constant voltage, see
+:mod:`hdd_servo_ros.analysis.initial_values`.
 """
 
 STATE = layout(
@@ -99,14 +100,14 @@ STATE = layout(
     'is_stacked',
 )
 """
-``first`` is where the ring of planned voltages begins, ``planned`` how many are left, ``idle`` the samples since the
-last one; ``goal`` [um] is the sum of the jumps under way, ``pending`` [um] what no plan was made for yet; then the
-model's position and velocity at this tick and the last one. From ``length`` on: of a seek by feedback, its length, the
-distance to the target and the velocity at this tick, the voltage of its law, what the controller gives on the target,
-and the two voltages after the switch. From ``measured`` on: of a sensor without a velocity output, the measured
-position [um], what the seek part added of which the model's motion or the friction comes [V], now and at the last tick,
-what the observer makes of that motion [um], and where the motion of the model began [um]. ``is_stacked`` says that a
-plan was added on top of another that is under way.
+``first`` is the offset of the ring buffer of planned voltages, ``planned`` the number of remaining ones, ``idle`` the
+samples since the last one. ``goal`` [um] is the sum of the active reference steps, ``pending`` [um] the part that has
+no plan yet. The position and velocity of the model at this tick and the last one follow. For a seek by feedback, the
+fields from ``length`` on are its length, the distance to the target and the velocity at this tick, the voltage of its
+law, the controller's voltage on the target, and the two voltages after the switch. For a sensor without a velocity
+output, the fields from ``measured`` on are the measured position [um], the voltage added by the seek part that causes
+the motion of the model or balances the friction [V], now and at the last tick, the observer's response to that motion
+[um], and the start of the motion of the model [um]. ``is_stacked`` is set if a plan was added to an active one.
 """
 
 ESTIMATES = layout(
@@ -121,29 +122,29 @@ ESTIMATES = layout(
 )
 
 GAIN_PRIOR = 9.0e6
-"""Weight of the model's own gain among the sums [um^2/s^2]: that of one sample at 3 mm/s."""
+"""Weight of the model's own gain in the sums [um^2/s^2]: that of one sample at 3 mm/s."""
 _FRICTION_FLOOR = 2.5e-3
-"""Added to the square of the friction by which its level is learned [V^2]."""
+"""Added to the square of the friction when its relative value is learned [V^2]."""
 _FIRST_LEARNED = 3.0
-"""Samples after the end of a trajectory before the level is learned: the resonances swing on for so long."""
+"""Samples from the end of a trajectory to the start of friction learning, during which the resonances ring down."""
 _CLIPPED = 0.98
-"""Part of the sensor's range beyond which a velocity does not count."""
+"""Fraction of the sensor's range above which a velocity is ignored."""
 
 PLANNED, DRIVEN, NEXT = range(3)
-"""Rows of ``motion``: driven by the plan, by the voltage that was held, and room for the next state."""
+"""Rows of ``motion``: model driven by the plan, model driven by the held voltage, and buffer for the next state."""
 DURATION, VIBRATION = range(2)
 """Columns of ``durations``."""
 
 
 class SeekArrays(NamedTuple):
-    """The arrays of the kernels, before their inputs."""
+    """Array arguments of the kernels that precede their inputs."""
 
     constants: Array
     state: Array
     plans: Array
-    """Voltage per length of each plan and sample [V/um], shape (plans, longest)."""
+    """Voltage per length for each plan and sample [V/um], shape (plans, longest)."""
     durations: Array
-    """Samples of each plan, and the vibration that it leaves per length, shape (plans, 2); the shortest one first."""
+    """Samples of each plan, and its residual vibration per length, shape (plans, 2); shortest plan first."""
     transition: Array
     """A of the model, shape (n, n)."""
     response: Array
@@ -153,7 +154,7 @@ class SeekArrays(NamedTuple):
     motion: Array
     """States of the model, shape (3, n)."""
     ring: Array
-    """The planned voltages that are still to come [V], shape (longest,)."""
+    """Remaining planned voltages [V], shape (longest,)."""
     ptos: Array
     """Constants of :func:`~hdd_servo_ros.control.ptos.ptos_step`."""
     cnf: Array
@@ -184,7 +185,7 @@ def seek_before_law(
     ddx_d: float,
     control: float,
 ) -> tuple[float, float]:
-    """Return by how far [um] and how fast [um/s] the trajectory is off the reference; see :class:`Seek`."""
+    """Return the trajectory minus the reference in position [um] and velocity [um/s]; see :class:`Seek`."""
     c = record(constants, CONSTANTS)
     s = record(state, STATE)
     if not abs(position) + abs(velocity) + abs(x_d) + abs(dx_d) + abs(ddx_d) + abs(control) < math.inf:
@@ -223,7 +224,7 @@ def seek_before_law(
             cnf_state[:] = 0.0
         is_over = abs(s.error) <= c.switch_distance and abs(s.head_velocity) <= c.switch_velocity
         s.is_switching = 1.0 if s.mode == SEEK and is_over else 0.0
-        # While the law of the seek has the head, the controller sees it on the target, so that its states rest.
+        # While the law of the seek is active, the controller is given the target, so that its states stay at rest.
         offset, rate = 0.0, unseen
         if s.mode == SEEK and not is_over:
             offset, rate = -s.error, unseen + s.head_velocity
@@ -259,7 +260,7 @@ def seek_after_law(
     estimates: Array,
     u: float,
 ) -> float:
-    """Return what is added to the law's voltage ``u`` [V]; see :class:`Seek`."""
+    """Return the voltage that is added to the law's voltage ``u`` [V]; see :class:`Seek`."""
     c = record(constants, CONSTANTS)
     s = record(state, STATE)
     if c.method == FINAL_STATE:
@@ -284,7 +285,7 @@ def _along_plan(
     ring: Array,
     u: float,
 ) -> float:
-    """Return the planned voltage with the friction of the trajectory [V], and move the model on."""
+    """Return the planned voltage plus the friction along the trajectory [V], and advance the model."""
     voltage = 0.0
     if s.planned > 0.0:
         first = int(s.first)
@@ -300,7 +301,7 @@ def _along_plan(
         _move(transition, response, motion, PLANNED, voltage)
         s.position, s.velocity = _output(outputs, motion, PLANNED)
     elif s.pending == 0.0 and s.goal != 0.0:
-        # All is at rest on the target: what rounding has left of the motion goes.
+        # Everything is at rest on the target: clears rounding errors of the motion.
         _rest(motion, PLANNED)
         s.origin += s.goal
         s.position, s.velocity, s.goal = 0.0, 0.0, 0.0
@@ -330,10 +331,11 @@ def _along_plan(
 @compiled
 def _observed_velocity(c: np.record, s: np.record, position: float) -> float:
     """
-    Return the velocity that an observer would show of the model's motion, with what is added to the law's voltage.
+    Return the velocity that an observer would show for the model's motion, given the voltage added to the law's.
 
-    An observer takes all voltage for acceleration, also that against friction, and knows no modes. It is linear: what
-    it shows of the head, less this, is what it would show of the head's deviation, with the law's voltage alone.
+    An observer interprets every voltage as acceleration, including the voltage against friction, and models no
+    resonances. It is linear: its estimate for the head minus this value is its estimate for the head's deviation from
+    the trajectory under the law's voltage alone.
     """
     held = s.last_added if c.delay > 0.0 else s.added
     s.observed_position, s.observed_travel = observed(
@@ -344,13 +346,13 @@ def _observed_velocity(c: np.record, s: np.record, position: float) -> float:
 
 @compiled
 def _is_learned(c: np.record, s: np.record) -> bool:
-    """Return whether the level of the friction is learned at this tick, in view of the time since the last plan."""
+    """Return whether the friction is learned at this tick, given the time since the last plan."""
     return _FIRST_LEARNED < s.idle <= c.friction_window  # type: ignore[no-any-return]
 
 
 @compiled
 def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state: Array, u: float) -> float:
-    """Return what is added to the controller's voltage by PTOS or CNF, and after the switch [V]."""
+    """Return the voltage that PTOS or CNF adds to the controller's, and the added voltage after the switch [V]."""
     velocity = s.head_velocity
     if c.has_friction != 0.0 and s.mode != FOLLOW:
         time_step = c.time_step
@@ -361,18 +363,18 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
         if c.method == PTOS_LAW:
             law = ptos_step(ptos, s.error, velocity, s.law)
         else:
-            # As PTOS allows for a lag: a late command acts after the head has moved on.
+            # As with the lag of PTOS: a delayed command acts after the head has moved on.
             late = c.delay * c.time_step
             rise = c.gain * s.law * late
             error = s.error - late * (velocity + 0.5 * rise)
             law = cnf_step(cnf, cnf_state, error, velocity + rise, s.length)
         s.law = law
         if s.is_switching == 0.0:
-            # On the target the controller gives what it holds against friction, which is fed forward now.
+            # On the target the controller outputs the voltage it holds against friction; the feedforward now does this.
             s.held = u
             s.bias, s.fading = -u, law
         else:
-            # Initial value compensation: no step in u, and the least transient.
+            # Initial value compensation: no step in u, and the smallest transient.
             gap = law - (u - s.held)
             bias: float = c.bias_of_error * s.error + c.bias_of_velocity * velocity + c.bias_of_gap * gap
             s.bias, s.fading = bias - s.held, gap - bias
@@ -385,21 +387,21 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
 
 @compiled
 def _jump(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, ddx_d: float) -> float:
-    """Return how far the reference is from where it was heading at the last tick; at the first one, from the head."""
+    """Return the step of the reference: distance from the extrapolation of the last tick, initially from the head."""
     time_step = c.time_step
     rise = x_d - s.reference
     jump = x_d - position
     if s.has_started != 0.0:
         change = ddx_d - s.reference_acceleration
-        # As far as a polynomial with the derivatives of both ticks goes, or with the velocity of one of them: where the
-        # reference sets off or stops, its velocity jumps and its position does not.
+        # The extrapolation is a polynomial with the derivatives of both ticks, or with the velocity of one of them:
+        # where the reference starts or stops, its velocity has a step and its position has none.
         mean = 0.5 * (s.reference_velocity + dx_d)
         jump = rise - time_step * (mean - time_step * change / 12.0)
         for slope in (s.reference_velocity, dx_d):
             other = rise - time_step * slope
             if abs(other) < abs(jump):
                 jump = other
-        # A step of the acceleration anywhere within the sample moves the reference by less than this.
+        # An acceleration step anywhere within the sample moves the reference by less than this.
         if abs(jump) <= 0.25 * time_step * time_step * abs(change):
             jump = 0.0
     s.has_started = 1.0
@@ -409,7 +411,7 @@ def _jump(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, 
 
 @compiled
 def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
-    """Take a jump of the reference for a new target."""
+    """Start a seek to the new target given by a step of the reference."""
     s.goal += jump
     s.pending += jump
     if s.mode != SEEK:
@@ -421,13 +423,13 @@ def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
 
 @compiled
 def _plan(c: np.record, s: np.record, plans: Array, durations: Array, ring: Array) -> None:
-    """Add the shortest plan that leaves little vibration and keeps to the voltage, on top of what is planned."""
+    """Add the shortest plan with small residual vibration within the voltage limit to the planned voltages."""
     first = int(s.first)
     length = s.pending
     if s.planned == 0.0:
         s.is_stacked = 0.0
     elif s.is_stacked != 0.0:
-        # With two plans under way the head stays between the targets; with any number it might go anywhere.
+        # With two active plans the head stays between the targets; with more it might go anywhere.
         return
     for plan in range(len(plans)):
         if abs(length) * durations[plan, VIBRATION] > c.vibration_limit:
@@ -440,7 +442,7 @@ def _plan(c: np.record, s: np.record, plans: Array, durations: Array, ring: Arra
             _add_plan(s, plans, durations, ring, plan, length)
             return
     if s.planned > 0.0:
-        return  # it waits for the end of the plans under way
+        return  # Wait for the end of the active plans.
     last = len(plans) - 1
     peak = 0.0
     for i in range(plans.shape[1]):
@@ -470,13 +472,13 @@ def _estimate_gain(
     velocity: float,
     control: float,
 ) -> None:
-    """Compare the velocity with what the model has under the voltage that was held, less the friction."""
+    """Compare the measured velocity with that of the model under the held voltage minus the friction."""
     friction = s.last_applied_friction if c.delay > 0.0 else s.applied_friction
     before, _ = _output(outputs, motion, DRIVEN)
     _move(transition, response, motion, DRIVEN, control - friction)
     after, expected = _output(outputs, motion, DRIVEN)
     if c.has_observer != 0.0:
-        # An observer is biased by its own model: the quotient is that of travels per sample.
+        # The observer is biased by its own model, so the ratio of travels per sample is used.
         expected = (after - before) / c.time_step
     if max(abs(velocity), abs(expected)) < _CLIPPED * c.velocity_limit:
         products: float = s.gain_products + velocity * expected
@@ -487,7 +489,7 @@ def _estimate_gain(
 
 @compiled
 def _move(transition: Array, response: Array, motion: Array, row: int, voltage: float) -> None:
-    """Advance a state of the model by a sample in which a voltage is held."""
+    """Advance a state of the model by one sample with a held voltage."""
     count = motion.shape[1]
     for i in range(count):
         total = response[i] * voltage

@@ -1,1 +1,1 @@
-"""Theorem 4.1 of the thesis, held against a known drive and against recorded runs."""
+"""Theorem 4.1 of the thesis, checked against a known drive and against recorded runs."""

@@ -5,9 +5,9 @@ The proof gives V' <= -c1 V + c2, and from it
 
     V(t) <= (V(0) - c2/c1) e^(-c1 t) + c2/c1 <= V(0) + c2/c1                              (4.33), (4.35)
 
-with c1 the smallest of 2k/m (printed 2k, but V holds m r^2/2), sigma_i k_i and sigma_w/lambda_max(Gamma^-1)
-(4.30), and c2 half the sum of sigma_i times the squares of the ideal values (4.31). As every term of V is at most V,
-this bounds r and every estimate, and e, which is r through a filter (:mod:`hdd_servo_ros.stability.error_filter`).
+with c1 the smallest of 2k/m (printed as 2k, but V contains m r^2/2), sigma_i k_i and sigma_w/lambda_max(Gamma^-1)
+(4.30), and c2 half the sum of sigma_i times the squared ideal values (4.31). Since every term of V is at most V, this
+bounds r, every estimate, and the error e, which is r through a filter (:mod:`hdd_servo_ros.stability.error_filter`).
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ from hdd_servo_ros.stability.ideal_values import IdealValues
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
-"""Relative excess that counts as rounding: at t = 0 the bound on V is V itself."""
+"""Relative excess that is attributed to rounding: at t = 0 the bound on V equals V."""
 
 
 def scalar_laws(
@@ -45,7 +45,7 @@ def scalar_laws(
 
 
 def convergence_rates(parameters: AdaptiveNnParameters, ideal: IdealValues) -> dict[str, float]:
-    """Return the rates [1/s] of which c1 (4.30) is the smallest, by the parts that they belong to."""
+    """Return the rates [1/s] whose minimum is c1 (4.30), by name of the law."""
     rates = {'feedback': 2.0 * parameters.feedback_gain / ideal.mass}
     rates |= {name: law.gain * law.leakage for name, law, _ in scalar_laws(parameters, ideal)}
     if parameters.network.enabled:
@@ -57,7 +57,7 @@ def convergence_rates(parameters: AdaptiveNnParameters, ideal: IdealValues) -> d
 
 
 def residual_rate(parameters: AdaptiveNnParameters, ideal: IdealValues) -> float:
-    """Return c2 of (4.31), half the sum of sigma_i times the squares of the ideal values."""
+    """Return c2 of (4.31), half the sum of sigma_i times the squared ideal values."""
     total = sum(law.leakage * true**2 for _, law, true in scalar_laws(parameters, ideal))
     if parameters.network.enabled:
         total += parameters.network.leakage * float(ideal.weights @ ideal.weights)
@@ -72,18 +72,18 @@ def lyapunov(
     weight_energy: Array,
 ) -> Array:
     """
-    Return V of (4.22), shape (N,).
+    Return the Lyapunov function V of (4.22), shape (N,).
 
     Parameters
     ----------
     parameters, ideal
-        The controller, and what its estimates are compared with.
+        The controller and the ideal values of its estimates.
     r
         Filtered error [um/s], shape (N,).
     estimates
         ``sigma_hat``, ``m_hat`` and ``phi_hat``, shape (N,) each.
     weight_energy
-        The networks' part of V, shape (N,); see :func:`weight_energy`.
+        Part of V from the network weights, shape (N,); see :func:`weight_energy`.
     """
     value: Array = 0.5 * ideal.mass * r**2 + weight_energy
     for name, law, true in scalar_laws(parameters, ideal):
@@ -95,14 +95,14 @@ def weight_energy(
     parameters: AdaptiveNnParameters, ideal: IdealValues, weights: Array, compensator_weights: Array
 ) -> Array:
     """
-    Return W~'Gamma^-1 W~/2, and W_c'W_c/(2 Gamma_c) where the compensator takes part; shape (N,).
+    Return W~'Gamma^-1 W~/2, plus W_c'W_c/(2 Gamma_c) if the compensator is enabled; shape (N,).
 
-    The compensator's ideal weights are taken as zero: what it could cancel stays in phi.
+    The ideal weights of the compensator are taken as zero: the part that it could cancel is left in phi.
 
     Parameters
     ----------
     parameters, ideal
-        The controller, and what its estimates are compared with.
+        The controller and the ideal values of its estimates.
     weights, compensator_weights
         W_hat and W_c [V], shape (N, nodes) each.
     """
@@ -118,16 +118,16 @@ def weight_energy(
 @dataclasses.dataclass(frozen=True)
 class Bounds:
     """
-    The bounds of theorem 4.1.
+    Bounds of theorem 4.1.
 
     Attributes
     ----------
     mass
-        m [V s^2/um].
+        Mass m [V s^2/um].
     error_filter
-        What makes e of r.
+        Filter from r to e.
     c1, c2
-        Of (4.30) [1/s] and (4.31).
+        Constants of (4.30) [1/s] and (4.31).
     initial
         V(0).
     """
@@ -140,12 +140,12 @@ class Bounds:
 
     @property
     def uniform(self) -> float:
-        """V(0) + c2/c1, which V never exceeds (4.35)."""
+        """V(0) + c2/c1, an upper bound on V (4.35)."""
         return self.initial + self.c2 / self.c1
 
     @property
     def ultimate(self) -> float:
-        """c2/c1, to which the bound on V tends (4.33)."""
+        """c2/c1, the limit of the bound on V for large times (4.33)."""
         return self.c2 / self.c1
 
     def level(self, time: Array) -> Array:
@@ -154,46 +154,46 @@ class Bounds:
         return values
 
     def r_of(self, level: float) -> float:
-        """Return the largest |r| [um/s] that V <= ``level`` leaves: bound (i) of ``uniform``, (ii) of ``ultimate``."""
+        """Return the bound on ``|r|`` [um/s] given V <= ``level``: (i) from ``uniform``, (ii) from ``ultimate``."""
         return math.sqrt(2.0 * level / self.mass)
 
     def e_of(self, level: float) -> float:
         """
-        Return the largest |e| [um] that the largest |r| leaves once the start has died away.
+        Return the bound on ``|e|`` [um] given V <= ``level``, after the initial error has decayed.
 
-        It is that |r| times the L1 norm of the filter, which is 1/lambda without integral action. (4.41) adds |e(0)|,
-        (4.45) is this.
+        It is the bound on ``|r|`` times the L1 norm of the filter, 1/lambda without integral action. (4.45) is this
+        bound; (4.41) adds ``|e(0)|``.
         """
         return self.error_filter.norm * self.r_of(level)
 
     def r_over(self, time: Array) -> Array:
-        """Return the bound on |r| over time (4.43) [um/s]."""
+        """Return the bound on ``|r|`` over time (4.43) [um/s]."""
         values: Array = np.sqrt(2.0 * self.level(time) / self.mass)
         return values
 
     def e_over(self, time: Array, initial_error: float, initial_integral: float = 0.0) -> Array:
         """
-        Return the bound on |e| over time (4.40) [um], from |r| <= (4.43) and e and its integral at the start.
+        Return the bound on ``|e|`` over time (4.40) [um], from that on ``|r|`` (4.43), and e and its integral at first.
 
         Parameters
         ----------
         time
             Equally spaced times [s].
         initial_error, initial_integral
-            e(0) [um], and the integral of e at the start [um s].
+            e(0) [um], and the initial integral of e [um s].
         """
         return self.error_filter.error_over(time, self.r_over(time), initial_error, initial_integral)
 
     def omega(self, initial_error: float, initial_integral: float = 0.0) -> tuple[float, float]:
         """
-        Return how far (i) lets the state be from the reference: largest |x - x_d| [um] and |v - x_d'| [um/s].
+        Return the largest ``|x - x_d|`` [um] and ``|v - x_d'|`` [um/s] that (i) allows.
 
-        Without integral action these are |e(0)| + R/lambda and lambda |e(0)| + 2 R, with R the bound (i) on |r|.
+        Without integral action these are ``|e(0)|`` + R/lambda and lambda ``|e(0)|`` + 2 R, where R bounds ``|r|`` (i).
 
         Parameters
         ----------
         initial_error, initial_integral
-            e(0) [um], and the integral of e at the start [um s].
+            e(0) [um], and the initial integral of e [um s].
         """
         own = self.error_filter
         largest_r = self.r_of(self.uniform)
@@ -202,14 +202,14 @@ class Bounds:
 
 
 def theorem_bounds(parameters: AdaptiveNnParameters, ideal: IdealValues, initial: float) -> Bounds:
-    """Return the bounds for a controller, the ideal values and V(0)."""
+    """Return the bounds for a controller, its ideal values and V(0)."""
     rate = min(convergence_rates(parameters, ideal).values())
     error_filter = ErrorFilter(parameters.error_filter_lambda, parameters.integral_gain)
     return Bounds(ideal.mass, error_filter, rate, residual_rate(parameters, ideal), initial)
 
 
 def projection_allows(parameters: AdaptiveNnParameters, ideal: IdealValues) -> bool:
-    """Return whether the sets of projection hold the ideal values; the compensator's, zero, are in any."""
+    """Return whether the projection bounds contain the ideal values; the compensator's are zero."""
     inside = all(law.minimum <= true <= law.maximum for _, law, true in scalar_laws(parameters, ideal))
     return inside and float(np.abs(ideal.weights).max()) <= parameters.network.maximum
 
@@ -217,18 +217,18 @@ def projection_allows(parameters: AdaptiveNnParameters, ideal: IdealValues) -> b
 @dataclasses.dataclass(frozen=True)
 class Check:
     """
-    A signal against its bound.
+    Comparison of a signal with its bound.
 
     Attributes
     ----------
     name, unit
-        What was checked.
+        Signal and its unit.
     tick, value, limit
-        Where the signal comes nearest to its bound or exceeds it most, as a ratio, and both there.
+        Tick with the largest ratio of signal to bound, and both values there.
     violations
-        Number of ticks at which it exceeds it.
+        Number of ticks at which the signal exceeds its bound.
     first_violation
-        Tick, value and limit of the first, None if there is none.
+        Tick, value and limit of the first violation, or None.
     """
 
     name: str
@@ -241,27 +241,27 @@ class Check:
 
     @property
     def margin(self) -> float:
-        """Limit less value; negative at a violation."""
+        """Limit minus value; negative for a violation."""
         return self.limit - self.value
 
     @property
     def tightness(self) -> float:
-        """Limit over value: 1 is a tight bound, 100 a loose one."""
+        """Limit divided by value: 1 for a tight bound, 100 for a loose one."""
         return self.limit / self.value if self.value > 0.0 else math.inf
 
 
 def check(name: str, unit: str, values: Array, limits: Array | float, first_tick: int = 0) -> Check:
     """
-    Compare a signal that is not negative with its bound, tick by tick.
+    Compare a nonnegative signal with its bound, tick by tick.
 
     Parameters
     ----------
     name, unit
-        What it is.
+        Signal and its unit.
     values
-        The signal, shape (N,).
+        Values of the signal, shape (N,).
     limits
-        Its bound, one number or shape (N,).
+        Its bound, a number or shape (N,).
     first_tick
         Tick of the first element.
     """
@@ -277,16 +277,16 @@ def check(name: str, unit: str, values: Array, limits: Array | float, first_tick
 
 class CertificateMonitor:
     """
-    The bound on |r| while a run goes on: one exponential and one root a call.
+    Bound on ``|r|`` during a run; each call costs one exponential and one square root.
 
-    V(0) is known from the first r and the estimates' initial values, which are parameters; nothing else is needed.
+    V(0) follows from the first r and the initial estimates, which are parameters; nothing else is needed.
 
     Parameters
     ----------
     parameters
-        The controller, as it stands at the first tick.
+        The controller's parameters at the first tick.
     ideal
-        From :func:`~hdd_servo_ros.stability.ideal_values.theorem_values`.
+        Result of :func:`~hdd_servo_ros.stability.ideal_values.theorem_values`.
     """
 
     def __init__(self, parameters: AdaptiveNnParameters, ideal: IdealValues) -> None:
@@ -297,7 +297,7 @@ class CertificateMonitor:
 
     def limit(self, time: float) -> float:
         """
-        Return the bound on |r| [um/s] (4.43) at a time [s].
+        Return the bound on ``|r|`` [um/s] (4.43) at a time [s].
 
         Raises
         ------
@@ -305,12 +305,12 @@ class CertificateMonitor:
             Before the first :meth:`margin`.
         """
         if self.bounds is None:
-            raise RuntimeError('the bound is not known before the first r')
+            raise RuntimeError('the bound is unknown before the first r')
         level = (self.bounds.initial - self.bounds.ultimate) * math.exp(-self.bounds.c1 * (time - self._start))
         return self.bounds.r_of(level + self.bounds.ultimate)
 
     def margin(self, time: float, r: float) -> float:
-        """Return the bound on |r| less |r| [um/s]; negative when it is violated. The first call sets V(0)."""
+        """Return the bound on ``|r|`` minus ``|r|`` [um/s]; negative for a violation. The first call sets V(0)."""
         if self.bounds is None:
             self._start = time
             self.bounds = theorem_bounds(self._parameters, self._ideal, self._initial(r))

@@ -1,8 +1,7 @@
 """
-Certificate of theorem 4.1 for one run of the loop: bounds, how near the run came to them, and the theorem's conditions.
+Certificate of theorem 4.1 for one run: bounds, how close the run came to them, and the conditions of the theorem.
 
-V needs all weights at every tick: the controller is replayed for them
-(see :mod:`hdd_servo_ros.stability.weight_replay`).
+V needs all weights at every tick, so the controller is replayed (see :mod:`hdd_servo_ros.stability.weight_replay`).
 """
 
 import dataclasses
@@ -42,12 +41,12 @@ UNITS = {'sigma_hat': 'V s/um', 'm_hat': 'V s^2/um', 'phi_hat': 'V'}
 FRICTION_CHECK = '|h - sigma v| + d*  (4.14)'
 SAMPLE_CHECK = 'V after a sample  (4.29)'
 ASSUMED = (FRICTION_CHECK, SAMPLE_CHECK)
-"""What the theorem assumes or derives for continuous time; the other checks are its bounds."""
+"""Checks of assumptions or intermediate results in continuous time; the other checks are bounds of the theorem."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """One condition of the theorem: whether the run keeps it, and by how much not."""
+    """One condition of the theorem: whether the run satisfies it, and the size of the deviation."""
 
     name: str
     holds: bool
@@ -64,7 +63,7 @@ class Certificate:
     kind
         ``theorem`` or ``run``; see :mod:`hdd_servo_ros.stability.ideal_values`.
     ideal, rates, bounds
-        The ideal values, the candidates of c1 [1/s], the bounds.
+        The ideal values, the candidates for c1 [1/s], the bounds.
     time, value
         Time [s] and V at the ticks.
     r, e
@@ -72,7 +71,7 @@ class Certificate:
     first_integral
         Integral of e in r of the first tick [um s].
     checks
-        Each signal against its bound.
+        Comparisons of the signals with their bounds.
     """
 
     kind: str
@@ -88,7 +87,7 @@ class Certificate:
 
     @property
     def violations(self) -> int:
-        """Number of violations of (i) and (ii), and of the bounds on V that they follow from."""
+        """Number of violations of (i), (ii) and the bounds on V from which they follow."""
         return sum(each.violations for each in self.checks if each.name not in ASSUMED)
 
     def late(self, values: Array) -> float:
@@ -106,25 +105,25 @@ def certify(
     extra_disturbance: float = 0.0,
 ) -> tuple[Certificate, ...]:
     """
-    Return the certificates of a run: for the thesis's own ideal values if the friction is LuGre, and for the run's.
+    Return the certificates of a run: for the thesis's ideal values if the friction is LuGre, and for the run's own.
 
     Parameters
     ----------
     signals
-        The run from tick 0 on.
+        Signals of the run from tick 0 on.
     sample_time
         T [s].
     plant, controller, dsp
-        What was run.
+        Parameters of the run.
     scales
         Scales by which the controller read the vibrometer.
     extra_disturbance
-        Bound of a disturbance beside the drive's own [V].
+        Bound on a disturbance in addition to the drive's own [V].
 
     Raises
     ------
     ParameterError
-        If the theorem does not cover this controller at all.
+        If the theorem does not cover this controller.
     WeightReplayError
         If the controller's states cannot be recovered.
     """
@@ -173,7 +172,7 @@ def certify(
 
 
 def known_plant(plant: PlantParameters, disturbance_bound: float) -> KnownPlant:
-    """Return what the theorem knows of a drive, with the bound of |d| [V]."""
+    """Return the theorem's model of a drive, with the bound on ``|d|`` [V]."""
     friction = plant.friction
     return KnownPlant(
         mass=1.0 / plant.rigid_gain,
@@ -188,7 +187,7 @@ def known_plant(plant: PlantParameters, disturbance_bound: float) -> KnownPlant:
 
 
 def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample_time: float) -> Array:
-    """Return x_d as the law takes it [um]: without the part of a jump that is still held back."""
+    """Return x_d as the law receives it [um]: without the part of a step that is still delayed."""
     x_d: Array = signals.reference[:, 0].copy()
     dx_d: Array = signals.reference[:, 1].copy()
     shaping = controller.shaping
@@ -199,7 +198,7 @@ def _shaped_reference(signals: Signals, controller: AdaptiveNnParameters, sample
 def _network_inputs(
     signals: Signals, controller: AdaptiveNnParameters, scales: SensorScales, sample_time: float
 ) -> tuple[Array, Array] | None:
-    """Return the position [um] and velocity [um/s] that the network saw; None where its velocity is not recorded."""
+    """Return the network's input position [um] and velocity [um/s]; None if the velocity was not recorded."""
     if controller.network.input == 'reference':
         return _shaped_reference(signals, controller, sample_time), signals.reference[:, 1]
     if controller.velocity_source != 'sensor':
@@ -251,7 +250,7 @@ def conditions(
     dsp: DspParameters,
     certificates: Sequence[Certificate],
 ) -> tuple[Condition, ...]:
-    """Return what theorem 4.1 takes for granted, and whether the run keeps it."""
+    """Return the assumptions of theorem 4.1, and whether the run satisfies them."""
     measured = _measured(signals, sample_time, plant, controller, dsp, certificates)
     loop = Loop(controller, plant, dsp)
     found = []
@@ -271,18 +270,18 @@ def conditions(
 
 
 def _region(signals: Signals) -> Region:
-    """Return the ranges of position [um] and velocity [um/s] where the run went, from rest at zero on."""
+    """Return the ranges of position [um] and velocity [um/s] of the run, including rest at zero."""
     x, v = signals.head[:, :2].T
     return (min(x.min(), 0.0), max(x.max(), 0.0)), (min(v.min(), 0.0), max(v.max(), 0.0))
 
 
 def _omega(certificate: Certificate, references: tuple[Array, Array], region: Region) -> Condition:
-    """Compare where (i) lets the state go with the region where phi was taken."""
+    """Compare the region that (i) allows for the state with the region for which phi was computed."""
     reach = certificate.bounds.omega(float(certificate.e[0]), certificate.first_integral)
     allowed = tuple((each.min() - far, each.max() + far) for each, far in zip(references, reach, strict=True))
     holds = all(low >= least and high <= most for (low, high), (least, most) in zip(allowed, region, strict=True))
     ranges = (
-        f'{name} from {low:.3g} to {high:.3g}, and the run went from {least:.3g} to {most:.3g}'
+        f'{name} from {low:.3g} to {high:.3g}; the run covers {least:.3g} to {most:.3g}'
         for name, (low, high), (least, most) in zip(('x', 'v'), allowed, region, strict=True)
     )
     return Condition('Omega of (i) inside the region where phi holds', holds, f'(i) allows {"; ".join(ranges)}')
@@ -296,7 +295,7 @@ def _measured(
     dsp: DspParameters,
     certificates: Sequence[Certificate],
 ) -> dict[str, tuple[bool, str]]:
-    """Return, by the effect's name, whether the run keeps its condition, and by how much not."""
+    """Return, by name of the effect, whether the run satisfies its condition, and the size of the deviation."""
     columns = signals.estimates
     r = certificates[0].r
     off = float(np.abs(columns['r'] - r).max())
@@ -307,21 +306,21 @@ def _measured(
         'actuator.driver': (not plant.actuator.is_electrical, f'driver {plant.actuator.driver}'),
         'measurement': (
             off <= _SAME * float(np.abs(r).max()),
-            f"the controller's r is off by up to {off:.3g} of {float(np.abs(r).max()):.3g}",
+            f"the controller's r deviates by up to {off:.3g}, with r up to {float(np.abs(r).max()):.3g}",
         ),
         'boundary_layer': (controller.boundary_layer == 0.0, f'boundary layer {controller.boundary_layer:g}'),
         **_output_conditions(signals, sample_time, plant, controller, dsp),
-        'r_limit': (not clipped.any(), f'r was clipped at {int(clipped.sum())} ticks'),
+        'r_limit': (not clipped.any(), f'r was limited at {int(clipped.sum())} ticks'),
         'reference steps': _smooth(signals, controller, sample_time),
-        '/disturbance': (True, 'its bound was given' if DISTURBANCE.name in signals else 'no node published it'),
+        '/disturbance': (True, 'bound given' if DISTURBANCE.name in signals else 'not published'),
     }
 
 
 def _output_conditions(
     signals: Signals, sample_time: float, plant: PlantParameters, controller: AdaptiveNnParameters, dsp: DspParameters
 ) -> dict[str, tuple[bool, str]]:
-    """Return what the theorem takes for granted of the way to the force: the law's u, whole, exact and at once."""
-    # With a delay, u and u before the limit are still those of one command.
+    """Check the theorem's assumptions on the path from u to the force: unlimited, exact and without delay."""
+    # With a delay, u and u before the limit still belong to the same command.
     u, unsaturated = signals.control[:, :2].T
     dac_limit = Dsp(dsp, sample_time).limit
     limits = {
@@ -336,11 +335,11 @@ def _output_conditions(
         rounded = float(np.abs(u - unsaturated)[~limited].max(initial=0.0))
         quantization += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
     if dsp.computation_delay > 0:
-        delay += f': u {dsp.computation_delay * sample_time:g} s late, which the theorem does not cover'
+        delay += f': u delayed by {dsp.computation_delay * sample_time:g} s, which the theorem does not cover'
     return {
         'saturation': (
             not limited.any(),
-            f'u was limited at {int(limited.sum())} ticks; {smallest} lets {limits[smallest]:.6g} out',
+            f'u was limited at {int(limited.sum())} ticks; the limit of {smallest} is {limits[smallest]:.6g}',
         ),
         'dsp.dac_bits': (dsp.dac_bits == 0, quantization),
         'dsp.computation_delay': (dsp.computation_delay == 0, delay),
@@ -348,23 +347,23 @@ def _output_conditions(
 
 
 def _smooth(signals: Signals, controller: AdaptiveNnParameters, sample_time: float) -> tuple[bool, str]:
-    """Return whether x_d and its derivative have no jumps: one makes r, and with it V, jump."""
+    """Return whether x_d and its derivative are free of steps, each of which makes r, and so V, jump."""
     x, v, a = signals.reference.T
     gain = controller.error_filter_lambda
     jumps = np.abs(np.diff(v) - 0.5 * sample_time * (a[1:] + a[:-1]))
     jumps += gain * np.abs(np.diff(x) - 0.5 * sample_time * (v[1:] + v[:-1]))
     scale = float(np.abs(v).max() + gain * np.abs(x).max())
     count = int((jumps > _JUMP * scale).sum())
-    return count == 0, f'{count} jumps'
+    return count == 0, f'{count} steps'
 
 
 def _projection(
     condition: str, controller: AdaptiveNnParameters, certificates: Sequence[Certificate]
 ) -> list[Condition]:
-    """Return the condition of projection for each choice of the ideal values; none where projection is off."""
+    """Return the condition of projection for each choice of the ideal values; empty without projection."""
     if not controller.projection:
         return []
     return [
-        Condition(f'{condition} ({each.kind})', projection_allows(controller, each.ideal), 'their minimum and maximum')
+        Condition(f'{condition} ({each.kind})', projection_allows(controller, each.ideal), 'minimum and maximum')
         for each in certificates
     ]

@@ -1,4 +1,4 @@
-"""What theorem 4.1 does not cover: one list, for the diagnostics, the certificate and docs/controllers.md."""
+"""Effects that theorem 4.1 does not cover: one list for the diagnostics, the certificate and docs/controllers.md."""
 
 import dataclasses
 from collections.abc import Callable
@@ -13,20 +13,20 @@ from hdd_servo_ros.signals.reference import ReferenceParameters
 @dataclasses.dataclass(frozen=True)
 class Loop:
     """
-    What decides about a loop whether the theorem covers it.
+    Properties of a loop that decide whether the theorem covers it.
 
     Attributes
     ----------
     controller, plant, dsp
-        Parameters of the controller, of the drive, and of what is between the law and ``/control``.
+        Parameters of the controller, of the drive, and of the DSP between the law and ``/control``.
     sensor, reference
-        Those of the vibrometer and the reference; None where another node takes its part, of which nothing is known.
+        Parameters of the vibrometer and the reference; None if another, unknown node replaces it.
     limited_commands
-        How many commands have been limited so far, by the controller or after it.
+        Number of commands limited so far, by the controller or after it.
     is_disturbed
-        Whether a node publishes ``/disturbance``, with a bound that the controller does not know.
+        Whether a node publishes ``/disturbance``, with a bound unknown to the controller.
     ideal_values_are_allowed
-        Whether projection, if on, allows the ideal values.
+        Whether the projection bounds, if enabled, contain the ideal values.
     """
 
     controller: AdaptiveNnParameters
@@ -42,18 +42,18 @@ class Loop:
 @dataclasses.dataclass(frozen=True)
 class Effect:
     """
-    An effect that the theorem does not cover.
+    Effect that the theorem does not cover.
 
     Attributes
     ----------
     name
         Name in the diagnostics and in docs/controllers.md.
     condition
-        The condition of the theorem that it breaks, as the certificate names it.
+        The violated condition of the theorem, as named in the certificate.
     statement
-        What the theorem says of it, as docs/controllers.md has it.
+        Coverage by the theorem, as in docs/controllers.md.
     is_in
-        Returns whether a loop has the effect.
+        Return whether a loop has the effect.
     """
 
     name: str
@@ -83,13 +83,13 @@ EFFECTS = (
     Effect(
         'sampling',
         'continuous time',
-        'not covered: the laws hold r over a sample, and V may grow where they are fast for T',
+        'not covered: the laws hold r over a sample, and V may increase if they are fast compared with T',
         lambda loop: True,
     ),
     Effect(
         'resonances',
         'rigid body',
-        'not covered: r of the bounds is that of the head, which then is not the rigid body that u moves',
+        'not covered: r in the bounds is that of the head, which does not move as the rigid body driven by u',
         lambda loop: loop.plant.resonance.form != 'none',
     ),
     Effect(
@@ -101,77 +101,77 @@ EFFECTS = (
     Effect(
         'travel',
         'no crash stops',
-        'not covered: an impact is a force that the controller does not know',
+        'not covered: an impact is a force unknown to the controller',
         lambda loop: loop.plant.travel.is_limited,
     ),
     Effect(
         'measurement',
-        'state read exactly',
+        'state measured exactly',
         'not covered: noise, ADC, lag and drop-outs of the vibrometer, and the filter of `velocity_source: difference`'
-        '; r of the bounds is that of the true head',
+        '; r in the bounds is that of the true head position',
         _is_measurement_inexact,
     ),
     Effect(
         'boundary_layer',
-        'true sgn',
+        'exact sgn',
         'not covered',
         lambda loop: loop.controller.boundary_layer > 0.0,
     ),
     Effect(
         'saturation',
         'no saturation',
-        'not covered, by `control_limit` or `dsp.dac_range`, whether the estimates are frozen or not; the ticks are '
+        'not covered, by `control_limit` or `dsp.dac_range`, with or without frozen estimates; the limited ticks are '
         'counted',
         lambda loop: loop.limited_commands > 0,
     ),
     Effect(
         'dsp.dac_bits',
         'no quantization of u',
-        'not covered; violations are counted all the same',
+        'not covered; violations are counted nevertheless',
         lambda loop: loop.dsp.dac_bits > 0,
     ),
     Effect(
         'dsp.computation_delay',
         'no computation delay',
-        'not covered; violations are counted all the same',
+        'not covered; violations are counted nevertheless',
         lambda loop: loop.dsp.computation_delay > 0,
     ),
     Effect(
         'r_limit',
-        'the whole r in the laws',
-        'covered while abs(r) stays below it',
+        'unlimited r in the laws',
+        'covered while abs(r) is below the limit',
         lambda loop: loop.controller.r_limit > 0.0,
     ),
     Effect(
         'reference steps',
-        'reference without jumps',
-        "not covered: r and V jump with x_d and x_d', and once more with the second part of a shaped step; e and r are "
-        'those of the reference as the law takes it',
+        'reference without steps',
+        "not covered: r and V jump with x_d and x_d', and again with the second part of a shaped step; e and r are "
+        'those of the reference as the law receives it',
         _has_steps,
     ),
     Effect(
         'compensator.lag',
         'compensator without lag',
-        "covered only with a lag of 0, with W_c* = 0: then W_c'W_c/(2 Gamma_c) is in V and sigma_c Gamma_c among the "
-        'rates. With a lag the terms in W_c do not cancel, and V can exceed its bounds',
+        "covered only with a lag of 0 and W_c* = 0: W_c'W_c/(2 Gamma_c) is then part of V, and sigma_c Gamma_c one of "
+        'the rates. With a lag the terms in W_c do not cancel, and V can exceed its bounds',
         lambda loop: loop.controller.compensator.enabled and loop.controller.compensator.lag > 0.0,
     ),
     Effect(
         'projection',
-        'projection onto sets that hold the ideal values',
-        'covered if the ideal values are between `minimum` and `maximum`; W_c* = 0 is inside any bound',
+        'projection bounds contain the ideal values',
+        'covered if the ideal values are between `minimum` and `maximum`; W_c* = 0 is within any bound',
         lambda loop: loop.controller.projection and not loop.ideal_values_are_allowed,
     ),
     Effect(
         '/disturbance',
-        'bound of /disturbance known',
-        'covered by the certificate of a run with the bound of `--disturbance`; not during a run',
+        'known bound on /disturbance',
+        'covered by the certificate of a run, with the bound given by `--disturbance`; not during a run',
         lambda loop: loop.is_disturbed,
     ),
 )
-"""All that theorem 4.1 does not cover, or only under a condition."""
+"""All effects that theorem 4.1 does not cover, or covers only under a condition."""
 
 
 def not_covered(loop: Loop) -> tuple[str, ...]:
-    """Return the names of the effects that a loop has and the theorem does not cover."""
+    """Return the names of the effects of a loop that the theorem does not cover."""
     return tuple(effect.name for effect in EFFECTS if effect.is_in(loop))

@@ -1,10 +1,10 @@
 """
-The filter that makes the error of the filtered error: e' + lambda e + lambda_i int e dt = r.
+Filter from the filtered error r to the error e: e' + lambda e + lambda_i int e dt = r.
 
-From r to e it is G = s/(s^2 + lambda s + lambda_i), which is 1/(s + lambda) without integral action. A bound of r gives
-one of e by the L1 norm of its impulse response g = h', with h that of 1/(s^2 + lambda s + lambda_i). The integral of
-abs(g) is the way that h goes up and down, so only the turning points of h are needed. The same holds for e' = s G r:
-its impulse response is a unit impulse and g', and the turning points are those of g.
+Its transfer function is G = s/(s^2 + lambda s + lambda_i), or 1/(s + lambda) without integral action. A bound on r
+gives a bound on e by the L1 norm of the impulse response g = h', where h is that of 1/(s^2 + lambda s + lambda_i). The
+integral of abs(g) is the total variation of h, so only the extrema of h are needed. The same holds for e' = s G r: its
+impulse response is a unit impulse plus g', and the extrema are those of g.
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 @dataclasses.dataclass(frozen=True)
 class ErrorFilter:
     """
-    The filter from r to e, and bounds of e from those of r.
+    Filter from r to e, and bounds on e from bounds on r.
 
     Attributes
     ----------
@@ -34,63 +34,63 @@ class ErrorFilter:
 
     @property
     def is_stable(self) -> bool:
-        """Whether e is bounded where r is."""
+        """Whether a bounded r implies a bounded e."""
         return self.error_filter_lambda > 0.0
 
     @property
     def norm(self) -> float:
-        """The L1 norm of G [s], largest |e| over largest |r|; infinity if G is not stable."""
+        """L1 norm of G [s], largest ``|e|`` over largest ``|r|``; infinity if G is unstable."""
         lambda_, lambda_i = self.error_filter_lambda, self.integral_gain
         if not self.is_stable:
             return math.inf
         if lambda_i == 0.0:
             return 1.0 / lambda_
-        # h rises from 0 to its first turn and ends at 0; under-damped, each turn is that part of the one before.
+        # h rises from 0 to its first extremum and ends at 0; each further extremum is smaller by the same ratio.
         first = abs(float(self._h(np.array([self._first_turn]))[0]))
         return 2.0 * first / (1.0 - self._share)
 
     @property
     def rate_norm(self) -> float:
-        """The L1 norm of s G, largest |e'| over largest |r|; infinity if G is not stable."""
+        """L1 norm of s G, largest ``|e'|`` over largest ``|r|``; infinity if G is unstable."""
         if not self.is_stable:
             return math.inf
         if self.integral_gain == 0.0:
             return 2.0
-        # g falls from 1 to its first turn, which comes after twice the time that h takes to its own, and ends at 0.
+        # g falls from 1 to its first extremum, which comes at twice the time of that of h, and ends at 0.
         first = abs(float(self._g(np.array([2.0 * self._first_turn]))[0]))
         return 2.0 + 2.0 * first / (1.0 - self._share)
 
     def initial_size(self, error: float, integral: float) -> float:
         """
-        Return a bound of the error's free part [um]: e^2 + lambda_i (int e dt)^2 does not grow.
+        Return a bound on the free response of the error [um]: e^2 + lambda_i (int e dt)^2 does not increase.
 
         Parameters
         ----------
         error, integral
-            e [um] and its integral [um s] at the start.
+            Initial e [um] and its integral [um s].
         """
         return math.hypot(error, math.sqrt(self.integral_gain) * integral)
 
     def largest_rate(self, initial_size: float) -> float:
-        """Return a bound of the free part of e' [um/s] for a size of :meth:`initial_size` [um]."""
+        """Return a bound on the free response of e' [um/s], given the :meth:`initial_size` [um]."""
         return math.hypot(self.error_filter_lambda, math.sqrt(self.integral_gain)) * initial_size
 
     def error_over(self, time: Array, limit: Array, error: float, integral: float) -> Array:
         """
-        Return the bound of |e| over time [um], shape (N,).
+        Return the bound on ``|e|`` over time [um], shape (N,).
 
-        Over each sample |r| counts with the larger of its bounds at both ends.
+        In each sample, ``|r|`` is bounded by the larger of its bounds at both ends.
 
         Parameters
         ----------
         time
             Equally spaced times [s], shape (N,).
         limit
-            Bound of |r| at these times [um/s], monotonic.
+            Bound on ``|r|`` at these times [um/s], monotonic.
         error, integral
             e [um] and its integral [um s] at the first time.
         """
-        # scipy.signal takes longer to import than a run needs to begin.
+        # Imported late: scipy.signal takes longer to import than a run takes to start.
         from scipy.signal import fftconvolve
 
         if not self.is_stable:
@@ -103,7 +103,7 @@ class ErrorFilter:
         return bound
 
     def _ways(self, t: Array) -> Array:
-        """Return the integral of |g| over each interval between the times, shape (N - 1,)."""
+        """Return the integral of ``|g|`` over each interval between the times, shape (N - 1,)."""
         if self.integral_gain == 0.0:
             values: Array = np.diff(-np.exp(-self.error_filter_lambda * t)) / self.error_filter_lambda
             return values
@@ -122,19 +122,19 @@ class ErrorFilter:
 
     @property
     def _half_period(self) -> float:
-        """Time from a turn of h to the next [s], of an oscillating filter."""
+        """Time between two extrema of h [s], if the filter oscillates."""
         return math.pi / math.sqrt(self.integral_gain - 0.25 * self.error_filter_lambda**2)
 
     @property
     def _share(self) -> float:
-        """Size of a turn over that of the one before; 0 of a filter that does not oscillate."""
+        """Ratio of two successive extrema; 0 if the filter does not oscillate."""
         if not self._is_oscillating:
             return 0.0
         return math.exp(-0.5 * self.error_filter_lambda * self._half_period)
 
     @property
     def _first_turn(self) -> float:
-        """Time of the first turn of h [s]."""
+        """Time of the first extremum of h [s]."""
         a = 0.5 * self.error_filter_lambda
         square = self.integral_gain - a * a
         if square > 0.0:
@@ -165,9 +165,9 @@ class ErrorFilter:
 
     @property
     def _rates(self) -> tuple[complex, complex]:
-        """The poles' negatives [1/s], the slower one first."""
+        """Negative poles [1/s], the slower one first."""
         a = 0.5 * self.error_filter_lambda
         root = complex(a * a - self.integral_gain) ** 0.5
         fast = a + root
-        # The difference would cancel where lambda_i is small.
+        # Avoids the cancellation of a difference where lambda_i is small.
         return (self.integral_gain / fast if root.imag == 0.0 else a - root), fast

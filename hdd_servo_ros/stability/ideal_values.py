@@ -1,14 +1,14 @@
 """
-The values sigma, m, phi and W* that the proof of theorem 4.1 compares the estimates with, for a known drive.
+Ideal values sigma, m, phi and W* of the estimates in the proof of theorem 4.1, for a known drive.
 
-The proof needs of them only that, wherever the run goes,
+The proof requires only that, everywhere in the run,
 
     |h - sigma v| + |d| <= W*'S + phi,                                                   (4.12)-(4.15)
 
-so that any values that keep this give bounds that hold. They are not equally good: c2 of (4.31) grows with their
-squares. So among all that keep it, those with the smallest c2 are taken. This is a problem of least distance: minimize
-a weighted sum of squares under linear inequalities, which Lawson and Hanson's non-negative least squares solves exactly
-(*Solving Least Squares Problems*, chapter 23).
+so all values that satisfy this give valid bounds. The bounds differ: c2 of (4.31) grows with the squared ideal values.
+Therefore the values with the smallest c2 are used. This is a least distance problem: minimize a weighted sum of squares
+under linear inequalities. Lawson and Hanson's nonnegative least squares solves it exactly (*Solving Least Squares
+Problems*, chapter 23).
 """
 
 import dataclasses
@@ -33,23 +33,23 @@ _WORST = 16
 
 @dataclasses.dataclass(frozen=True)
 class KnownPlant(ParameterSet):
-    """What the certificate knows of the drive of (4.1): m x'' + h + d = u with the LuGre friction (4.5), (4.6)."""
+    """Drive of (4.1) as the certificate knows it: m x'' + h + d = u with the LuGre friction (4.5), (4.6)."""
 
-    mass: float = parameter(1.0, 'm, 1/gain of the drive', unit='V s^2/um', above=0.0)
+    mass: float = parameter(1.0, 'mass m, 1/gain of the drive', unit='V s^2/um', above=0.0)
     stiffness: float = parameter(1.0, 'sigma_0', unit='V/um', above=0.0)
-    bristle_damping: float = parameter(0.0, 'sigma_1', unit='V s/um', minimum=0.0)
-    viscous_coefficient: float = parameter(0.0, 'sigma_2', unit='V s/um', minimum=0.0)
+    bristle_damping: float = parameter(0.0, 'bristle damping sigma_1', unit='V s/um', minimum=0.0)
+    viscous_coefficient: float = parameter(0.0, 'viscous friction coefficient sigma_2', unit='V s/um', minimum=0.0)
     coulomb_level: float = parameter(1.0, 'f_c', unit='V', above=0.0)
     static_level: float = parameter(1.0, 'f_s', unit='V', above=0.0)
     stribeck_velocity: float = parameter(1.0, 'v_s', unit='um/s', above=0.0)
-    disturbance_bound: float = parameter(0.0, 'd*, the largest |d|', unit='V', minimum=0.0)
+    disturbance_bound: float = parameter(0.0, 'bound d* on the magnitude of the disturbance', unit='V', minimum=0.0)
 
     def bristle_bound(self, velocity: Array) -> Array:
         """
-        Return the bound of |h_z| [V] of (4.13) at velocities [um/s]: (sigma_0 + sigma_1 alpha(v) |v|)/alpha_min.
+        Return the bound on ``|h_z|`` [V] of (4.13) at velocities [um/s]: (sigma_0 + sigma_1 alpha(v) |v|)/alpha_min.
 
-        With alpha_min = sigma_0/f_s this is f_s (1 + sigma_1 |v|/g(v)). It takes a bristle that may be deflected to
-        its limit against the motion at any speed, and so grows with |v| without end.
+        With alpha_min = sigma_0/f_s this is f_s (1 + sigma_1 |v|/g(v)). It allows a bristle at its largest deflection
+        against the motion at any speed, and so grows with ``|v|`` without limit.
         """
         level = self.coulomb_level + (self.static_level - self.coulomb_level) * np.exp(
             -((velocity / self.stribeck_velocity) ** 2)
@@ -61,14 +61,14 @@ class KnownPlant(ParameterSet):
 @dataclasses.dataclass(frozen=True)
 class IdealValues:
     """
-    The values that the estimates are compared with.
+    Ideal values of the estimates.
 
     Attributes
     ----------
     sigma, mass, phi
-        sigma [V s/um], m [V s^2/um] and phi [V].
+        Ideal values sigma [V s/um], m [V s^2/um] and phi [V].
     weights
-        W* [V], shape (n n,), position index first; zeros where the network takes no part.
+        W* [V], shape (n n,), position index first; zeros if the network is disabled.
     """
 
     sigma: float
@@ -79,11 +79,11 @@ class IdealValues:
 
 def theorem_values(plant: KnownPlant, parameters: AdaptiveNnParameters, region: Region) -> IdealValues:
     """
-    Return the values for the split of the friction that the thesis makes, over a region of position and velocity.
+    Return the values for the thesis's split of the friction, over a region of position and velocity.
 
-    sigma = sigma_1 + sigma_2 as in (4.12), and phi and W* bound (4.13) and d* on a grid over the region. Where S is not
-    a function of the measured state and the initial lattice alone (adaptive widths, network over the reference), W* is
-    zero and phi bounds it all.
+    sigma = sigma_1 + sigma_2 as in (4.12), and phi and W* bound (4.13) and d* on a grid over the region. If S depends
+    on more than the measured state and the initial lattice (adaptive widths, network of the reference), W* is zero and
+    phi is the whole bound.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def theorem_values(plant: KnownPlant, parameters: AdaptiveNnParameters, region: 
     parameters
         The controller.
     region
-        Smallest and largest position [um]; smallest and largest velocity [um/s]. It stands for the compact set Omega.
+        Smallest and largest position [um]; smallest and largest velocity [um/s]. Represents the compact set Omega.
     """
     _check_parts(parameters)
     (x_low, x_high), (v_low, v_high) = region
@@ -119,23 +119,23 @@ def run_values(
     disturbance_bound: float,
 ) -> IdealValues:
     """
-    Return the values for the friction that one run has shown; sigma is free as well.
+    Return the values for the friction observed in one run; sigma is also free.
 
-    They say nothing of another run, but bound this one far more closely: the friction itself stays near g(v), where
-    its bound (4.13) grows with sigma_1 |v|. Any friction model will do.
+    They are not valid for another run, but bound this one much more tightly: the friction itself stays near g(v), where
+    its bound (4.13) grows with sigma_1 |v|. They do not depend on the friction model.
 
     Parameters
     ----------
     mass
-        m [V s^2/um].
+        Mass m [V s^2/um].
     parameters
         The controller.
     friction, velocity
         h [V] and v [um/s] at the ticks.
     network_inputs
-        Position [um] and velocity [um/s] that the network saw at the ticks; None where they are not known: W* is zero.
+        Network inputs position [um] and velocity [um/s] at the ticks; None if unknown, in which case W* is zero.
     disturbance_bound
-        d* [V].
+        Bound d* [V].
     """
     _check_parts(parameters)
     if not parameters.network.enabled or parameters.width.enabled:
@@ -146,10 +146,12 @@ def run_values(
 
 
 def _check_parts(parameters: AdaptiveNnParameters) -> None:
-    """Reject a controller that lacks what the proof cannot do without."""
+    """Reject a controller without the parts that the proof needs."""
     p = parameters
     if p.desired.enabled:
-        allowed = 'false: theorem 4.1 is about the measured v and a_r; docs/controllers.md has the proof of this option'
+        allowed = (
+            'false: theorem 4.1 holds for the measured v and a_r; docs/controllers.md has the proof of this option'
+        )
         raise ParameterError('desired.enabled', True, allowed)
     for name, enabled in (('mass.enabled', p.mass.enabled), ('phi.enabled', p.phi.enabled)):
         if not enabled:
@@ -167,17 +169,17 @@ def _check_parts(parameters: AdaptiveNnParameters) -> None:
             positive |= {f'{name}.gain': gain, f'{name}.leakage': leakage}
     for name, value in positive.items():
         if value <= 0.0:
-            raise ParameterError(name, value, 'above 0, as theorem 4.1 asks')
+            raise ParameterError(name, value, 'above 0, as theorem 4.1 requires')
 
 
 class NetworkAt:
     """
-    W'S at many points, with S as the product of the two axes' activations.
+    W'S at many points, where S is the product of the activations of both axes.
 
     Parameters
     ----------
     parameters
-        The controller, of which the initial lattice counts.
+        The controller; its initial lattice is used.
     inputs
         Positions [um] and velocities [um/s] of the points.
     """
@@ -215,14 +217,14 @@ def _smallest_c2(
     network_inputs: tuple[Array, Array] | None,
 ) -> IdealValues:
     """
-    Return the values with the smallest c2 under |force - sigma v| + demand <= W*'S + phi at every point.
+    Return the values with the smallest c2 under ``|force - sigma v| + demand <= W*'S + phi`` at every point.
 
-    ``force`` counts without sigma v where ``sigma`` is given. Of many thousand inequalities few matter: they are taken
-    in where the solution so far violates them most, and what then still lacks is added to phi.
+    If ``sigma`` is given, ``force`` excludes sigma v. Of many thousand inequalities few are active. They are added
+    where the present solution violates them most; a remaining deficit is added to phi.
     """
     network = None if network_inputs is None else NetworkAt(parameters, network_inputs)
     count = parameters.network.nodes**2
-    # The unknowns are scaled by the roots of their leakages, so that the sum of their squares is 2 c2.
+    # The unknowns are scaled by the square roots of their leakages, so that the sum of their squares is 2 c2.
     phi_scale = parameters.phi.leakage**-0.5
     sigma_scale = parameters.sigma.leakage**-0.5 if sigma is None else 0.0
     weight_scale = parameters.network.leakage**-0.5 if network is not None else 0.0
@@ -259,7 +261,7 @@ def _least_distance(rows: Array, bounds: Array) -> Array:
     """Return the shortest y with ``rows @ y >= bounds`` (a solution must exist)."""
     norms = np.linalg.norm(rows, axis=1)
     scaled = bounds / norms
-    # Of unit order, the residual below is neither tiny nor all but one.
+    # Scaled to order one, so that the residual below is neither tiny nor almost one.
     largest = scaled.max()
     system = np.vstack(((rows / norms[:, None]).T, scaled / largest))
     target = np.zeros(len(system))

@@ -1,4 +1,4 @@
-"""Margin of |r| to the bound of theorem 4.1 during a run, for the diagnostics."""
+"""Margin of ``|r|`` to the bound of theorem 4.1 during a run, for the diagnostics."""
 
 import threading
 from collections.abc import Mapping
@@ -14,31 +14,31 @@ if TYPE_CHECKING:
 
 class CertificateMargin:
     """
-    The bound on |r| of theorem 4.1 less |r|, from the drive's known constants.
+    Bound of theorem 4.1 on ``|r|`` minus ``|r|``, from the drive's known constants.
 
-    The theorem's constants are found in a thread of their own, which takes some tenths of a second: the loop waits for
-    nothing. The region of (4.13) is that of the network's lattice.
+    The constants of the theorem are computed in a separate thread, which takes some tenths of a second; the loop does
+    not wait for it. The region of (4.13) is that of the network's lattice.
 
     Parameters
     ----------
     controller, plant
-        The controller and the drive as they stand at tick 0.
+        Parameters of the controller and the drive at tick 0.
     first_r
         r at tick 0 [um/s].
     """
 
     def __init__(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
         self.why_not = ''
-        """Why there is no certificate; empty if there is one or will be."""
+        """Reason for a missing certificate; empty if it is available or pending."""
         self._monitor: CertificateMonitor | None = None
         self._ideal_values_are_allowed = True
         if plant.friction.model != 'lugre':
-            self.why_not = f'the theorem is about LuGre friction, not {plant.friction.model}'
+            self.why_not = f'theorem 4.1 requires LuGre friction, not {plant.friction.model}'
         else:
             threading.Thread(target=self._find, args=(controller, plant, first_r), daemon=True).start()
 
     def _find(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
-        # They bring scipy, which takes longer to import than all else that the node needs before it can begin.
+        # Imported late: they load scipy, which takes longer than everything else that the node needs to start.
         from hdd_servo_ros.stability.bounds import CertificateMonitor, projection_allows
         from hdd_servo_ros.stability.certificate import known_plant
         from hdd_servo_ros.stability.ideal_values import theorem_values
@@ -60,11 +60,11 @@ class CertificateMargin:
 
     @property
     def ideal_values_are_allowed(self) -> bool:
-        """Whether projection, if on, allows the theorem's ideal values; true as long as they are not known."""
+        """Whether the projection bounds, if enabled, contain the ideal values; true while these are unknown."""
         return self._ideal_values_are_allowed
 
     def at(self, time: float, r: float) -> Mapping[str, float] | None:
-        """Return bound and margin [um/s] at a time [s], None as long as they are not known."""
+        """Return bound and margin [um/s] at a time [s], None while they are unknown."""
         if self._monitor is None:
             return None
         return {'margin': self._monitor.margin(time, r), 'bound on |r|': self._monitor.limit(time)}

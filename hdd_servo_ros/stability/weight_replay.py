@@ -16,7 +16,7 @@ _PIECE = 8192
 
 
 class WeightReplayError(ValueError):
-    """A replay that does not give what was recorded."""
+    """Replay that differs from the recording."""
 
     exit_code = UNREADABLE
 
@@ -33,18 +33,18 @@ def replay_weights(
     estimates: Array,
 ) -> Iterator[tuple[slice, Array, Array]]:
     """
-    Iterate over a run in pieces: the ticks, W_hat and the compensator's weights as used at each.
+    Iterate over a run in pieces: the ticks, W_hat and the compensator's weights as used at each tick.
 
-    The weights are too many for a topic, but the controller is a function of its inputs: fed with the recorded ones it
-    goes through the same states, to the bit, and its commands through the DSP's output to the same voltages. That it
-    does is checked at every tick, on everything that was recorded.
+    The weights are too many for a topic, but the controller is a function of its inputs: given the recorded inputs, it
+    passes through bit-identical states, and its commands through the DSP's output give the same voltages. This is
+    checked at every tick, for all recorded values.
 
     Parameters
     ----------
     parameters, dsp
-        The controller, and what lies between its law and `/control`; neither changes during the run.
+        Parameters of the controller and of the DSP between its law and `/control`; neither changes during the run.
     drive_limit
-        Largest magnitude of voltage that the drive takes [V].
+        Largest magnitude of the drive's input voltage [V].
     sample_time
         T [s].
     scales
@@ -52,12 +52,12 @@ def replay_weights(
     reference, ldv
         Rows of ticks 0 to N: x_d, dx_d, ddx_d; displacement and velocity output [V] (further columns are ignored).
     control, estimates
-        What was recorded: `/control`, u, u before the limit and its feedback part; the estimates.
+        Recorded `/control` (u, u before the limit and its feedback part), and estimates.
 
     Raises
     ------
     WeightReplayError
-        If the replay differs from the record; says where and what.
+        If the replay differs from the recording; reports the tick and the signal.
     """
     controller = AdaptiveNn(parameters, sample_time)
     output = Dsp(dsp, sample_time, drive_limit)
@@ -85,7 +85,7 @@ def replay_weights(
             row, column = (int(index) for index in wrong[0])
             name = (*names, 'u', 'u before the limit', '-k r')[column]
             raise WeightReplayError(
-                f'replayed from the bag, the controller does not do what was recorded: at tick {start + row} {name} is '
+                f'the replayed controller differs from the recording: at tick {start + row} {name} is '
                 f'{float(replayed[row, column])!r}, but {float(recorded[start + row, column])!r} was recorded'
             )
         yield piece, weights, compensator

@@ -382,11 +382,11 @@ def test_adapting_widths_count_at_their_widest():
     assert wide > controller_of().gain_on_r + 0.1
 
 
-def test_warns_of_fragile_constants_only():
+def test_warns_of_a_low_stability_margin_only():
     # k + 1/sigma_phi + max(S'S)/sigma_w = 10 + 10 + something above 1
     assert controller_of(safe_gain=25.0).warnings() == ()
     (warning,) = controller_of(safe_gain=20.0).warnings()
-    assert 'fragile' in warning
+    assert 'low stability margin' in warning
     assert controller_of(**{'safe_gain': 20.0, 'phi.enabled': False}).warnings() == ()
     assert controller_of(safe_gain=0.0).warnings() == ()
 

@@ -203,7 +203,7 @@ def test_it_can_do_what_the_class_can_do_and_no_more():
 @pytest.mark.parametrize(
     ('body', 'said'),
     [
-        (lambda self: 3, 'mine: fault returned 3, not a text, at tick 4'),
+        (lambda self: 3, 'mine: fault returned 3, not a string, at tick 4'),
         (lambda self: 1 / 0, 'mine: fault raised ZeroDivisionError'),
     ],
 )
@@ -217,7 +217,9 @@ def test_a_fault_that_is_no_text_is_the_reason_then(body, said):
 def test_warnings_are_texts(answer):
     kind = type('Cautious', (Proportional,), {'warnings': lambda self: answer})
     controller = OutsideController('mine', kind, Gain(), T)
-    with pytest.raises(ControllerError, match=r'^mine: warnings returned .*, not a list or tuple of texts, at tick 0$'):
+    with pytest.raises(
+        ControllerError, match=r'^mine: warnings returned .*, not a list or tuple of strings, at tick 0$'
+    ):
         controller.warnings()
 
 

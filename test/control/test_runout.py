@@ -250,14 +250,14 @@ def test_orders_above_half_the_sampling_frequency_are_rejected():
     with pytest.raises(ParameterError, match=r'runout.orders: \(1, 42\); expected below 41.67'):
         make('harmonics', 1e-4, orders=(1, 42))
     for orders in ((), (2, 2)):
-        with pytest.raises(ParameterError, match='at least one order, each once'):
+        with pytest.raises(ParameterError, match='at least one order, without repetition'):
             RunoutParameters(orders=orders)
 
 
 @pytest.mark.parametrize(
     ('lists', 'text'),
     [
-        ({'numerators': (1.0, 2.0)}, 'b2, b1, b0 of each resonance'),
+        ({'numerators': (1.0, 2.0)}, 'three numbers b2, b1, b0 per resonance'),
         ({'numerators': (0.0, 0.0, 1.0)}, '3 numbers, as many as numerators'),
         ({'numerators': (0.0, 0.0, 1.0), 'denominators': (1.0, 0.0, 1.0)}, 'above 0'),
     ],

@@ -325,7 +325,7 @@ def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys)
     warning = "def warnings(self): return 'mind'\n    def update("
     module = write(tmp_path, GOOD, ('def update(', warning))
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', 'record:=false']) == 2
-    said = "simulate: spring: warnings returned 'mind', not a list or tuple of texts, at tick 0\n"
+    said = "simulate: spring: warnings returned 'mind', not a list or tuple of strings, at tick 0\n"
     assert capsys.readouterr().err.endswith(said)
 
 

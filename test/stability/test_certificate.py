@@ -119,7 +119,7 @@ def test_c1_holds_2k_over_m_and_not_2k():
 
 def test_a_jump_of_the_reference_breaks_the_bounds_and_is_reported():
     certificates, kept = run(4000, reference={'amplitude': 10.0, 'start_time': 0.2})
-    assert not kept['reference without jumps'].holds
+    assert not kept['reference without steps'].holds
     for_run = certificates[1]
     violated = {each.name: each for each in for_run.checks if each.violations}
     assert {'V  (4.33)', '|r|  (i)', '|r|  (ii), over time'} <= violated.keys()
@@ -184,13 +184,13 @@ def test_conditions_that_are_not_kept_are_named():
     broken = {name for name, each in kept.items() if not each.holds}
     assert broken >= {
         'rigid body',
-        'state read exactly',
-        'true sgn',
+        'state measured exactly',
+        'exact sgn',
         'no saturation',
-        'the whole r in the laws',
-        'reference without jumps',
-        'projection onto sets that hold the ideal values (theorem)',
-        'projection onto sets that hold the ideal values (run)',
+        'unlimited r in the laws',
+        'reference without steps',
+        'projection bounds contain the ideal values (theorem)',
+        'projection bounds contain the ideal values (run)',
     }
 
 
@@ -256,10 +256,10 @@ def test_omega_is_compared_in_position_and_velocity():
     assert far == pytest.approx(0.1 + largest_r)
     assert quick == pytest.approx(0.1 + 2.0 * largest_r)
     assert f'x from {-far:.3g} to ' in condition.detail
-    assert f' to {5.0 + quick:.3g}, and the run went' in condition.detail
+    assert f' to {5.0 + quick:.3g}; the run covers ' in condition.detail
 
 
-def test_the_network_over_a_shaped_reference_sees_the_reference_as_the_law_takes_it():
+def test_the_network_over_a_shaped_reference_gets_the_reference_as_the_law_receives_it():
     shaping = {'network.input': 'reference', 'shaping.share': 0.5, 'shaping.delay': 0.01, 'network.initial': (1.0,)}
     sections = {
         **BASE,
@@ -289,7 +289,7 @@ OUTPUT = ('no saturation', 'no quantization of u', 'no computation delay')
             'no quantization of u',
             'dsp.dac_bits 8: u rounded by up to 0.78',
         ),
-        ({'dsp.dac_range': 5.0}, 'no saturation', 'dsp.dac_range lets 5 out'),
+        ({'dsp.dac_range': 5.0}, 'no saturation', 'the limit of dsp.dac_range is 5'),
         ({'dsp.dac_range': 200.0}, None, ''),
     ],
 )
@@ -357,11 +357,11 @@ def test_command_for_a_run_through_the_dsp(tmp_path, capsys):
     assert main([str(directory)]) == 0
     printed = ' '.join(capsys.readouterr().out.split())
     assert 'no quantization of u NOT kept dsp.dac_bits 16: u rounded by up to' in printed
-    assert 'no computation delay NOT kept dsp.computation_delay 1: u 0.0001 s late' in printed
+    assert 'no computation delay NOT kept dsp.computation_delay 1: u delayed by 0.0001 s' in printed
     file = directory / 'run.yaml'
     file.write_text(file.read_text().replace('dsp.dac_bits: 16', 'dsp.dac_bits: 15'))
     assert main([str(directory)]) == 3
-    assert 'does not do what was recorded: at tick' in capsys.readouterr().err
+    assert 'the replayed controller differs from the recording: at tick' in capsys.readouterr().err
 
 
 def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
@@ -376,7 +376,7 @@ def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
     tampered = recorded(tmp_path / 'tampered')
     file = tampered / 'run.yaml'
     file.write_text(file.read_text().replace('feedback_gain: 10.0', 'feedback_gain: 11.0'))
-    assert 'does not do what was recorded: at tick 0 u is' in rejection(tampered)
+    assert 'the replayed controller differs from the recording: at tick 0 u is' in rejection(tampered)
     with pytest.raises(SystemExit, match='2'):
         main([str(weak), '--disturbance', '-3'])
     assert '--disturbance -3 is no bound' in capsys.readouterr().err

@@ -76,7 +76,7 @@ def test_a_run_through_the_dsp_is_replayed_to_the_bit(values, recorded):
     dsp = DspParameters(**values)
     # It raises where one bit of one recorded number differs.
     assert sum(len(weights) for _, weights, _ in replayed(rows, dsp=dsp)) == 3000
-    with pytest.raises(WeightReplayError, match='does not do what was recorded'):
+    with pytest.raises(WeightReplayError, match='the replayed controller differs from the recording'):
         replayed(rows)
     control = rows.control.copy()
     control[2500, 0] = np.nextafter(control[2500, 0], 1.0)
