@@ -1,7 +1,7 @@
 """
-Parameters: how a block declares them, the files and command lines that set them, and how they change during a run.
+Parameters: their declarations, the files and command lines that set them, and their changes during a run.
 
-The names of :mod:`~hdd_servo_ros.parameters.declaration` are offered here.
+Exports the names of :mod:`~hdd_servo_ros.parameters.declaration`.
 """
 
 from hdd_servo_ros.parameters.declaration import (

@@ -1,8 +1,8 @@
 """
-Parameters of a block: one declaration that serves the block, its node and the documents.
+Parameters of a block: one declaration for the block, its node and the documentation.
 
-A block's parameters are a frozen dataclass whose fields are made by :func:`parameter`. From that one declaration come
-the checks at construction, the ROS 2 descriptors and the help texts. Nested dataclasses give dotted names
+The parameters of a block are a frozen dataclass with fields made by :func:`parameter`. Each declaration provides the
+checks at construction, the ROS 2 descriptor and the help text. Nested dataclasses give dotted names
 (``friction.stiffness``).
 """
 
@@ -79,7 +79,7 @@ class InvalidParameterError(ParameterError):
 
 class UnknownParameterError(ParameterError):
     """
-    Parameter name that nothing declares.
+    Parameter name that is not declared.
 
     The message reads ``unknown parameter NAME; HINT``. The hint is the argument ``allowed`` of :class:`ParameterError`,
     and may be empty.
@@ -93,12 +93,12 @@ class UnknownParameterError(ParameterError):
 @dataclasses.dataclass(frozen=True)
 class Declaration:
     """
-    What is declared of one parameter: meaning, unit and allowed values.
+    Declaration of one parameter: meaning, unit and allowed values.
 
     Raises
     ------
     ParameterError
-        By :meth:`check`, for a value that is not allowed.
+        From :meth:`check`, for a value that is not allowed.
 
     Examples
     --------
@@ -117,14 +117,14 @@ class Declaration:
     minimum: float = -math.inf
     maximum: float = math.inf
     above: float = -math.inf
-    """An exclusive lower bound."""
+    """Exclusive lower bound."""
     choices: tuple[str, ...] = ()
     read_only: bool = False
-    """A read-only parameter is fixed once its node has started."""
+    """Whether the value is fixed once the node has started."""
     element: type = float
-    """Type of the elements of a list whose default is empty."""
+    """Type of the elements of a list with an empty default."""
     equation: str = ''
-    """Number of the thesis's equation that has the parameter, such as ``'4.16'``; empty for none."""
+    """Number of the thesis's equation with this parameter, such as ``'4.16'``; empty for none."""
 
     @property
     def is_sequence(self) -> bool:
@@ -133,15 +133,15 @@ class Declaration:
 
     @property
     def element_type(self) -> type:
-        """The type of the value, or of a list's elements."""
+        """Type of the value, or of the elements of a list."""
         if isinstance(self.default, tuple):
             return type(self.default[0]) if self.default else self.element
         return type(self.default)
 
     @property
     def allowed(self) -> str:
-        """The allowed values, in words."""
-        kind = {bool: 'true or false', int: 'an integer', float: 'a finite number', str: 'a text'}[self.element_type]
+        """Description of the allowed values; fits after "expected"."""
+        kind = {bool: 'true or false', int: 'an integer', float: 'a finite number', str: 'a string'}[self.element_type]
         text = ' '.join([self._choices or kind, self._bounds]).strip()
         if self.is_sequence:
             text = f'a list, each element {text}'
@@ -149,14 +149,14 @@ class Declaration:
 
     @property
     def type_and_range(self) -> str:
-        """The ROS type of the value and what is allowed of it, for tables."""
+        """ROS type of the value and its allowed range, for tables."""
         kind = {bool: 'bool', int: 'int', float: 'float', str: 'string'}[self.element_type]
         kind = f'list of {kind}' if self.is_sequence else kind
         return ', '.join(part for part in (kind, self._choices, self._bounds) if part)
 
     @property
     def description_with_equation(self) -> str:
-        """The description followed by the number of the equation, for help texts."""
+        """Description with the number of the thesis's equation, for help output."""
         return f'{self.description} (thesis eq. {self.equation})' if self.equation else self.description
 
     @property
@@ -176,12 +176,12 @@ class Declaration:
 
     def check(self, value: object) -> Value:
         """
-        Return ``value`` in the declared type.
+        Return ``value``, converted to the declared type.
 
         Raises
         ------
         ParameterError
-            If the type is another, the value is not finite, or it lies outside of the bounds or choices.
+            If the value has another type, is not finite, or is outside the bounds or choices.
         """
         if not self.is_sequence:
             return cast(Value, self._check_element(value, value))
@@ -225,23 +225,23 @@ def parameter(
     Parameters
     ----------
     default
-        Value where nothing else is given; its type is that of the parameter, a tuple makes a list.
+        Default value; its type is that of the parameter. A tuple declares a list.
     description
-        Meaning, in a line for help texts and documents.
+        One line for help output and documentation.
     unit
         Unit of the value; empty for a ratio, a count or a seed.
     minimum, maximum
-        Bounds that are allowed themselves.
+        Inclusive bounds.
     above
-        A lower bound that is not allowed itself.
+        Exclusive lower bound.
     choices
-        What a string may be; empty for any.
+        Allowed strings; empty for any.
     read_only
         Whether the value is fixed once the node has started.
     element
-        Type of the elements of a list whose default is empty.
+        Type of the elements of a list with an empty default.
     equation
-        Number of the thesis's equation that has the parameter, such as ``'4.16'``.
+        Number of the thesis's equation with this parameter, such as ``'4.16'``.
 
     Examples
     --------
@@ -265,12 +265,12 @@ def parameter(
 
 def group(parameters: type[Any]) -> Any:
     """
-    Declare a field that holds another parameter dataclass; its names are prefixed with the field's and a dot.
+    Declare a nested parameter dataclass; its names are prefixed with the name of the field and a dot.
 
     Parameters
     ----------
     parameters
-        The dataclass, made by :func:`parameter` as well.
+        The nested dataclass.
 
     Examples
     --------
@@ -290,14 +290,14 @@ def group(parameters: type[Any]) -> Any:
 
 class ParameterSet:
     """
-    Base of the parameter dataclasses: checks every field when constructed.
+    Base class of parameter dataclasses; checks every field on construction.
 
-    A subclass with rules that tie several parameters together overrides :meth:`check_together`.
+    A subclass with rules for several parameters overrides :meth:`check_together`.
 
     Raises
     ------
     ParameterError
-        If a value is not allowed, with its name, the value and what is allowed.
+        If a value is not allowed; reports name, value and allowed values.
 
     Examples
     --------
@@ -323,19 +323,19 @@ class ParameterSet:
         self.check_together()
 
     def check_together(self) -> None:
-        """Check the rules that tie several parameters together; raises :class:`ParameterError`."""
+        """Check rules that involve several parameters; raises :class:`ParameterError`."""
 
 
 def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaration]:
     """
-    Iterate over the declarations of a parameter dataclass, nested ones under their dotted names.
+    Iterate over the declarations of a parameter dataclass, with dotted names for nested ones.
 
     Parameters
     ----------
     parameters
         The dataclass.
     prefix
-        What precedes each name.
+        Prefix of each name.
 
     Examples
     --------
@@ -351,11 +351,11 @@ def declarations(parameters: type[Any], prefix: str = '') -> Iterator[Declaratio
     return iter(_all_declarations(parameters, prefix))  # type: ignore[arg-type]
 
 
-# A process that makes many runs asks for the same declarations hundreds of times in each. (mypy 2.4 takes the hash of a
+# A process that makes many runs uses the same declarations hundreds of times in each. (mypy 2.4 mistakes the hash of a
 # class for that of its instances.)
 @functools.cache
 def _own_declarations(parameters: Any) -> tuple[Declaration, ...]:
-    """Return the declarations of a dataclass's own fields, with their names."""
+    """Return the declarations of the dataclass's own fields, with their names."""
     return tuple(
         dataclasses.replace(field.metadata['declaration'], name=field.name)
         for field in dataclasses.fields(parameters)
@@ -380,12 +380,12 @@ _PACKAGE = __name__.partition('.')[0]
 
 def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: str = '') -> Block:
     """
-    Construct a parameter dataclass from dotted names; what is not named keeps its default.
+    Construct a parameter dataclass from dotted names; missing names keep their defaults.
 
     Raises
     ------
     ParameterError
-        If a name is unknown or a value is not allowed; the error carries the dotted name.
+        If a name is unknown or a value is not allowed; the error has the dotted name.
 
     Examples
     --------
@@ -412,8 +412,8 @@ def from_mapping(parameters: type[Block], values: Mapping[str, object], prefix: 
 
 _CHECKED: dict[tuple[type[Any], str], Any] = {}
 """
-Parameter sets of this package that were constructed before: most of those of a run are the same in the next one, and
-checking them takes longer than a short run.
+Cache of constructed parameter sets of this package: most sets of a run are the same in the next run, and checking them
+takes longer than a short run.
 """
 _MOST_CHECKED = 512
 _PLAIN = frozenset((bool, int, float, str))
@@ -421,9 +421,9 @@ _PLAIN = frozenset((bool, int, float, str))
 
 def _exact(parameters: type[Any], values: Mapping[str, object]) -> tuple[type[Any], str] | None:
     """
-    Return what tells parameters from all others, to the bit and with their types; None where nothing does.
+    Return a key that is unique to these parameters, including their types and bits; None if it cannot exist.
 
-    Sets from outside this package are constructed each time: they need not be the same for ever.
+    Sets of other packages are constructed each time, because they need not be immutable.
     """
     for value in values.values():
         if type(value) is tuple:
@@ -433,7 +433,7 @@ def _exact(parameters: type[Any], values: Mapping[str, object]) -> tuple[type[An
             return None
     if parameters.__module__.partition('.')[0] != _PACKAGE or not parameters.__dataclass_params__.frozen:
         return None
-    # The shortest text of a float is that of no other one, with the sign of zero.
+    # The shortest decimal representation of a float is unique, including the sign of zero.
     return parameters, repr(list(values.items()))
 
 
@@ -462,12 +462,12 @@ def _constructed(parameters: type[Block], values: Mapping[str, object], prefix: 
 
 def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Return parameters as messages and ``run.yaml`` hold them, with the tuples of the dataclasses for their lists.
+    Return parameters with lists converted to tuples, as the dataclasses hold them.
 
     Parameters
     ----------
     values
-        Parameters by name.
+        Parameters by name, from messages or ``run.yaml``.
 
     Examples
     --------
@@ -480,14 +480,14 @@ def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def to_mapping(values: object, prefix: str = '') -> dict[str, Value]:
     """
-    Return a parameter dataclass as dotted names and values, in the order of declaration.
+    Return the values of a parameter dataclass by dotted name, in the order of declaration.
 
     Parameters
     ----------
     values
         An instance of a parameter dataclass.
     prefix
-        What precedes each name.
+        Prefix of each name.
 
     Examples
     --------

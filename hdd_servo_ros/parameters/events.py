@@ -1,4 +1,4 @@
-"""``rcl_interfaces/ParameterEvent`` as bytes, without ROS: what a node changed, and at which tick."""
+"""``rcl_interfaces/ParameterEvent`` as bytes, without ROS: the changes of a node, and their tick."""
 
 import dataclasses
 import functools
@@ -29,7 +29,7 @@ _DTYPES: dict[type, Any] = {bool: np.bool_, int: np.int64, float: np.float64}
 
 @functools.cache
 def _typestore() -> Any:
-    # Late: it takes longer to load than most bags take to read.
+    # Imported late: it takes longer to load than most bags take to read.
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -37,7 +37,7 @@ def _typestore() -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class NodeChange:
-    """What a node changed at once: full name, time of the first tick for which it holds [ns], values by name."""
+    """Simultaneous changes of a node: full name, time of the first tick with the new values [ns], values by name."""
 
     node: str
     time_ns: int
@@ -45,7 +45,7 @@ class NodeChange:
 
 
 def pack_parameter_event(change: NodeChange) -> bytes:
-    """Return the message that a node publishes when its parameters have been changed."""
+    """Return the message that a node publishes after a change of its parameters."""
     types = _typestore().types
     stamp = types['builtin_interfaces/msg/Time'](*divmod(change.time_ns, NANOSECONDS))
     parameter, parameter_value = (types[f'rcl_interfaces/msg/{name}'] for name in ('Parameter', 'ParameterValue'))
@@ -78,9 +78,9 @@ def unpack_parameter_event(message: bytes) -> NodeChange:
 
 def change_of_event(event: Any) -> NodeChange:
     """
-    Return what a ``ParameterEvent`` says, be it the class of rclpy or of rosbags.
+    Return the changes in a ``ParameterEvent`` of rclpy or rosbags.
 
-    A list that was empty before counts as changed, though ROS calls it new.
+    Lists that were empty before count as changed, although ROS reports them as new.
     """
     time = event.stamp.sec * NANOSECONDS + event.stamp.nanosec
     changed = (*event.new_parameters, *event.changed_parameters)
@@ -89,16 +89,16 @@ def change_of_event(event: Any) -> NodeChange:
 
 def why_not_recordable(change: NodeChange, event: Any, parameters: Mapping[str, Any]) -> str:
     """
-    Return why an event cannot be one of a node of the run; an empty text if it can.
+    Return why an event cannot come from the named node of the run; an empty string if it can.
 
     Parameters
     ----------
     change
-        What the event says.
+            The changes in the event.
     event
-        The event itself, as of :func:`change_of_event`.
+        The event itself, see :func:`change_of_event`.
     parameters
-        The node's parameters at tick 0, by name.
+        Parameters of the node at tick 0, by name.
     """
     if change.time_ns < 0 or event.stamp.nanosec >= NANOSECONDS:
         return f'stamp {event.stamp.sec} s {event.stamp.nanosec} ns'
@@ -113,7 +113,7 @@ def why_not_recordable(change: NodeChange, event: Any, parameters: Mapping[str, 
 
 
 def _types_of(value: Any) -> tuple[int, ...]:
-    """Return the types by which an event may give a new value in the place of a value."""
+    """Return the message types with which an event may give a new value of the same parameter."""
     if not isinstance(value, tuple | list):
         return (_SCALARS[type(value)],)
     kinds = (type(value[0]),) if value else tuple(_SCALARS)
@@ -121,7 +121,7 @@ def _types_of(value: Any) -> tuple[int, ...]:
 
 
 def unpack_value(value: Any) -> Value:
-    """Return what a ``ParameterValue`` holds; an empty tuple if it is not set."""
+    """Return the value of a ``ParameterValue``; an empty tuple if it is not set."""
     field = PARAMETER_VALUE_FIELDS.get(value.type)
     if field is None:
         return ()

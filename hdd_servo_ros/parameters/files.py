@@ -1,8 +1,8 @@
 """
-ROS 2 arguments and parameter files read without ROS, for `simulate`.
+ROS 2 arguments and parameter files, parsed without ROS for `simulate`.
 
-The same command line and the same files mean the same as to a ROS node: several files and ``-p`` overlay from left to
-right, node names may hold the wildcards ``*`` (one part) and ``**`` (any parts).
+Command lines and files have the same meaning as for a ROS node: several files and ``-p`` are applied from left to
+right, and node names may contain the wildcards ``*`` (one part) and ``**`` (any number of parts).
 """
 
 import contextlib
@@ -22,21 +22,21 @@ from hdd_servo_ros.parameters.ros_yaml import Parameters, RosYamlError, Section,
 _TOKEN = r'[A-Za-z_][A-Za-z0-9_]*'
 _PARAMETER = re.compile(rf'(?:({_TOKEN}):)?({_TOKEN}(?:[./]{_TOKEN})*):=(.*)', re.DOTALL | re.ASCII)
 QOS_OVERRIDES = 'qos_overrides.'
-QOS_IS_FIXED = 'the quality of service of the topics is fixed, since a run is to lose no message'
+QOS_IS_FIXED = 'the quality of service of the topics is fixed, since a run must not lose messages'
 _QOS = re.compile(rf'(?:{_TOKEN}:)?{re.escape(QOS_OVERRIDES)}', re.ASCII)
-"""A topic in the name of a parameter has slashes, which no other has."""
+"""Only topics in parameter names contain slashes."""
 _FOR_ALL = '/**'
 _LOGS = tuple(
     f'--{switch}-{logs}'
     for switch in ('enable', 'disable')
     for logs in ('rosout-logs', 'stdout-logs', 'external-lib-logs')
 )
-_NO_LOG_CONFIGURATION = 'the logger of ROS, spdlog, takes no configuration; there are --log-level and --log-file-name'
+_NO_LOG_CONFIGURATION = 'the ROS logger, spdlog, has no configuration file; use --log-level and --log-file-name'
 _LEVEL = re.compile(r'(?:[^:]+:=)?(?:debug|info|warn|error|fatal|unset)', re.IGNORECASE)
 
 
 class ArgumentError(ValueError):
-    """A command line or a parameter file that cannot be read; says what and where."""
+    """Command line or parameter file that cannot be read; reports the error and its location."""
 
     exit_code = WRONG_ARGUMENTS
 
@@ -44,21 +44,21 @@ class ArgumentError(ValueError):
 @dataclasses.dataclass
 class RosArguments:
     """
-    A ROS command line.
+    Parsed ROS command line.
 
     Attributes
     ----------
     overrides
-        Node patterns as they were given, and their parameters. A pattern that is given again keeps its place, as with
-        ROS, to which ``node`` and ``/node`` are two; of those that match a node, later ones win.
+        Parameters by node pattern as given. A repeated pattern keeps its position, as in ROS, for which ``node`` and
+        ``/node`` are different patterns. If several patterns match a node, later ones win.
     named
-        The nodes that were named with ``-p``; a file may hold sections for nodes that are not here.
+        Nodes named with ``-p``; a file may have sections for other nodes.
     remaps
-        Remapping of the names of nodes, namespaces and topics.
+        Remap rules for nodes, namespaces and topics.
     others
-        What is none of ROS's.
+        Arguments that are not ROS arguments.
     origins
-        File and line that each of the overrides is from, by pattern and name; those of ``-p`` are not in it.
+        File and line of each override, by pattern and name; without those given by ``-p``.
     """
 
     overrides: dict[str, dict[str, object]] = dataclasses.field(default_factory=dict)
@@ -68,11 +68,11 @@ class RosArguments:
     origins: dict[tuple[str, str], str] = dataclasses.field(default_factory=dict)
 
     def full_name(self, node: str) -> str:
-        """Return what a node is called here, with its namespace, by the name that its executable gives it."""
+        """Return the remapped name of a node with its namespace, given the default name of its executable."""
         return self.remaps.full_name(node)
 
     def parameters_of(self, node: str) -> dict[str, object]:
-        """Return the parameters given for a node, by the name that its executable gives it."""
+        """Return the parameters given for a node, by the default name of its executable."""
         full_name = self.full_name(node)
         values: dict[str, object] = {}
         for pattern, parameters in self.overrides.items():
@@ -81,34 +81,34 @@ class RosArguments:
         return values
 
     def names(self, node: str) -> bool:
-        """Return whether a node is named: by a section of its own in a file or by ``-p``, not by a wildcard for all."""
+        """Return whether a node has its own section in a file or a ``-p``, not only a wildcard for all."""
         full_name = self.full_name(node)
         own = full_name.rpartition('/')[2]
         return any(pattern.rpartition('/')[2] == own and _matches(pattern, full_name) for pattern in self.overrides)
 
     def is_for_all(self, name: str) -> bool:
-        """Return whether a parameter was given for all nodes and for none by its name."""
+        """Return whether a parameter was given only for all nodes, not for a named node."""
         patterns = [pattern for pattern, parameters in self.overrides.items() if name in parameters]
         return bool(patterns) and all(pattern.endswith('*') for pattern in patterns)
 
     def origin(self, parameter: str) -> str:
         """
-        Return the file and line that the value of a parameter is from, an empty text if it is from no file.
+        Return the file and line of a parameter's value, an empty string if it is not from a file.
 
         Parameters
         ----------
         parameter
-            Name of the parameter, with that of its node and a colon before it, or alone.
+            Name of the parameter, with or without its node's name and a colon.
         """
         node, _, name = parameter.rpartition(':')
         patterns = [pattern for pattern, parameters in self.overrides.items() if name in parameters]
-        # `simulate` takes what is for `rig` from a section of its own name as well.
+        # `simulate` also accepts parameters of `rig` in a section of its own name.
         own = [pattern for pattern in patterns if node and _matches(pattern, self.full_name(node))] or patterns
         return self.origins.get((own[-1], name), '') if own else ''
 
     @contextlib.contextmanager
     def naming_files(self) -> Iterator[None]:
-        """Name file and line in an error about a parameter whose value is from a parameter file."""
+        """Add file and line to an error about a parameter whose value is from a parameter file."""
         try:
             yield
         except ParameterError as error:
@@ -119,12 +119,12 @@ class RosArguments:
 
     def check_nodes(self, nodes: Sequence[str]) -> None:
         """
-        Reject a ``-p NODE:PARAMETER`` for a node that there is not.
+        Reject a ``-p NODE:PARAMETER`` for an unknown node.
 
         Raises
         ------
         ArgumentError
-            If a node was named that is none of ``nodes``.
+            If a named node is not in ``nodes``.
         """
         names = list(dict.fromkeys(self.full_name(node) for node in nodes))
         for pattern in self.named:
@@ -134,7 +134,7 @@ class RosArguments:
 
     def check_names(self, program: str, nodes: Sequence[str]) -> None:
         """
-        Reject names that would make several nodes of one process one.
+        Reject names that would give several nodes of one process the same name.
 
         Raises
         ------
@@ -159,7 +159,7 @@ class RosArguments:
 
 def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
     """
-    Read a command line (without the program's name).
+    Parse a command line (without the program's name).
 
     Raises
     ------
@@ -203,7 +203,7 @@ def parse_ros_arguments(arguments: Sequence[str]) -> RosArguments:
 
 def _value_of(argument: str, rest: list[str]) -> str:
     if not rest:
-        raise ArgumentError(f'{argument} wants a value behind it')
+        raise ArgumentError(f'{argument} needs a value')
     return rest.pop(0)
 
 
@@ -224,12 +224,12 @@ def _parse_parameter(text: str) -> Section:
 
 def parse_value(text: str) -> object:
     """
-    Return a parameter's value from its text as ROS reads it, lists as tuples.
+    Parse a parameter value as ROS does; lists become tuples.
 
     Raises
     ------
     ArgumentError
-        If ROS would not take it.
+        If ROS would reject it.
     """
     try:
         return read_value(text)
@@ -251,30 +251,30 @@ def _check_level(text: str) -> None:
 
 def read_parameter_file(path: Path) -> list[Section]:
     """
-    Return node patterns and their parameters from a ROS 2 parameter file, in the file's order.
+    Return node patterns and their parameters from a ROS 2 parameter file, in the order of the file.
 
     Raises
     ------
     ArgumentError
-        If the file cannot be read or is no ROS 2 parameter file.
+        If the file cannot be read or is not a ROS 2 parameter file.
     """
     try:
         return list(read_sections(path.read_bytes()))
     except OSError as error:
         raise ArgumentError(f'parameter file {path}: {error.strerror or error}') from None
     except ValueError as error:
-        # A path with a NUL is one as well.
+        # Also for a path with a NUL character.
         raise ArgumentError(f'parameter file {path}: {error}') from None
 
 
 def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, object]]:
     """
-    Return for each node its parameters under dotted names, whatever the namespace; later files win.
+    Return the parameters of each node by dotted name, for all namespaces; later files win.
 
     Raises
     ------
     ArgumentError
-        If a file cannot be read or is no ROS 2 parameter file.
+        If a file cannot be read or is not a ROS 2 parameter file.
     """
     nodes: dict[str, dict[str, object]] = {}
     for path in paths:
@@ -285,19 +285,19 @@ def read_parameter_files(paths: Iterable[str | Path]) -> dict[str, dict[str, obj
 
 @functools.lru_cache(4096)
 def _matches(pattern: str, full_name: str) -> bool:
-    # As rcl has it, '/**/node' matches '/node' too.
+    # As in rcl, '/**/node' also matches '/node'.
     expression = re.escape('/' + pattern.removeprefix('/')).replace(r'/\*\*', r'(/[^/]+)*').replace(r'\*', '[^/]+')
     return re.fullmatch(expression, full_name) is not None
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint at the most similar of the known names, empty if none is similar."""
+    """Return a hint with the most similar known name, empty if none is similar."""
     similar = difflib.get_close_matches(name, list(known), n=1)
     return f'; did you mean {similar[0]}?' if similar else ''
 
 
 def with_node(error: ParameterError, node: str) -> ParameterError:
-    """Return a parameter error whose name begins with the node's, as it is if it begins with a node's already."""
+    """Return the error with the node's name before the parameter's, unchanged if it already has one."""
     if ':' in error.name:
         return error
     return error.renamed(f'{node}:{error.name}')

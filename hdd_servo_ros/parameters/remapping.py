@@ -1,4 +1,4 @@
-"""Remap rules of a ROS command line, by rcl's grammar and order: the first rule that fits a name decides."""
+"""Remap rules of a ROS command line, with rcl's grammar and order: the first rule that matches a name applies."""
 
 import dataclasses
 import re
@@ -24,18 +24,18 @@ class RemapError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class RemapRule:
     """
-    One rule.
+    Single remap rule.
 
     Attributes
     ----------
     text
-        As given.
+        The rule as given.
     node
-        Name of the node that it is for; empty for all.
+        Name of the node that the rule is for; empty for all.
     name, namespace
-        What a node is called from then on; empty if the rule says something else.
+        New name or namespace of a node; empty for other rules.
     match, replacement
-        Names of topics: absolute, relative, or private to the node (``~/name``); empty likewise.
+        Names of topics: absolute, relative, or private to the node (``~/name``); empty for other rules.
     """
 
     text: str
@@ -47,7 +47,7 @@ class RemapRule:
 
     @classmethod
     def parse(cls, text: str) -> 'RemapRule':
-        """Read a rule; raises :class:`RemapError`."""
+        """Parse a rule; raises :class:`RemapError`."""
         found = _RULE.fullmatch(text)
         if found is None:
             raise RemapError(
@@ -66,22 +66,22 @@ class RemapRule:
         )
 
     def is_for(self, node: str) -> bool:
-        """Return whether the rule is for a node of that name."""
+        """Return whether the rule is for the node with this name."""
         return self.node in ('', node)
 
 
 @dataclasses.dataclass(frozen=True)
 class Remapping:
-    """The rules of a command line, in their order."""
+    """Remap rules of a command line, in order."""
 
     rules: tuple[RemapRule, ...] = ()
 
     def node_name(self, node: str) -> str:
-        """Return what a node is called, by the name that its executable gives it."""
+        """Return the remapped name of a node, given the default name of its executable."""
         return next((rule.name for rule in self.rules if rule.name and rule.is_for(node)), node)
 
     def namespace(self, node: str) -> str:
-        """Return a node's namespace, ``/`` for none; rules name the node by what it is called."""
+        """Return a node's namespace, ``/`` by default; rules match the remapped node name."""
         name = self.node_name(node)
         return next((rule.namespace for rule in self.rules if rule.namespace and rule.is_for(name)), '/')
 
@@ -90,7 +90,7 @@ class Remapping:
         return f'{self.namespace(node).rstrip("/")}/{self.node_name(node)}'
 
     def topic(self, node: str, topic: str) -> str:
-        """Return the full name under which a node knows a topic."""
+        """Return the remapped full name of a node's topic."""
         name = self._expanded(node, topic)
         own = self.node_name(node)
         for rule in self.rules:

@@ -1,9 +1,9 @@
 """
-YAML as rcl reads it: scalars by the rules of C, lists of one type, no aliases, and node names with wildcards.
+YAML as rcl reads it: scalars by the rules of C, lists of a single type, no aliases, node names with wildcards.
 
-rcl takes the events of libyaml and gives them a meaning of its own, which neither YAML 1.1 nor 1.2 has: ``010`` is 8,
-``1_000.0`` and ``2001-01-01`` are texts, ``.12e3`` is a number. So this reads the events too. What rcl takes by
-accident (a list in a list, a mapping in a list, a tag) is rejected.
+rcl gives the events of libyaml a meaning that differs from YAML 1.1 and 1.2: ``010`` is 8, ``1_000.0`` and
+``2001-01-01`` are strings, ``.12e3`` is a number. This module therefore reads the events too. Constructs that rcl
+accepts by accident (a list in a list, a mapping in a list, a tag) are rejected.
 """
 
 import json
@@ -27,25 +27,25 @@ _HEXADECIMAL = re.compile(r'[-+]?0[xX]([0-9a-fA-F]+\.?[0-9a-fA-F]*|\.[0-9a-fA-F]
 _INFINITE = re.compile(r'[-+]?([iI][nN][fF]|[iI][nN][fF][iI][nN][iI][tT][yY]|\.inf|\.Inf|\.INF)')
 _NOT_A_NUMBER = re.compile(r'[-+]?([nN][aA][nN]|\.nan|\.NaN|\.NAN)')
 LARGEST_INTEGER = 2**63 - 1
-"""Of 64 bits, as ROS has them."""
+"""Range of the 64-bit integers of ROS."""
 _SMALLEST_NORMAL = 2.0**-1022
 _TEXT_TAG = 'tag:yaml.org,2002:str'
-_KINDS = {bool: 'true or false', int: 'an integer', float: 'a double', str: 'a text'}
+_KINDS = {bool: 'true or false', int: 'an integer', float: 'a double', str: 'a string'}
 _DEEPEST = 32
-"""How deep names may be nested."""
+"""Maximum nesting depth of names."""
 _LONGEST_EXPONENT = 6
 _PART = r'(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)'
 _NODE_NAME = re.compile(rf'/?{_PART}(?:/{_PART})*')
 
 Section = tuple[str, dict[str, object]]
 """
-A node's name as it was given, with or without a slash before it and with wildcards perhaps, and its parameters under
-dotted names, lists as tuples.
+Name of a node as given, with or without a leading slash, possibly with wildcards, and its parameters by dotted name,
+lists as tuples.
 """
 
 
 class Parameters(dict[str, object]):
-    """The parameters of a section; ``lines`` has the line of each, from 1."""
+    """Parameters of a section; ``lines`` has the line number of each, from 1."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -54,14 +54,14 @@ class Parameters(dict[str, object]):
 
 class RosYamlError(ValueError):
     """
-    A text that is no YAML, or YAML that ROS rejects; says which line.
+    Text that is not valid YAML, or YAML that ROS rejects; reports the line.
 
     Parameters
     ----------
     reason
-        What is wrong.
+        Description of the error.
     line
-        Where, from 1; None if that is not known.
+        Line number, from 1; None if it is unknown.
     """
 
     def __init__(self, reason: str, line: int | None = None) -> None:
@@ -72,17 +72,17 @@ class RosYamlError(ValueError):
 
 def read_value(text: str) -> object:
     """
-    Return the value of ``-p NAME:=TEXT``, a list as a tuple.
+    Return the value of ``-p NAME:=TEXT``; lists become tuples.
 
     Raises
     ------
     RosYamlError
-        If ROS would not take it.
+        If ROS would reject it.
     """
     events = _Events(text)
     event = events.next()
     if isinstance(event, yaml.StreamEndEvent):
-        raise RosYamlError('there is no value')
+        raise RosYamlError('the value is missing')
     value = _value(events, event)
     events.end()
     return value
@@ -90,35 +90,35 @@ def read_value(text: str) -> object:
 
 def read_sections(data: bytes) -> Iterator[Section]:
     """
-    Iterate over the sections of a parameter file, in its order.
+    Iterate over the sections of a parameter file, in order.
 
     Raises
     ------
     RosYamlError
-        If ROS would not take it.
+        If ROS would reject it.
     """
     events = _Events(data)
     while not isinstance(event := events.next(), yaml.StreamEndEvent):
         if not isinstance(event, yaml.MappingStartEvent):
-            raise RosYamlError('expected node names at the top', _line(event))
+            raise RosYamlError('expected node names at the top level', _line(event))
         yield from _nodes(events, '')
 
 
 def read_entries(data: bytes) -> dict[str, Any]:
     """
-    Return the entries of a file that holds parameters among other things, such as the specification of a campaign.
+    Return the entries of a file with parameters and other entries, such as the specification of a campaign.
 
-    Its scalars are those of a parameter file, but mappings and lists may hold each other.
+    Scalars are read as in a parameter file, but mappings and lists may be nested in each other.
 
     Raises
     ------
     RosYamlError
-        If it is no mapping, or ROS would not take a scalar, or a key is in a mapping twice.
+        If the content is not a mapping, ROS would reject a scalar, or a mapping has a duplicate key.
     """
     events = _Events(data)
     event = events.next()
     if not isinstance(event, yaml.MappingStartEvent):
-        raise RosYamlError('expected a mapping at the top', None if _is_end(event) else _line(event))
+        raise RosYamlError('expected a mapping at the top level', None if _is_end(event) else _line(event))
     found: dict[str, Any] = _entry(events, event, 0)
     events.end()
     return found
@@ -126,24 +126,24 @@ def read_entries(data: bytes) -> dict[str, Any]:
 
 def written(value: object) -> str:
     """
-    Return a value as a text that :func:`read_value`, and ROS, read to the bit.
+    Return a value as text that :func:`read_value` and ROS read back bit by bit.
 
     Raises
     ------
     TypeError
-        If there is no parameter of that type.
+        If no parameter has this type.
     """
     if isinstance(value, tuple | list):
         return f'[{", ".join(map(written, value))}]'
     if isinstance(value, float) and 0.0 < abs(value) < _SMALLEST_NORMAL:
-        # Of decimal digits C's strtod reports that they are not the number exactly, and ROS takes them for a text.
+        # For decimal digits C's strtod reports an inexact result, and ROS then reads them as a string.
         return value.hex()
-    # JSON is YAML that leaves no doubt about what is a text and what a number.
+    # JSON is YAML with unambiguous strings and numbers.
     return json.dumps(value, ensure_ascii=False)
 
 
 def written_file(sections: Mapping[str, Mapping[str, object]]) -> str:
-    """Return a parameter file of nodes, by their names, and their parameters."""
+    """Return a parameter file with the given parameters by node name."""
     lines = []
     for node, parameters in sections.items():
         lines.append(f'{json.dumps(node, ensure_ascii=False)}:\n  {PARAMETERS}:{"" if parameters else " {}"}')
@@ -152,12 +152,12 @@ def written_file(sections: Mapping[str, Mapping[str, object]]) -> str:
 
 
 def scalar(text: str) -> bool | int | float | str:
-    """Return what ROS takes a bare word for."""
+    """Return the value that ROS reads from a plain scalar."""
     if text in _TRUE or text in _FALSE:
         return text in _TRUE
     if match := _INTEGER.fullmatch(text):
         sign, digits = match.groups()
-        # More digits than any 64 bits have are not worth converting.
+        # Longer than any 64-bit integer: not worth converting.
         if len(digits) <= 24:
             base = 16 if digits[:2] in ('0x', '0X') else 8 if digits[0] == '0' else 10
             value = int(sign + digits, base)
@@ -168,7 +168,7 @@ def scalar(text: str) -> bool | int | float | str:
 
 
 def _double(text: str) -> float | None:
-    """Return the number that ``strtod`` reads, None where it sets ``errno`` or leaves something over."""
+    """Return the number that ``strtod`` reads, None if it sets ``errno`` or does not read all of the text."""
     if _INFINITE.fullmatch(text):
         return -math.inf if text[0] == '-' else math.inf
     if _NOT_A_NUMBER.fullmatch(text):
@@ -188,7 +188,7 @@ def _double(text: str) -> float | None:
 
 
 def _is_exact(text: str, value: float) -> bool:
-    """Return whether a number below the smallest normal one is the double that it is rounded to."""
+    """Return whether a subnormal number is exactly the double to which it is rounded."""
     mantissa, _, exponent = text.lower().partition('e')
     if not mantissa.strip('+-.0'):
         return True
@@ -199,12 +199,12 @@ def _is_exact(text: str, value: float) -> bool:
 
 class _Events:
     """
-    The events of a text, without those that begin and end streams and documents.
+    Events of a YAML text, without the start and end of streams and documents.
 
     Parameters
     ----------
     source
-        A text, or the bytes of a file: libyaml finds out which Unicode they are in.
+        String, or the bytes of a file, whose Unicode encoding libyaml detects.
     """
 
     def __init__(self, source: str | bytes) -> None:
@@ -221,25 +221,25 @@ class _Events:
             except (yaml.YAMLError, UnicodeError) as error:
                 raise _syntax_error(error) from None
             if isinstance(event, yaml.AliasEvent):
-                raise RosYamlError(f'the alias *{event.anchor}: ROS takes none; write the value out', _line(event))
+                raise RosYamlError(f'ROS does not support the alias *{event.anchor}; write the value', _line(event))
             if not isinstance(event, yaml.DocumentStartEvent | yaml.DocumentEndEvent):
                 return event
 
     def end(self) -> None:
         event = self.next()
         if not isinstance(event, yaml.StreamEndEvent):
-            raise RosYamlError('there is more than one value', _line(event))
+            raise RosYamlError('more than one value', _line(event))
 
 
 def _syntax_error(error: Exception) -> RosYamlError:
     mark = getattr(error, 'problem_mark', None)
     if mark is not None:
         reason = getattr(error, 'problem', None) or 'cannot be read'
-        return RosYamlError(f'no YAML: {reason}', mark.line + 1)
+        return RosYamlError(f'invalid YAML: {reason}', mark.line + 1)
     if isinstance(error, yaml.reader.ReaderError):
         where = f' at position {error.position}' if error.position is not None else ''
-        return RosYamlError(f'no YAML: {error.reason}{where}; a file is to be UTF-8')
-    return RosYamlError('no YAML: not UTF-8' if isinstance(error, UnicodeError) else f'no YAML: {error}')
+        return RosYamlError(f'invalid YAML: {error.reason}{where}; the file must be UTF-8')
+    return RosYamlError('invalid YAML: not UTF-8' if isinstance(error, UnicodeError) else f'invalid YAML: {error}')
 
 
 def _line(event: Any) -> int:
@@ -256,27 +256,27 @@ def _key(event: Any) -> str:
 
 def _text(event: Any) -> str:
     if '\0' in event.value:
-        raise RosYamlError(f'{shown(event.value)} holds a NUL character', _line(event))
+        raise RosYamlError(f'{shown(event.value)} contains a NUL character', _line(event))
     return str(event.value)
 
 
 def _value(events: _Events, event: Any) -> object:
-    """Return the value that begins with an event."""
+    """Return the value that starts with an event."""
     if isinstance(event, yaml.ScalarEvent):
         return _scalar(event)
     if isinstance(event, yaml.SequenceStartEvent):
         return _sequence(events, event)
-    raise RosYamlError('a mapping is no value', _line(event))
+    raise RosYamlError('a mapping is not a value', _line(event))
 
 
 def _scalar(event: Any) -> bool | int | float | str:
     text = _text(event)
     if event.tag not in (None, '!', _TEXT_TAG):
-        raise RosYamlError(f'the tag {shown(event.tag)}: the only one is !!str', _line(event))
+        raise RosYamlError(f'the tag {shown(event.tag)} is not allowed; the only one is !!str', _line(event))
     if event.tag is not None or event.style in ("'", '"'):
         return text
     if not text:
-        raise RosYamlError("there is no value; an empty text is ''", _line(event))
+        raise RosYamlError("the value is missing; write '' for an empty string", _line(event))
     return scalar(text)
 
 
@@ -284,13 +284,13 @@ def _sequence(events: _Events, start: Any) -> tuple[object, ...]:
     elements: list[object] = []
     while not isinstance(event := events.next(), yaml.SequenceEndEvent):
         if not isinstance(event, yaml.ScalarEvent):
-            raise RosYamlError('a list holds a list or a mapping', _line(event))
+            raise RosYamlError('a list contains a list or a mapping', _line(event))
         elements.append(_scalar(event))
     kinds = list(dict.fromkeys(type(element) for element in elements))
     if len(kinds) > 1:
         hint = '; write 2.0 for 2' if set(kinds) == {int, float} else ''
         mixed = ' and '.join(_KINDS[kind] for kind in kinds[:2])
-        raise RosYamlError(f'{shown(elements)} holds {mixed}: all are to be of one type{hint}', _line(start))
+        raise RosYamlError(f'{shown(elements)} contains {mixed}; all must have the same type{hint}', _line(start))
     return tuple(elements)
 
 
@@ -299,7 +299,7 @@ def _is_end(event: Any) -> bool:
 
 
 def _entry(events: _Events, event: Any, depth: int) -> Any:
-    """Return what begins with an event: a scalar, a list or a mapping."""
+    """Return the entry that starts with an event: a scalar, a list or a mapping."""
     if isinstance(event, yaml.ScalarEvent):
         return _scalar(event)
     if depth == _DEEPEST:
@@ -313,7 +313,7 @@ def _entry(events: _Events, event: Any, depth: int) -> Any:
     while not isinstance(event := events.next(), yaml.MappingEndEvent):
         key = _key(event)
         if key in entries:
-            raise RosYamlError(f'{shown(key)} is there twice', _line(event))
+            raise RosYamlError(f'{shown(key)} is given twice', _line(event))
         try:
             entries[key] = _entry(events, events.next(), depth + 1)
         except RosYamlError as error:
@@ -322,24 +322,24 @@ def _entry(events: _Events, event: Any, depth: int) -> Any:
 
 
 def _nodes(events: _Events, prefix: str, depth: int = 0) -> Iterator[Section]:
-    """Iterate over the sections of a mapping of node names, whose start has been taken."""
+    """Iterate over the sections of a mapping of node names, after its start event."""
     while not isinstance(event := events.next(), yaml.MappingEndEvent):
         key, line = _key(event), _line(event)
         event = events.next()
         if not isinstance(event, yaml.MappingStartEvent):
-            kind = 'is empty' if isinstance(event, yaml.ScalarEvent) and not event.value else 'holds no mapping'
+            kind = 'is empty' if isinstance(event, yaml.ScalarEvent) and not event.value else 'is not a mapping'
             wanted = 'parameters' if key == PARAMETERS else f'{PARAMETERS} or further names'
-            raise RosYamlError(f'{shown(key)} {kind}: it is to hold {wanted}', line)
+            raise RosYamlError(f'{shown(key)} {kind}; expected {wanted}', line)
         if key != PARAMETERS:
             if depth == _DEEPEST:
                 raise RosYamlError(f'names are nested more than {_DEEPEST} deep', line)
             yield from _nodes(events, _joined(prefix, key), depth + 1)
             continue
         if not prefix:
-            raise RosYamlError(f'there is no node name above {PARAMETERS}', line)
+            raise RosYamlError(f'{PARAMETERS} is not below a node name', line)
         if not _NODE_NAME.fullmatch(prefix):
             allowed = 'letters, digits, _ and /, or as a whole part * or **'
-            raise RosYamlError(f'{shown(prefix)} is no node name: {allowed}', line)
+            raise RosYamlError(f'{shown(prefix)} is not a node name; expected {allowed}', line)
         parameters = Parameters()
         _take_parameters(events, '', parameters, 0)
         yield prefix, parameters
@@ -350,7 +350,7 @@ def _joined(prefix: str, key: str) -> str:
 
 
 def _take_parameters(events: _Events, prefix: str, parameters: 'Parameters', depth: int) -> None:
-    """Take a mapping of parameters, whose start has been taken, under dotted names."""
+    """Read a mapping of parameters, after its start event, into dotted names."""
     is_empty = True
     while not isinstance(event := events.next(), yaml.MappingEndEvent):
         is_empty = False

@@ -1,4 +1,4 @@
-"""Parameters that belong to the run and the lockstep rather than to a block; no ROS import."""
+"""Parameters of the run and the lockstep, not of a block; no ROS import."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -11,19 +11,19 @@ from hdd_servo_ros.parameters.schedule import FORM, Change, parse_schedule
 
 @dataclasses.dataclass(frozen=True)
 class PeerParameters(ParameterSet):
-    """How long a node of the loop waits for others, in wall time."""
+    """Time limits of a loop node for the other nodes, in wall time."""
 
     start_timeout: float = parameter(
         60.0,
-        'before the run: how long to wait for a missing peer since the last change among the peers; 0 waits for ever',
+        'before the run: timeout for a missing node, counted from the last change among the nodes; 0 waits forever',
         unit='s',
         minimum=0.0,
         read_only=True,
     )
     peer_timeout: float = parameter(
         3.0,
-        'during the run: how long a peer may stay silent before the run fails if the loop stands still; three times as '
-        'long while ticks go on',
+        'during the run: the run fails if a node sends nothing for this time and no tick completes, or for three times as '
+        'long while ticks continue',
         unit='s',
         minimum=0.5,
         maximum=60.0,
@@ -32,16 +32,16 @@ class PeerParameters(ParameterSet):
 
 
 LONGEST_RUN = 2.0e9
-"""[s]; a stamp counts its seconds in 31 bits."""
+"""Limit [s]: a ROS time stamp has 31 bits for the seconds."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SampleTimeParameters(ParameterSet):
-    """A node's own idea of T, for those who want it checked."""
+    """Sample time that a node checks against the timer's."""
 
     sample_time: float = parameter(
         0.0,
-        'sample time T that this node insists on; 0 takes the one of deterministic_timer',
+        'sample time T that this node requires; 0 accepts that of deterministic_timer',
         unit='s',
         minimum=0.0,
         read_only=True,
@@ -53,11 +53,11 @@ class TimerParameters(ParameterSet):
     """Parameters of `deterministic_timer`."""
 
     sample_time: float = parameter(
-        1e-4, 'sample time T; a whole number of nanoseconds', unit='s', above=0.0, read_only=True
+        1e-4, 'sample time T; an integer number of nanoseconds', unit='s', above=0.0, read_only=True
     )
     duration: float = parameter(
         1.0,
-        'length of the run; ticks 0 to duration/T; 0 for as long as a node takes that has a plan (signal_analyzer)',
+        'duration of the run, ticks 0 to duration/T; 0 for as long as a node with a plan needs (signal_analyzer)',
         unit='s',
         minimum=0.0,
         maximum=LONGEST_RUN,
@@ -65,28 +65,28 @@ class TimerParameters(ParameterSet):
     )
     rate: float = parameter(
         0.0,
-        'pace: 0 as fast as the graph goes, 1 real time, 0.1 slow motion; the bits do not depend on it',
+        'real-time factor: 0 as fast as possible, 1 real time, 0.1 slow motion; does not affect the results',
         minimum=0.0,
     )
     lookahead: int = parameter(
         2,
-        'how many ticks `/clock` may run ahead of the last `/control`; hides one hop between processes',
+        'number of ticks by which `/clock` may lead the last `/control`; hides one hop between processes',
         unit='ticks',
         minimum=0,
         maximum=16,
         read_only=True,
     )
-    record: bool = parameter(True, 'whether the run waits for a bag_recorder', read_only=True)
+    record: bool = parameter(True, 'wait for a bag_recorder before the run starts', read_only=True)
     autostart: bool = parameter(
-        True, 'whether the ticks begin once all nodes are ready; false waits for ~/start', read_only=True
+        True, 'start the ticks as soon as all nodes are ready; false waits for ~/start', read_only=True
     )
-    progress: bool = parameter(True, 'whether to show progress with the real-time factor')
+    progress: bool = parameter(True, 'show progress with the real-time factor')
     schedule: tuple[str, ...] = parameter(
-        (), f'parameter changes that take effect at exact ticks, each a text {FORM}', read_only=True, element=str
+        (), f'parameter changes at exact ticks, each a string {FORM}', read_only=True, element=str
     )
 
     def check_together(self) -> None:
-        """Reject a T that is no whole number of nanoseconds, and a duration that holds no whole number of ticks."""
+        """Reject a T that is not an integer number of nanoseconds, and a duration that is not a multiple of T."""
         try:
             sample_time_to_nanoseconds(self.sample_time)
         except ValueError:
@@ -95,7 +95,7 @@ class TimerParameters(ParameterSet):
             ) from None
         if self.duration == 0.0:
             if self.schedule:
-                allowed = 'empty with duration = 0: its times must lie within a duration that is given'
+                allowed = 'empty with duration = 0, since the times must be within a given duration'
                 raise ParameterError('schedule', self.schedule, allowed)
             return
         if abs(self.duration / self.sample_time - self.last_tick) > 1e-6 * self.last_tick or self.last_tick < 1:
@@ -105,30 +105,30 @@ class TimerParameters(ParameterSet):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """The schedule, read and in the order of its ticks."""
+        """The parsed schedule, in the order of its ticks."""
         return parse_schedule(self.schedule, self.sample_time, self.last_tick)
 
     @property
     def last_tick(self) -> int:
-        """N, the number of the last tick; 0 where a node's plan decides, see :func:`last_tick_of_run`."""
+        """N, the number of the last tick; 0 if a node's plan sets it, see :func:`last_tick_of_run`."""
         return round(self.duration / self.sample_time)
 
 
 def last_tick_of_run(timer: TimerParameters, needed: Mapping[str, int]) -> int:
     """
-    Return N of a run.
+    Return the number N of the last tick of a run.
 
     Parameters
     ----------
     timer
         The timer's parameters.
     needed
-        The last tick of each node that has a plan of its own, by the node's name.
+        Last tick of each node with a plan, by node name.
 
     Raises
     ------
     ParameterError
-        If the duration is shorter than a plan, or 0 without any.
+        If the duration is shorter than a plan, or 0 without a plan.
     """
     name = 'deterministic_timer:duration'
     if not needed:
@@ -152,25 +152,27 @@ class RecorderParameters(ParameterSet):
     """Parameters of `bag_recorder`."""
 
     run_dir: str = parameter(
-        '', 'folder of the run; empty makes runs/<date-time>-<controller> below the working folder', read_only=True
+        '',
+        'run directory; empty creates runs/<date-time>-<controller> in the working directory',
+        read_only=True,
     )
     storage: str = parameter('mcap', 'storage of the bag', choices=('mcap', 'sqlite3'), read_only=True)
     compression: str = parameter(
         'none',
-        'compression of an mcap bag, chunk by chunk: a run takes less space and more processor time',
+        'compression of an mcap bag, chunk by chunk; saves disk space and costs processor time',
         choices=('none', 'zstd'),
         read_only=True,
     )
     max_bag_size: int = parameter(
         0,
-        'size beyond which an mcap bag goes on in another file; 0 for one file of any size',
+        'size at which an mcap bag continues in another file; 0 for a single file',
         unit='bytes',
         minimum=0,
         read_only=True,
     )
     max_bag_duration: float = parameter(
         0.0,
-        'simulated time after which an mcap bag goes on in another file; 0 for one file of any duration',
+        'simulated time after which an mcap bag continues in another file; 0 for a single file',
         unit='s',
         minimum=0.0,
         read_only=True,
@@ -183,7 +185,7 @@ class RecorderParameters(ParameterSet):
     )
 
     def check_together(self) -> None:
-        """Reject what only MCAP can do with another storage, and topics that are none of the loop."""
+        """Reject options of MCAP with another storage, and topics outside the loop."""
         if self.storage != 'mcap':
             for name in ('compression', 'max_bag_size', 'max_bag_duration'):
                 default = next(field.default for field in dataclasses.fields(self) if field.name == name)
@@ -201,20 +203,19 @@ class PlaybackParameters(ParameterSet):
 
     recorded_run: str = parameter(
         '',
-        'folder of a recorded run whose /disturbance and /base_acceleration are published again in this run; empty for '
-        'none',
+        'directory of a recorded run whose /disturbance and /base_acceleration are published again; empty for none',
         read_only=True,
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class DriveIdentityParameters(ParameterSet):
-    """What reports need to know of a drive and its motion does not depend on."""
+    """Properties of a drive for reports that do not affect its motion."""
 
     frame_id: str = parameter('seagate_7200_10', 'name of the drive, in the header of every message', read_only=True)
     track_pitch: float = parameter(
         1.016,
-        'track pitch, of which reports give position errors in per cent; 1.016 um is 25000 tracks per inch, 0.254 um '
+        'track pitch, in per cent of which reports give position errors; 1.016 um is 25000 tracks per inch, 0.254 um '
         '100000 and 0.0527 um 482000',
         unit='um',
         above=0.0,

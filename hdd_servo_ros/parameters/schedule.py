@@ -1,4 +1,4 @@
-"""The parameter schedule: which node changes which parameters before it fires for which tick; no ROS import."""
+"""Parameter schedule: changes of parameters of nodes at exact ticks; no ROS import."""
 
 import dataclasses
 import itertools
@@ -21,26 +21,26 @@ from hdd_servo_ros.parameters.ros_yaml import written
 
 FORM = "TIME NODE PARAMETER VALUE, such as '0.5 pid_controller proportional_gain 0.002'"
 THEN = 'then'
-"""What an entry begins with that is a change of its own, made after those that stand before it."""
+"""Prefix of an entry that is a separate change, made after the entries before it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Change:
     """
-    One entry of a schedule.
+    Single entry of a schedule.
 
     Attributes
     ----------
     entry
-        The text, for messages.
+        Text of the entry, for messages.
     tick
-        The first tick for which it holds.
+        First tick with the new value.
     node
-        Name of the node, full if it begins with a slash.
+        Name of the node; a full name if it starts with a slash.
     name, value
-        The parameter and what it is set to.
+        Parameter and its new value.
     then
-        Whether it is a change of its own, made after the entries of the same tick and node that stand before it.
+        Whether it is a separate change, made after the preceding entries of the same tick and node.
     """
 
     entry: str
@@ -51,25 +51,25 @@ class Change:
     then: bool = False
 
     def is_for(self, node: str) -> bool:
-        """Return whether this is for the node of that full name."""
+        """Return whether this entry is for the node with this full name."""
         return node == self.node or ('/' not in self.node and node.rsplit('/', 1)[-1] == self.node)
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
     """
-    What one node changes at once.
+    Simultaneous changes of one node.
 
     Attributes
     ----------
     tick
-        The first tick for which it holds.
+        First tick with the new values.
     values
-        The changed parameters in their declared types.
+        Changed parameters in their declared types.
     sets
-        All parameters of the node from then on.
+        All parameters of the node after the change.
     entry
-        The last entry that it comes from.
+        Last entry of the step.
     """
 
     tick: int
@@ -85,15 +85,15 @@ def parse_schedule(entries: Iterable[str], sample_time: float, last_tick: int) -
     Parameters
     ----------
     entries
-        Texts of the form ``TIME NODE PARAMETER VALUE``, the time in seconds and the value as in a parameter file;
-        those of one tick and node are made together, unless one begins with ``then``.
+        Strings of the form ``TIME NODE PARAMETER VALUE``, with the time in seconds and the value as in a parameter
+        file. Entries of the same tick and node are made together, unless one starts with ``then``.
     sample_time, last_tick
         T [s] and N of the run.
 
     Raises
     ------
     ParameterError
-        If an entry cannot be read, or its time is no tick of the run.
+        If an entry cannot be parsed, or its time does not fall on a tick of the run.
     """
     changes = [_parse(entry, sample_time, last_tick) for entry in entries]
     return tuple(sorted(changes, key=lambda change: change.tick))
@@ -118,19 +118,19 @@ def _parse(entry: str, sample_time: float, last_tick: int) -> Change:
 
 
 def format_entry(time_ns: int, node: str, name: str, value: Value, *, then: bool = False) -> str:
-    """Return an entry for a schedule; :func:`parse_schedule` finds time and value again to the bit."""
+    """Return an entry of a schedule; :func:`parse_schedule` restores time and value exactly."""
     time = Decimal(time_ns).scaleb(-9).normalize()
     return f'{THEN + " " if then else ""}{time:f} {node} {name} {written(value)}'
 
 
 def reject_unknown_nodes(changes: Iterable[Change], nodes: Sequence[str]) -> None:
     """
-    Reject changes of nodes that do not take part.
+    Reject changes of nodes that are not in the run.
 
     Raises
     ------
     ParameterError
-        If a change is for none of ``nodes`` (full names).
+        If a change is for a node that is not in ``nodes`` (full names).
     """
     for change in changes:
         if not any(change.is_for(node) for node in nodes):
@@ -141,14 +141,14 @@ def plan(
     changes: Iterable[Change], node: str, kinds: Sequence[type[Any]], values: Mapping[str, object]
 ) -> tuple[Step, ...]:
     """
-    Check a schedule for one node as far as that can be done before the run.
+    Check a schedule for one node, as far as possible before the run.
 
     Parameters
     ----------
     changes
         Changes of all nodes, in the order of their ticks.
     node
-        The node's full name.
+        Full name of the node.
     kinds
         Its parameter dataclasses.
     values
@@ -157,12 +157,12 @@ def plan(
     Returns
     -------
     tuple of Step
-        What the node changes, in order.
+        Changes of the node, in order.
 
     Raises
     ------
     ParameterError
-        If it has no such parameter, the parameter is read-only, or the value is rejected; names the entry.
+        If a parameter is unknown or read-only, or a value is rejected; names the entry.
     """
     declared = {declaration.name: declaration for kind in kinds for declaration in declarations(kind)}
     present = dict(values)
@@ -196,7 +196,7 @@ def plan(
 
 
 def _groups(changes: Iterable[Change]) -> Iterator[list[Change]]:
-    """Iterate over what is changed at once."""
+    """Iterate over the groups of simultaneous changes."""
     for _, of_tick in itertools.groupby(changes, key=lambda change: change.tick):
         group: list[Change] = []
         for change in of_tick:

@@ -477,7 +477,7 @@ def test_the_command_writes_the_table(tmp_path, capsys):
         ('vary: 3', 'spec.yaml: vary: 3 is not a list of blocks'),
         ('vary: {}', 'spec.yaml: vary: empty block'),
         ('vary: [{}]', 'spec.yaml: vary: empty block'),
-        ('seeds: 2\nseeds: 3', "spec.yaml is invalid: line 2: 'seeds' is there twice"),
+        ('seeds: 2\nseeds: 3', "spec.yaml is invalid: line 2: 'seeds' is given twice"),
         ('vary: ' + 5000 * '[', 'spec.yaml is invalid: line 1: vary: entries are nested more than 32 deep'),
         ('seeds: [99999999999999999999]', 'spec.yaml: seeds: 1e+20 is not an integer'),
         ('files: [spec.yaml]', 'spec.yaml'),

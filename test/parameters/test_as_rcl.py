@@ -239,32 +239,32 @@ def test_a_file_is_what_rcl_takes_it_for(tmp_path, name):
 
 
 REJECTED_FILES = {
-    f'plant:\n{SECTION}': "line 2: 'ros__parameters' is empty: it is to hold parameters",
-    'plant:\n  ros__parameters: [1, 2]\n': 'line 2: .* is to hold parameters',
-    'plant:\n': "line 1: 'plant' is empty: it is to hold ros__parameters or further names",
-    f'plant:\n{SECTION}    x:\n': "line 3: x: there is no value; an empty text is ''",
+    f'plant:\n{SECTION}': "line 2: 'ros__parameters' is empty; expected parameters",
+    'plant:\n  ros__parameters: [1, 2]\n': 'line 2: .* is not a mapping; expected parameters',
+    'plant:\n': "line 1: 'plant' is empty; expected ros__parameters or further names",
+    f'plant:\n{SECTION}    x:\n': "line 3: x: the value is missing; write '' for an empty string",
     f'plant:\n{SECTION}    x: {{}}\n': 'x is an empty mapping',
-    f'plant:\n{SECTION}    a: &a 1\n    b: *a\n': r'line 4: b: the alias \*a',
-    f'plant: &p\n{SECTION}    a: 1\nsensor: *p\n': r'line 4: the alias \*p',
-    'ros__parameters:\n  x: 1\n': 'line 1: there is no node name above',
-    f'/pl*t:\n{SECTION}    x: 1\n': "line 2: '/pl\\*t' is no node name",
-    f'pl.ant:\n{SECTION}    x: 1\n': 'is no node name',
-    f'plant/:\n{SECTION}    x: 1\n': 'is no node name',
-    f'//plant:\n{SECTION}    x: 1\n': 'is no node name',
-    f'/:\n{SECTION}    x: 1\n': 'is no node name',
-    f'plant:\n{SECTION}    x: [1, 2.0]\n': 'line 3: x: .* holds an integer and a double: .*; write 2.0 for 2',
-    f'plant:\n{SECTION}    x: [[1]]\n': 'a list holds a list or a mapping',
-    f'plant:\n{SECTION}    x: {"[" * 5000}\n': 'a list holds a list',
+    f'plant:\n{SECTION}    a: &a 1\n    b: *a\n': r'line 4: b: ROS does not support the alias \*a',
+    f'plant: &p\n{SECTION}    a: 1\nsensor: *p\n': r'line 4: ROS does not support the alias \*p',
+    'ros__parameters:\n  x: 1\n': 'line 1: ros__parameters is not below a node name',
+    f'/pl*t:\n{SECTION}    x: 1\n': "line 2: '/pl\\*t' is not a node name",
+    f'pl.ant:\n{SECTION}    x: 1\n': 'is not a node name',
+    f'plant/:\n{SECTION}    x: 1\n': 'is not a node name',
+    f'//plant:\n{SECTION}    x: 1\n': 'is not a node name',
+    f'/:\n{SECTION}    x: 1\n': 'is not a node name',
+    f'plant:\n{SECTION}    x: [1, 2.0]\n': 'line 3: x: .* contains an integer and a double: .*; write 2.0 for 2',
+    f'plant:\n{SECTION}    x: [[1]]\n': 'a list contains a list or a mapping',
+    f'plant:\n{SECTION}    x: {"[" * 5000}\n': 'a list contains a list',
     f'plant:\n{SECTION}    x: {"{a: " * 200}1{"}" * 200}\n': 'nested more than 32 deep',
     '{a: ' * 200 + '1' + '}' * 200: 'nested more than 32 deep',
     f'plant:\n{SECTION}    ? [a]\n    : 2\n': 'line 3: a list or a mapping cannot be a name',
     f'plant:\n{SECTION}    x: "a\\0b"\n': 'NUL',
-    f'plant:\n{SECTION}    x: a\0b\n': 'no YAML',
+    f'plant:\n{SECTION}    x: a\0b\n': 'invalid YAML',
     f'plant:\n{SECTION}    x: !!binary aGk=\n': 'the tag',
-    '- 1\n': 'line 1: expected node names at the top',
-    'word\n': 'expected node names at the top',
-    'plant: [1\n': 'line 1: .*is to hold',
-    'plant:\n\tx: 1\n': 'line 2: no YAML',
+    '- 1\n': 'line 1: expected node names at the top level',
+    'word\n': 'expected node names at the top level',
+    'plant: [1\n': 'line 1: .*is not a mapping; expected ',
+    'plant:\n\tx: 1\n': 'line 2: invalid YAML',
 }
 
 
@@ -281,7 +281,7 @@ def test_a_file_that_is_rejected_is_named_with_the_line(tmp_path, text):
 def test_a_file_in_latin_1_is_rejected(tmp_path):
     path = tmp_path / 'file.yaml'
     path.write_bytes(f'# fréquence\nplant:\n{SECTION}    x: 1\n'.encode('latin-1'))
-    with pytest.raises(ArgumentError, match=r'file.yaml: no YAML: .*UTF-8'):
+    with pytest.raises(ArgumentError, match=r'file.yaml: invalid YAML: .*UTF-8'):
         parse_ros_arguments(['--ros-args', '--params-file', str(path)])
 
 

@@ -71,7 +71,7 @@ def test_values_as_ros_reads_them(text, value):
     ('arguments', 'match'),
     [
         (['-p', 'x=1'], 'is not NODE:PARAMETER:=VALUE'),
-        (['-p'], 'wants a value'),
+        (['-p'], 'needs a value'),
         (['--params-file', '/does/not/exist.yaml'], 'exist.yaml'),
         (['-r', 'x'], 'is not .*FROM:=TO'),
         (['--frobnicate'], "unknown ROS argument '--frobnicate'"),

@@ -22,17 +22,17 @@ def test_scalars_are_those_of_parameter_files_at_any_depth():
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('', 'expected a mapping at the top'),
-        ('[1]', 'line 1: expected a mapping at the top'),
-        ('a: 1\nb: 2\na: 3', "line 3: 'a' is there twice"),
-        ('a:\n  - b: 1\n    b: 2', "line 3: a: 'b' is there twice"),
-        ('a: {name: , b: 1}', 'line 1: a: name: there is no value'),
-        ('a: &x 1\nb: *x', 'line 2: b: the alias *x: ROS takes none'),
+        ('', 'expected a mapping at the top level'),
+        ('[1]', 'line 1: expected a mapping at the top level'),
+        ('a: 1\nb: 2\na: 3', "line 3: 'a' is given twice"),
+        ('a:\n  - b: 1\n    b: 2', "line 3: a: 'b' is given twice"),
+        ('a: {name: , b: 1}', 'line 1: a: name: the value is missing'),
+        ('a: &x 1\nb: *x', 'line 2: b: ROS does not support the alias *x'),
         ('? [1]\n: 2', 'line 1: a list or a mapping cannot be a name'),
         ('a: ' + 5000 * '[', 'line 1: a: entries are nested more than 32 deep'),
         ('a: ' + 5000 * '{b: ', 'line 1: a: '),
-        ('a: [', 'no YAML'),
-        ('a: 1\n---\nb: 2', 'there is more than one value'),
+        ('a: [', 'invalid YAML'),
+        ('a: 1\n---\nb: 2', 'more than one value'),
     ],
 )
 def test_what_is_not_allowed_is_named_with_its_line(text, message):

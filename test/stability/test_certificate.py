@@ -282,7 +282,7 @@ OUTPUT = ('no saturation', 'no quantization of u', 'no computation delay')
 @pytest.mark.parametrize(
     ('dsp', 'broken', 'said'),
     [
-        ({'dsp.computation_delay': 1}, 'no computation delay', 'dsp.computation_delay 1: u 0.0001 s late, '),
+        ({'dsp.computation_delay': 1}, 'no computation delay', 'dsp.computation_delay 1: u delayed by 0.0001 s, '),
         # Half a step of 200/2^7.
         (
             {'dsp.dac_bits': 8, 'dsp.dac_range': 200.0},

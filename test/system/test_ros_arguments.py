@@ -25,7 +25,7 @@ REJECTED = {
     'configuration of logs': (['--log-config-file', '/nonexistent'], '/nonexistent'),
     'quality of service': (
         ['-p', 'qos_overrides./clock.publisher.depth:=5'],
-        'the quality of service of the topics is fixed, since a run is to lose no message',
+        'the quality of service of the topics is fixed, since a run must not lose messages',
     ),
     'of one node': (['-r', 'reference_generator:reference:=ref2'], 'all nodes are to know it by one'),
     'empty': (['-r', 'reference:='], "-r 'reference:=' is not"),
@@ -47,7 +47,7 @@ REJECTED = {
 FILES: dict[str, tuple[str | bytes, str]] = {
     'empty section': (f'reference_generator:\n{SECTION}', "line 2: 'ros__parameters' is empty"),
     'list': ('reference_generator:\n  ros__parameters: [1, 2]\n', 'line 2:'),
-    'wildcard in a name': (f'/ref*:\n{SECTION}    frequency: 1.0\n', "'/ref*' is no node name"),
+    'wildcard in a name': (f'/ref*:\n{SECTION}    frequency: 1.0\n', "'/ref*' is not a node name"),
     'anchor': (f'reference_generator:\n{SECTION}    phase: &a 1.0\n    offset: *a\n', 'line 4: offset: the alias *a'),
     'latin-1': (f'# fréquence\nreference_generator:\n{SECTION}    frequency: 1.0\n'.encode('latin-1'), 'UTF-8'),
     'quality of service': (
@@ -66,7 +66,7 @@ FILES: dict[str, tuple[str | bytes, str]] = {
         'sample_tme (given in file.yaml, line 3); did you mean sample_time?',
     ),
     'blocks': (f'vcm_plant:\n{SECTION}    gain: -1.0\n', '; given in file.yaml, line 3'),
-    'deep': (f'reference_generator:\n{SECTION}    phase: {"[" * 2000}\n', 'line 3: phase: a list holds a list'),
+    'deep': (f'reference_generator:\n{SECTION}    phase: {"[" * 2000}\n', 'line 3: phase: a list contains a list'),
 }
 
 
