@@ -89,7 +89,7 @@ def test_a_wrong_option_is_one_line_with_a_hint(name, capsys):
     assert not said.out
     (line,) = said.err.splitlines()
     assert line.startswith(f'{name}: ')
-    assert line.endswith(f'{name} --help tells more')
+    assert line.endswith(f'; see {name} --help')
 
 
 def test_a_wrong_option_of_a_subcommand_is_one_line(capsys):

@@ -1,1 +1,1 @@
-"""The contract of the loop: topics and their fields, ticks, messages as bytes, errors, outcomes; no ROS import."""
+"""Contract of the loop: topics and their fields, ticks, messages as bytes, errors, outcomes; no ROS import."""

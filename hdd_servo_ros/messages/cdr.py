@@ -1,9 +1,9 @@
 """
 Loop messages as fixed-layout CDR bytes.
 
-The loop's messages have the same layout at every tick, so one precomputed :class:`struct.Struct` a topic packs and
-unpacks them, several times faster than a general serializer. The bytes are those of ``rclpy.serialization`` with zeros
-in the padding, little-endian; the tests compare them.
+The loop's messages have the same layout at every tick, so one precomputed :class:`struct.Struct` per topic packs and
+unpacks them, several times faster than a general serializer. The bytes equal those of ``rclpy.serialization`` with
+zeros in the padding, little-endian; the tests compare them.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from hdd_servo_ros.messages.ticks import NANOSECONDS
 
 HEADER = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
-"""Where a message that begins with a stamp or a header holds its time."""
+"""Offset of the time in a message that starts with a stamp or a header."""
 
 
 def _aligned(size: int, alignment: int) -> int:
@@ -45,12 +45,12 @@ class ClockCodec:
 
 class ReportCodec:
     """
-    ``std_msgs/Header`` with one ``frame_id``.
+    ``std_msgs/Header`` with a fixed ``frame_id``.
 
     Parameters
     ----------
     frame_id
-        Text of ``frame_id``.
+        The ``frame_id``.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -63,24 +63,24 @@ class ReportCodec:
     def stamp_of(self, message: bytes) -> bytes | None:
         """Return the stamp of a message with this ``frame_id``, None for any other bytes."""
         end = STAMP.stop + len(self._text)
-        # DDS may hand it over with up to three bytes of padding.
+        # DDS may append up to three bytes of padding.
         is_own = message[:2] == HEADER[:2] and message[STAMP.stop : end] == self._text
         return message[STAMP] if is_own and len(message) < end + 4 else None
 
 
 class _StampedCodec:
     """
-    A header with one ``frame_id``, and numbers.
+    Message of a header with a fixed ``frame_id``, and numbers.
 
     Parameters
     ----------
     frame_id
-        Text of ``header.frame_id``.
+        The ``header.frame_id``.
     """
 
     stamp = STAMP
     _width: int
-    """How many float64."""
+    """Number of float64 values."""
 
     def __init__(self, frame_id: str) -> None:
         frame = _string(frame_id)
@@ -89,7 +89,7 @@ class _StampedCodec:
 
 
 class VectorCodec(_StampedCodec):
-    """``geometry_msgs/Vector3Stamped`` with one ``frame_id``."""
+    """``geometry_msgs/Vector3Stamped`` with a fixed ``frame_id``."""
 
     _width = 3
 
@@ -99,12 +99,12 @@ class VectorCodec(_StampedCodec):
 
 
 class AccelerationCodec(_StampedCodec):
-    """``geometry_msgs/AccelStamped`` with one ``frame_id``."""
+    """``geometry_msgs/AccelStamped`` with a fixed ``frame_id``."""
 
     _width = 6
 
     def pack(self, stamp: bytes, linear: Sequence[float], angular: Sequence[float]) -> bytes:
-        """Return the message at ``stamp`` (eight bytes) with a linear and an angular acceleration, (x, y, z) each."""
+        """Return the message at ``stamp`` (eight bytes) with linear and angular acceleration, each (x, y, z)."""
         return self._layout.pack(HEADER, stamp, self._prefix, *linear, *angular)
 
 
@@ -112,7 +112,7 @@ _VECTOR = struct.Struct('<ddd')
 
 
 def unpack_vector(message: bytes) -> tuple[float, float, float]:
-    """Return x, y, z of a ``Vector3Stamped``: its last 24 bytes, whatever the ``frame_id`` is."""
+    """Return x, y, z of a ``Vector3Stamped``: its last 24 bytes, for any ``frame_id``."""
     return _VECTOR.unpack_from(message, -24)
 
 
@@ -126,12 +126,12 @@ def unpack_accelerations(message: bytes) -> tuple[float, float, float, float, fl
 
 class ArrayCodec:
     """
-    ``std_msgs/Float64MultiArray`` of one dimension whose label names the elements.
+    One-dimensional ``std_msgs/Float64MultiArray`` whose label names the elements.
 
     Parameters
     ----------
     names
-        Names of the elements; the first is ``t``, the tick's time [s], since this message type has no header.
+        Names of the elements. The first is ``t``, the time of the tick [s], since this message type has no header.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -146,22 +146,22 @@ class ArrayCodec:
         self.stamp = slice(len(self._prefix), len(self._prefix) + 8)
 
     def pack(self, values: Sequence[float]) -> bytes:
-        """Return the message with ``values``, one for each name."""
+        """Return the message with ``values``, one per name."""
         return self._layout.pack(self._prefix, *values)
 
     def pack_array(self, values: NDArray[np.float64]) -> bytes:
-        """Return the message with the values of a float64 array; several times as fast as number by number."""
+        """Return the message with the values of a float64 array; several times faster than :meth:`pack`."""
         return self._prefix + values.tobytes()
 
 
 def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
     """
-    Return the names in a one-dimensional labeled array message, and where its first element stands.
+    Return the names in a one-dimensional labeled array message, and the offset of its first element.
 
     Raises
     ------
     ValueError
-        If the layout is not the one of :class:`ArrayCodec`.
+        If the layout differs from that of :class:`ArrayCodec`.
     """
     dimensions, length = struct.unpack_from('<II', message, 4)
     if dimensions != 1:
@@ -176,12 +176,12 @@ def array_names_and_offset(message: bytes) -> tuple[tuple[str, ...], int]:
 
 def names_and_start(codec: Codec, message: bytes) -> tuple[tuple[str, ...], int]:
     """
-    Return the names of a message's numbers, and the index of their first byte, counted from the end if negative.
+    Return the names of a message's numbers and the offset of their first byte, counted from the end if negative.
 
     Raises
     ------
     ValueError
-        If a message that names its own numbers is not laid out as :class:`ArrayCodec` does.
+        If a message that names its own numbers does not have the layout of :class:`ArrayCodec`.
     """
     if codec.width is None:
         return array_names_and_offset(message)
@@ -189,7 +189,7 @@ def names_and_start(codec: Codec, message: bytes) -> tuple[tuple[str, ...], int]
 
 
 def numbers(codec: Codec, message: bytes) -> list[float]:
-    """Return the numbers of a message that has some; raises ValueError as :func:`names_and_start` does."""
+    """Return the numbers of a message with numbers; raises ValueError as :func:`names_and_start` does."""
     _, start = names_and_start(codec, message)
     values: Any = memoryview(message)[start:].cast('d')
     return list(values)
@@ -198,16 +198,16 @@ def numbers(codec: Codec, message: bytes) -> list[float]:
 @dataclasses.dataclass(frozen=True)
 class RowLayout:
     """
-    What makes many messages of a type at once: the same bytes as the type's codec makes one by one.
+    Layout for packing many messages of a type at once, with the same bytes as from the type's codec.
 
     Attributes
     ----------
     template
         A message.
     stamp_at
-        Where its time is; None if that is among its numbers.
+        Offset of its time; None if the time is among its numbers.
     width
-        How many float64 are at its end.
+        Number of float64 values at its end.
     """
 
     template: bytes
@@ -216,43 +216,43 @@ class RowLayout:
 
     def fill(self, messages: Messages, stamps: NDArray[np.uint8], values: NDArray[np.float64]) -> None:
         """
-        Complete copies of the template.
+        Fill in copies of the template.
 
         Parameters
         ----------
         messages
-            The copies, shape (n, size); the rows may lie apart.
+            The copies, shape (n, size); the rows need not be contiguous.
         stamps
             Stamp bytes, shape (n, 8); see :func:`stamp_rows`.
         values
-            Numbers of each message, shape (n, width).
+            Numbers of the messages, shape (n, width).
         """
         if self.stamp_at is not None:
             messages[:, self.stamp_at : self.stamp_at + 8].view('<u8')[:, 0] = stamps.view('<u8')[:, 0]
         if self.width:
             numbers = messages[:, -8 * self.width :].view('<f8')
-            # Column by column: a row is too short for a loop of its own.
+            # By columns: a row is too short for a loop of its own.
             for column in range(self.width):
                 numbers[:, column] = values[:, column]
 
 
 def row_layout(codec: Codec, frame_id: str, names: Sequence[str]) -> RowLayout:
     """
-    Return what makes many messages of a type at once.
+    Return the layout for packing many messages of a type at once.
 
     Parameters
     ----------
     codec
         The type.
     frame_id
-        Text of ``header.frame_id``, for a type that has it.
+        The ``header.frame_id``, for types that have it.
     names
-        Names of the elements, for a type that names them.
+        Names of the elements, for types that name them.
 
     Raises
     ------
     KeyError
-        If only single messages are made of this type.
+        If the type is packed message by message only.
     """
     return _ROW_LAYOUTS[codec](frame_id, names)
 

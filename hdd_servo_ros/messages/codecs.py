@@ -1,28 +1,28 @@
-"""The types of the loop's messages, declared once: what each carries and where; see ``cdr.py`` for their bytes."""
+"""Message types of the loop, declared once, with the layout of their numbers; see ``cdr.py`` for their bytes."""
 
 import dataclasses
 
 AXES = ('x', 'y', 'z')
-"""The components of a vector message."""
+"""Components of a vector message."""
 ACCELERATION_COMPONENTS = (*(f'linear.{axis}' for axis in AXES), *(f'angular.{axis}' for axis in AXES))
-"""The components of an acceleration message."""
+"""Components of an acceleration message."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Codec:
     """
-    A message type of the loop.
+    Message type of the loop.
 
     Attributes
     ----------
     type_name
         ROS message type.
     components
-        Names of what a message carries; none if each message names its own numbers.
+        Names of the numbers of a message; empty if each message names its own numbers.
     width
-        How many float64 stand at the end of a message; None if each message says so itself.
+        Number of float64 values at the end of a message; None if each message gives it itself.
     is_stamped
-        Whether a message begins with its time; one that does not, but names its numbers, has the time [s] as the first.
+        Whether a message starts with its time. Otherwise, if it names its numbers, the first one is the time [s].
     """
 
     type_name: str
@@ -39,4 +39,4 @@ ACCELERATIONS = Codec(
 ARRAYS = Codec('std_msgs/msg/Float64MultiArray', (), None, is_stamped=False)
 REPORTS = Codec('std_msgs/msg/Header', ('stamp', 'frame_id'), 0, is_stamped=True)
 CODECS = {codec.type_name: codec for codec in (CLOCKS, VECTORS, ACCELERATIONS, ARRAYS, REPORTS)}
-"""The codecs by the type of their messages."""
+"""Codecs by message type."""

@@ -1,13 +1,13 @@
-"""What a controller gets at a tick."""
+"""Inputs of a controller at a tick."""
 
 from typing import NamedTuple
 
 
 class ControllerInputs(NamedTuple):
     """
-    What a controller gets at tick k, by name; a topic that comes later adds a field and changes no controller.
+    Inputs of a controller at tick k, by name; a future topic adds a field without changing controllers.
 
-    Lengths are in the drive's own unit (um unless its parameter file says otherwise).
+    Lengths are in the unit of the drive (um unless its parameter file sets another).
 
     Examples
     --------
@@ -29,27 +29,27 @@ class ControllerInputs(NamedTuple):
     tick: int
     """Number k of the tick; its time is k T."""
     position: float
-    """Measured head position [um], the sensor's displacement output times the sensor's own scale."""
+    """Measured head position [um]: displacement output of the sensor times its scale."""
     velocity: float
-    """Measured head velocity [um/s], the sensor's velocity output times the sensor's own scale; or the observer's."""
+    """Measured head velocity [um/s]: velocity output of the sensor times its scale, or the observer's estimate."""
     displacement_volts: float
-    """Displacement output of the sensor [V]; with the servo sensor, which has no voltages, the position [um]."""
+    """Displacement output of the sensor [V]; the position [um] with the servo sensor, which has no voltages."""
     velocity_volts: float
-    """Velocity output of the sensor [V]; with the servo sensor the velocity [um/s]."""
+    """Velocity output of the sensor [V]; the velocity [um/s] with the servo sensor."""
     desired_position: float
     """Reference x_d [um]."""
     desired_velocity: float
-    """Its first derivative [um/s]."""
+    """Reference velocity dx_d/dt [um/s]."""
     desired_acceleration: float
-    """Its second derivative [um/s^2]."""
+    """Reference acceleration d2x_d/dt2 [um/s^2]."""
 
 
 NO_INPUTS = ControllerInputs(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""Tick 0 with zeros: what a controller is tried with before a run."""
+"""Tick 0 with zeros, for the trial step of a controller before a run."""
 
 
 class SensorScales(NamedTuple):
-    """How the outputs of a displacement and velocity sensor are scaled."""
+    """Scale factors of a displacement and velocity sensor."""
 
     displacement: float
     """Head displacement per volt [um/V]."""
@@ -58,15 +58,15 @@ class SensorScales(NamedTuple):
 
     @classmethod
     def none(cls) -> 'SensorScales':
-        """Return the scales of a sensor that gives position and velocity as they are."""
+        """Return the scales of a sensor that outputs position and velocity directly."""
         return cls(1.0, 1.0)
 
     def inputs(
         self, tick: int, displacement_volts: float, velocity_volts: float, x_d: float, dx_d: float, ddx_d: float
     ) -> ControllerInputs:
-        """Return what a controller gets for the sensor's outputs [V] and the reference [um, um/s, um/s^2] of a tick."""
+        """Return the controller inputs for the sensor outputs [V] and the reference [um, um/s, um/s^2] of a tick."""
         position, velocity = displacement_volts * self[0], velocity_volts * self[1]
-        # What the class itself does to make one, without the call in between, which takes longer than the rest.
+        # Bypasses the constructor of the class, whose call takes longer than the rest.
         return tuple.__new__(
             ControllerInputs, (tick, position, velocity, displacement_volts, velocity_volts, x_d, dx_d, ddx_d)
         )

@@ -1,37 +1,37 @@
-"""How a run can go wrong, each said in one line."""
+"""Errors of a run, each with a one-line message."""
 
 import math
 from collections.abc import Sequence
 
 _NAMED = 5
 NOT_FINITE = 'not finite at tick'
-"""By this the reason of a run that a signal ended is known: part of the text of :class:`NotFiniteError`."""
+"""Part of the message of :class:`NotFiniteError`; identifies runs that ended with a non-finite signal."""
 
 
 class RunError(Exception):
-    """A run that cannot start or go on."""
+    """Run that cannot start or continue."""
 
 
 class DiskError(RunError, OSError):
-    """A file of the run that cannot be written: names it, and why."""
+    """File of the run that cannot be written; the message has its name and the reason."""
 
     @classmethod
     def of(cls, error: OSError) -> 'DiskError':
-        """Return the same error in one line."""
+        """Return the same error with a one-line message."""
         what = error.strerror or str(error)
         return cls(f'{error.filename}: {what}' if error.filename else what)
 
 
 class WriterError(RunError, RuntimeError):
-    """A process that wrote the bag and has ended or hangs: says why."""
+    """Writer process of the bag that has ended or does not respond; the message has the reason."""
 
 
 class StopRequest(Exception):
-    """Somebody asked the run to end before its last tick."""
+    """Request to end the run before its last tick."""
 
 
 class StampError(RunError):
-    """A message whose stamp is not the one of the expected tick."""
+    """Message whose stamp differs from that of the expected tick."""
 
     def __init__(self, topic: str, expected: int, received: float, publishers: str) -> None:
         kind = 'out of order' if received < expected else 'ahead'
@@ -42,16 +42,16 @@ class StampError(RunError):
 
 class NotFiniteError(RunError):
     """
-    A value that is not a finite number.
+    Value that is not a finite number.
 
     Parameters
     ----------
     topic, tick, node
-        Where it is, and who published it.
+        Topic and tick of the message, and the node that published it.
     values
-        The numbers of the message.
+        Numbers of the message.
     names
-        Their names, of a message that has many: then those that are not finite are named, up to five.
+        Names of the numbers, for a message with many; the error then lists up to five that are not finite.
     """
 
     def __init__(self, topic: str, tick: int, values: Sequence[float], node: str, names: Sequence[str] = ()) -> None:
@@ -65,7 +65,7 @@ class NotFiniteError(RunError):
 
 
 class MissingExtra(RuntimeError):
-    """A package of the extra ``campaign`` that is not installed."""
+    """Missing package of the extra ``campaign``."""
 
     exit_code = 1
 

@@ -1,13 +1,13 @@
 """
-How every executable ends: the one place that catches, prints one line, and chooses the exit code.
+Exit codes and one-line error messages of all executables.
 
 =========  ======================================================================================
 exit code  meaning
 =========  ======================================================================================
-0          done
-1          failed, or different: a run failed, two runs differ, a file cannot be written, a disk is full
-2          wrong arguments or parameters, parameter files among them
-3          a recording or measured data that cannot be read, or that a command cannot work on
+0          success
+1          failed or different: a run failed, two runs differ, a file cannot be written, a disk is full
+2          invalid arguments or parameters, including parameter files
+3          a recording or measured data that cannot be read or is unsuitable for the command
 128 + n    ended by signal n (130 for Ctrl-C)
 =========  ======================================================================================
 """
@@ -28,9 +28,9 @@ from hdd_servo_ros.messages.shown import shown
 
 FAILED, WRONG_ARGUMENTS, UNREADABLE = 1, 2, 3
 TRACEBACK = 'HDD_SERVO_ROS_TRACEBACK'
-"""Environment variable that has an unexpected error shown with its traceback."""
+"""Environment variable that enables the traceback of an unexpected error."""
 EPILOG = (
-    'Exit code: 0 done, 1 failed, 2 wrong arguments or parameters, 3 what is to be read cannot be, 128 + n ended by '
+    'Exit codes: 0 success, 1 failed, 2 invalid arguments or parameters, 3 input cannot be read, 128 + n ended by '
     'signal n.'
 )
 _LONGEST = 1000
@@ -40,21 +40,21 @@ Main = Callable[[Sequence[str] | None], int]
 
 
 class UnreadableError(ValueError):
-    """A recording or measured data that cannot be read, or that a command cannot work on; names the file."""
+    """Recording or measured data that cannot be read or is unsuitable for a command; the message names the file."""
 
     exit_code = UNREADABLE
 
 
 def command(name: str, wrong_input: int = WRONG_ARGUMENTS) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """
-    Decorate the ``main`` of an executable: whatever it raises ends in one line and an exit code.
+    Decorate the ``main`` of an executable so that every exception becomes one line and an exit code.
 
     Parameters
     ----------
     name
-        What the executable is called.
+        Name of the executable.
     wrong_input
-        Exit code of errors about what was given: 2 for arguments and parameters, 3 for one that reads recordings, whose
+        Exit code of errors in the input: 2 for arguments and parameters, 3 for a command that reads recordings, whose
         arguments argparse checks.
     """
 
@@ -69,31 +69,31 @@ def command(name: str, wrong_input: int = WRONG_ARGUMENTS) -> Callable[[Callable
 
 
 def guard(name: str, work: Callable[[], int], wrong_input: int = WRONG_ARGUMENTS) -> int:
-    """Do a command's work; return its exit code, or that of what it raises. See :func:`command`."""
+    """Run the work of a command and return its exit code, or that of its exception. See :func:`command`."""
     use_plain_matplotlib()
     if not sys.warnoptions:
-        # What a computation comes to is checked and told in words; a warning of NumPy names lines of its own.
+        # Results of computations are checked and reported explicitly; warnings of NumPy would name internal lines.
         warnings.simplefilter('ignore')
-    # Names of files need not be UTF-8, and a terminal need not be able to show a unit.
+    # File names need not be UTF-8, and a terminal need not be able to display every unit.
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, 'reconfigure'):
             stream.reconfigure(errors='backslashreplace')
     try:
         code = work()
-        # What a full disk or a closed pipe rejects is to be known here, not while Python ends.
+        # Errors from a full disk or a closed pipe must occur here, not when the interpreter exits.
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         return 128 + signal.SIGINT
     except BrokenPipeError:
-        # The reader has seen enough, which is no failure.
+        # The reader has closed the pipe, which is not an error.
         _give_up_output()
         return 0
     except Exception as error:
         if os.environ.get(TRACEBACK):
             traceback.print_exc()
-        code, line = told(error, wrong_input)
+        code, line = reported(error, wrong_input)
         try:
             sys.stdout.flush()
         except OSError:
@@ -103,19 +103,19 @@ def guard(name: str, work: Callable[[], int], wrong_input: int = WRONG_ARGUMENTS
 
 
 def _give_up_output() -> None:
-    """Have what Python still has to write at its end go nowhere: a second error would change the exit code."""
+    """Discard the remaining output of the interpreter: a second error would change the exit code."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def told(error: Exception, wrong_input: int = WRONG_ARGUMENTS) -> tuple[int, str]:
-    """Return the exit code of an error and the line that it is told in."""
+def reported(error: Exception, wrong_input: int = WRONG_ARGUMENTS) -> tuple[int, str]:
+    """Return the exit code of an error and its one-line message."""
     line = one_line(error)
     code = getattr(error, 'exit_code', None)
     if code is not None:
         return (wrong_input if code == WRONG_ARGUMENTS else code), line
     if isinstance(error, OSError):
-        # One without a number is this package's own, about what was given; so is a folder that is there already.
+        # An OSError without errno is this package's own and concerns the input, as does an existing directory.
         return (wrong_input if error.errno is None or isinstance(error, FileExistsError) else FAILED), line
     if type(error) is ValueError:
         return wrong_input, line
@@ -125,7 +125,7 @@ def told(error: Exception, wrong_input: int = WRONG_ARGUMENTS) -> tuple[int, str
 
 
 def described(error: BaseException) -> str:
-    """Return an error that nobody expected, with the line of this package that it comes from."""
+    """Return an unexpected error in one line, with the line of this package that raised it."""
     frames = ((Path(frame.filename), frame.lineno) for frame in traceback.extract_tb(error.__traceback__))
     own = [f'{path.relative_to(_PACKAGE)}:{line}' for path, line in frames if path.is_relative_to(_PACKAGE)]
     where = f' ({own[-1]})' if own else ''
@@ -133,7 +133,7 @@ def described(error: BaseException) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the text of an error as one line."""
+    """Return the message of an error in one line."""
     if isinstance(error, OSError) and error.strerror and error.filename is not None:
         return f'{os.fsdecode(error.filename)}: {error.strerror}'
     text = error.args[0] if isinstance(error, KeyError) and error.args else str(error)
@@ -144,12 +144,12 @@ def one_line(error: BaseException) -> str:
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
     """
-    Read a recording: what its content leads to, whatever that is, is an error of the recording.
+    Read a recording: every error caused by its content is reported as an error of the recording.
 
     Raises
     ------
     UnreadableError
-        Instead of any error but one that says its exit code, or that a file cannot be written.
+        Instead of any error except those with their own exit code, and of a file that cannot be written.
     """
     try:
         yield

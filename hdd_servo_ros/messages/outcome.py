@@ -1,4 +1,4 @@
-"""How a run ends."""
+"""Outcome of a run."""
 
 import dataclasses
 import signal
@@ -8,12 +8,12 @@ FINISHED = 'finished'
 INTERRUPTED = 'interrupted'
 FAILED = 'failed'
 RECOVERED = 'recovered'
-"""Ended by a crash, and repaired by `recover`: whole up to its last tick."""
+"""Status after a crash and a repair by `recover`: complete up to its last tick."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """How a run ended: status as in ``run.yaml``, the reason in one line, and the signal if one ended it."""
+    """Outcome of a run: status as in ``run.yaml``, one-line reason, and the signal that ended it, if any."""
 
     status: str
     reason: str = ''
@@ -21,7 +21,7 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """0 for a finished run, 1 for a failed one, 128 + signal number for an interrupted one, as shells have it."""
+        """0 for a finished run, 1 for a failed one, 128 + signal number for an interrupted one, as in shells."""
         if self.status == FINISHED:
             return 0
         if self.status == INTERRUPTED:
@@ -33,10 +33,10 @@ FINISHED_OUTCOME = Outcome(FINISHED)
 
 
 def failed(reason: str) -> Outcome:
-    """Return the outcome of a run that went wrong."""
+    """Return the outcome of a failed run."""
     return Outcome(FAILED, reason)
 
 
 def interrupted(reason: str, signal_number: int) -> Outcome:
-    """Return the outcome of a run that a person or a supervisor ended."""
+    """Return the outcome of a run that a user or a supervisor ended."""
     return Outcome(INTERRUPTED, reason, signal_number)

@@ -1,9 +1,9 @@
 """
-matplotlib with its own defaults, whatever the caller's environment says, for executables that draw into files.
+matplotlib with its default settings, independent of the user's environment, for executables that write plots.
 
-A notebook sets ``MPLBACKEND`` to a backend that other interpreters do not have, so that importing matplotlib fails; a
-``matplotlibrc`` in the working folder or the home directory asks for LaTeX, or cannot be read. Both are for the figures
-that their user draws. matplotlib is imported late, or never, so this waits until it is.
+A notebook sets ``MPLBACKEND`` to a backend that other interpreters lack, so that importing matplotlib fails. A
+``matplotlibrc`` in the working or home directory may request LaTeX, or be unreadable. Both are meant for the user's own
+plots. matplotlib is imported late or never, so the settings are applied on import.
 """
 
 import contextlib
@@ -22,13 +22,13 @@ _BACKEND = 'MPLBACKEND'
 
 
 def use_plain_matplotlib() -> None:
-    """Have matplotlib imported with the Agg backend and its own defaults; where it is imported already, it stays."""
+    """Import matplotlib, when it is needed, with the Agg backend and default settings; no effect once imported."""
     if _NAME not in sys.modules and not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Finder())
 
 
 class _Finder(importlib.abc.MetaPathFinder):
-    """Finds matplotlib once, as the others find it."""
+    """Import hook that finds matplotlib once, through the other finders."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -51,7 +51,7 @@ class _Loader(importlib.abc.Loader):
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        # A configuration folder that cannot be written is told in two lines, and what is drawn is the same without.
+        # Suppresses the two-line warning about a read-only configuration directory, which does not affect the plots.
         logging.getLogger(_NAME).setLevel(logging.ERROR)
         with _in_folder(self._defaults), _plain_backend():
             self._loader.exec_module(module)
@@ -59,7 +59,7 @@ class _Loader(importlib.abc.Loader):
 
 @contextlib.contextmanager
 def _in_folder(folder: Path) -> Iterator[None]:
-    """Work in the folder of matplotlib's own ``matplotlibrc``: the working folder is where it looks first."""
+    """Change to the directory of matplotlib's own ``matplotlibrc``, since it searches the working directory first."""
     try:
         here = os.open('.', os.O_RDONLY)
     except OSError:

@@ -1,9 +1,9 @@
 """
-YAML files that anybody may have changed: read whole, or rejected with one kind of error.
+YAML files that users may have edited: parsed completely, or rejected with a single kind of error.
 
-libyaml's loader ends the process where a text is nested some ten thousand deep, and ten lines with aliases make a tree
-of 10^9 elements. So the events are looked at first, which takes no recursion, and a text whose tree is too deep or too
-large is rejected before there is one.
+libyaml's loader crashes the process for some ten thousand nesting levels, and ten lines with aliases make a tree of
+10^9 elements. Therefore the events are checked first, without recursion, and a file whose tree is too deep or too large
+is rejected before it is built.
 """
 
 from pathlib import Path
@@ -12,15 +12,15 @@ from typing import Any
 import yaml
 
 DEEPEST = 100
-"""How deep lists and mappings may be nested."""
+"""Maximum nesting depth of lists and mappings."""
 MOST_REPEATED = 2**22
-"""How much aliases may repeat [characters and elements]."""
+"""Maximum repetition by aliases [characters and elements]."""
 LOADER: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-"""That of libyaml, where PyYAML was built with it: ten times faster."""
+"""libyaml's loader if PyYAML was built with it; ten times faster."""
 
 
 class YamlError(ValueError):
-    """A text that is no YAML, or more of it than is read; says where and why, in one line."""
+    """Invalid YAML, or YAML beyond the size limits; the message has the location and the reason in one line."""
 
 
 def read_yaml(path: Path) -> Any:
@@ -32,18 +32,18 @@ def read_yaml(path: Path) -> Any:
     OSError
         If it cannot be read.
     YamlError
-        If it is no YAML in UTF-8, is nested deeper than :data:`DEEPEST`, or repeats too much by aliases; does not name
-        the file.
+        If it is not YAML in UTF-8, is nested deeper than :data:`DEEPEST`, or repeats too much by aliases; the message
+        does not name the file.
     """
     data = path.read_bytes()
     try:
         return parse_yaml(data.decode())
     except UnicodeDecodeError as error:
-        raise YamlError(f'it is not UTF-8: {error.reason} at byte {error.start}') from None
+        raise YamlError(f'not UTF-8: {error.reason} at byte {error.start}') from None
 
 
 def parse_yaml(text: str) -> Any:
-    """Return the content of a YAML text; see :func:`read_yaml`."""
+    """Return the content of a YAML string; see :func:`read_yaml`."""
     try:
         _check_size(text)
         return yaml.load(text, LOADER)
@@ -54,13 +54,13 @@ def parse_yaml(text: str) -> Any:
         where = '' if mark is None else f'line {mark.line + 1}: '
         raise YamlError(f'{where}{error.problem or error.context}') from None
     except (yaml.YAMLError, ValueError, OverflowError, AttributeError, TypeError) as error:
-        # What PyYAML makes values of does not catch all: a date of month 13, an integer of 5000 digits.
+        # PyYAML's constructors raise other errors for some values: month 13 of a date, an integer of 5000 digits.
         raise YamlError(' '.join(str(error).split())) from None
 
 
 def _check_size(text: str) -> None:
-    """Reject a text that is nested too deep, or that aliases make too large a tree of."""
-    # What each open list or mapping holds so far, aliases written out; the first is the text itself.
+    """Reject a string that is nested too deep, or whose tree is too large because of aliases."""
+    # Sizes of the open lists and mappings, with aliases expanded; the first is the document itself.
     sizes, anchors = [0], ['']
     size_of: dict[str, int] = {}
     repeated = 0
@@ -75,7 +75,7 @@ def _check_size(text: str) -> None:
                 raise YamlError(f'line {_line(event)}: nested more than {DEEPEST} deep')
             sizes.append(1)
             anchors.append(event.anchor or '')
-            # An alias of what it stands in is not known before its end.
+            # An alias of an enclosing node is not defined until that node ends.
             size_of.pop(event.anchor or '', None)
         elif isinstance(event, yaml.CollectionEndEvent):
             size, anchor = sizes.pop(), anchors.pop()
@@ -84,7 +84,7 @@ def _check_size(text: str) -> None:
                 size_of[anchor] = size
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in size_of:
-                raise YamlError(f'line {_line(event)}: the alias *{event.anchor} repeats what is not known')
+                raise YamlError(f'line {_line(event)}: the alias *{event.anchor} is not defined before it')
             size = size_of[event.anchor]
             sizes[-1] += size
             repeated += size

@@ -1,17 +1,17 @@
-"""Values in messages for people: one line, and never longer than a line should be."""
+"""Values in user-visible messages: one line of limited length."""
 
 import reprlib
 
 LONGEST = 80
-"""Characters of a value that a message shows."""
+"""Maximum length of a value in a message [characters]."""
 
 
 def shown(value: object, longest: int = LONGEST) -> str:
     """
-    Return a value as a message shows it: its ``repr``, cut to ``longest`` characters.
+    Return a value for a message: its ``repr``, truncated to ``longest`` characters.
 
-    The ``repr`` is never made whole where it may be huge: a list of lists that repeats itself, or an integer of
-    thousands of digits, which Python rejects to write.
+    The complete ``repr`` is not built if it may be huge: a list of lists that repeats itself, or an integer of
+    thousands of digits, which Python does not convert.
     """
     text = _Repr().repr(value)
     return text if len(text) <= longest else f'{text[: longest - 3]}...'
@@ -25,7 +25,7 @@ class _Repr(reprlib.Repr):
         self.maxstring = self.maxother = 4 * LONGEST
 
     def repr1(self, x: object, level: int) -> str:
-        # Containers within containers would multiply.
+        # The length would multiply with nested containers.
         if level < self.maxlevel - 1:
             self.maxtuple = self.maxlist = self.maxdict = self.maxset = 4
         return super().repr1(x, level)

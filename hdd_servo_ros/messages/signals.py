@@ -1,4 +1,4 @@
-"""The signals of a run: an array per topic of the loop, one row per tick, whoever made them and wherever they are."""
+"""Signals of a run: one array per topic of the loop, one row per tick, independent of source and storage."""
 
 import abc
 import functools
@@ -33,10 +33,10 @@ Array = NDArray[np.float64]
 
 class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
     """
-    The rows of a topic, shape (n, 3) for a vector, whose fields are attributes too: ``control.before_saturation``.
+    Rows of a topic, shape (n, 3) for a vector, with its fields as attributes, such as ``control.before_saturation``.
 
-    Accelerations have the shape (n, 6). Each attribute is a column, shape (n,); the topic's declaration names them, see
-    ``docs/reference/topics.md``.
+    Accelerations have the shape (n, 6). Each attribute is a column, shape (n,). The declaration of the topic names the
+    fields, see ``docs/reference/topics.md``.
     """
 
     fields: tuple[str, ...]
@@ -53,15 +53,15 @@ class SignalArray(np.ndarray[Any, np.dtype[np.float64]]):
         if name in self.fields and self.ndim == 2:
             column: Array = self.view(np.ndarray)[:, self.fields.index(name)]
             return column
-        raise AttributeError(f'no field {name!r}; there are {", ".join(self.fields) or "none"}')
+        raise AttributeError(f'no field {name!r}; fields: {", ".join(self.fields) or "none"}')
 
     def __getitem__(self, key: Any) -> Any:
         found = super().__getitem__(key)
-        # Chosen or reordered columns are no longer those that the topic declares.
+        # Selected or reordered columns no longer match the declaration of the topic.
         return found.view(np.ndarray) if isinstance(key, tuple) and isinstance(found, np.ndarray) else found
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        # What is computed from the rows of a topic has other fields, or none.
+        # Results of computations on the rows of a topic have other fields, or no fields.
         plain = array.view(np.ndarray)
         return plain[()] if plain.ndim == 0 else plain
 
@@ -80,7 +80,7 @@ def _with_fields(rows: Array, fields: tuple[str, ...]) -> SignalArray:
 
 class TimedSignals(abc.ABC):
     """
-    Signals over time by topic, which is all that diagrams need: row i of every array belongs to ``time[i]``.
+    Signals over time by topic, the interface for plots: row i of every array belongs to ``time[i]``.
 
     Lengths and controls are in the drive's :attr:`units`; the fields of each topic are declared in
     :mod:`hdd_servo_ros.messages.topics`.
@@ -103,17 +103,17 @@ class TimedSignals(abc.ABC):
 
     @abc.abstractmethod
     def __getitem__(self, topic: str) -> NDArray[Any]:
-        """Return the rows of a topic by its name; raises KeyError if there are none."""
+        """Return the rows of a topic by its name; raises KeyError if the topic is missing."""
 
     @abc.abstractmethod
     def __contains__(self, topic: str) -> bool:
-        """Return whether there are rows of a topic."""
+        """Return whether the topic has rows."""
 
-    # The topics.
+    # Topics.
 
     @functools.cached_property
     def reference(self) -> SignalArray:
-        """Desired position, velocity and acceleration [um, um/s, um/s^2], shape (n, 3)."""
+        """Desired position [um], velocity [um/s] and acceleration [um/s^2], shape (n, 3)."""
         return self._rows(REFERENCE)
 
     @functools.cached_property
@@ -128,7 +128,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def pes(self) -> SignalArray:
-        """Decoded position error and position [um], number of the sector; shape (n, 3); only with `servo_sensor`."""
+        """Decoded position error and position [um], sector number; shape (n, 3); only with `servo_sensor`."""
         return self._rows(PES)
 
     @functools.cached_property
@@ -138,7 +138,7 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def disturbance(self) -> SignalArray:
-        """Force against u [V], displacement of the track center [um], 0; shape (n, 3); in a run with a disturbance."""
+        """Force against u [V], track center displacement [um], 0; shape (n, 3); only in a run with a disturbance."""
         return self._rows(DISTURBANCE)
 
     @functools.cached_property
@@ -146,34 +146,34 @@ class TimedSignals(abc.ABC):
         """
         Acceleration of the base, shape (n, 6); only in a run whose disturbance moves the base.
 
-        Linear along x, y, z [m/s^2], then angular about x, y, z [rad/s^2]; z is the pivot axis, y the direction of the
-        head's motion.
+        Linear along x, y, z [m/s^2], then angular about x, y, z [rad/s^2]; z is the pivot axis, y the direction of head
+        motion.
         """
         return self._rows(BASE_ACCELERATION)
 
     @functools.cached_property
     def accelerometer(self) -> SignalArray:
-        """Outputs of the two sensors of the base [V], 0; shape (n, 3); only in a run with an accelerometer."""
+        """Outputs of the two accelerometers on the base [V], 0; shape (n, 3); only in a run with an accelerometer."""
         return self._rows(ACCELEROMETER)
 
     @functools.cached_property
     def estimates(self) -> Mapping[str, Array]:
-        """The controller's inner state by name, each of shape (n,); another name's KeyError lists those there are."""
+        """Internal state of the controller by name, shape (n,) each; KeyError for an unknown name lists the known."""
         columns = zip(self.estimate_names, self[ESTIMATES.name].T, strict=True)
         return _Estimates(columns, self._estimate_error())
 
     def _estimate_error(self) -> Callable[[str], KeyError]:
-        """Return what makes the error of an estimate that is not there; it may not hold these signals themselves."""
+        """Return a function that makes the error of an unknown estimate; it must not reference the signals."""
         return KeyError
 
     def _rows(self, topic: LoopTopic) -> SignalArray:
         return SignalArray.of(topic, self[topic.name])
 
-    # What is asked for most.
+    # Frequently used signals.
 
     @property
     def desired_position(self) -> Array:
-        """x_d [um]."""
+        """Reference x_d [um]."""
         return self.reference.position
 
     @property
@@ -188,19 +188,19 @@ class TimedSignals(abc.ABC):
 
     @functools.cached_property
     def relative_position(self) -> Array:
-        """True head position in the sensor's frame [um], less the track center's displacement with the servo sensor."""
+        """True head position in the sensor's frame [um]: relative to the track center with the servo sensor."""
         if not self.is_track_following or DISTURBANCE.name not in self:
             return self.position
         return np.asarray(self.position - self[DISTURBANCE.name][:, 1])
 
     @functools.cached_property
     def error(self) -> Array:
-        """Tracking error, x - x_d of the head's true position [um]."""
+        """Tracking error x - x_d of the true head position [um]."""
         return self.position - self.desired_position
 
     @functools.cached_property
     def track_error(self) -> Array:
-        """Track error, x - x_d - displacement of the track center [um]; the tracking error without a disturbance."""
+        """Track error x - x_d - track center displacement [um]; equals the tracking error without a disturbance."""
         if DISTURBANCE.name not in self:
             return self.error
         return np.asarray(self.error - self[DISTURBANCE.name][:, 1])
@@ -208,9 +208,9 @@ class TimedSignals(abc.ABC):
     @property
     def position_error(self) -> Array:
         """
-        Error that the controller is to make zero, of the head's true position [um].
+        Error of the true head position that the controller must reduce to zero [um].
 
-        With the vibrometer the tracking error :attr:`error`, with the servo sensor the track error.
+        The tracking error :attr:`error` with the vibrometer, the track error with the servo sensor.
         """
         return self.track_error if self.is_track_following else self.error
 
@@ -221,22 +221,22 @@ class TimedSignals(abc.ABC):
 
     @property
     def feedback(self) -> Array:
-        """Feedback part of the command, before any compensation [V]."""
+        """Feedback part of the command, without feedforward and compensation [V]."""
         return self.control.feedback
 
 
 class Signals(TimedSignals):
-    """The signals of consecutive or chosen ticks, aligned: row i of every array is that of ``ticks[i]``."""
+    """Signals of consecutive or selected ticks, aligned: row i of every array belongs to ``ticks[i]``."""
 
     @property
     @abc.abstractmethod
     def ticks(self) -> NDArray[np.int64]:
-        """The ticks, ascending, shape (n,)."""
+        """Ticks, ascending, shape (n,)."""
 
     @property
     @abc.abstractmethod
     def sample_time(self) -> float:
-        """T [s]."""
+        """Sample time T [s]."""
 
     @functools.cached_property
     def time(self) -> Array:
@@ -269,14 +269,14 @@ class Signals(TimedSignals):
             if topic.name not in self:
                 continue
             names = self.estimate_names if topic is ESTIMATES else topic.field_names
-            # Columns behind the fields of a vector are 0.
+            # The remaining components of a vector are 0.
             for name, column in zip(names, np.asarray(self[topic.name]).T, strict=False):
                 columns[f'{topic.name}.{name}'] = column
         return pd.DataFrame(columns, index=pd.Index(self.ticks, name='tick'))
 
     def since(self, time: float) -> slice:
-        """Return the rows from ``time`` [s] on."""
-        # Half a microsecond lets a tick at that very time count, whatever its last bit.
+        """Return the slice of rows from ``time`` [s] on."""
+        # Half a microsecond of tolerance includes a tick at exactly this time, despite rounding.
         return slice(int(np.searchsorted(self.time, time - HALF_MICROSECOND)), len(self.ticks))
 
 
@@ -284,8 +284,8 @@ class _Estimates(dict[str, Array]):
     """
     Estimates by name.
 
-    They are kept in the signals: if they held the signals in turn, the memory of a piece of a long run would be free
-    only when Python looks for such rings.
+    They are stored in the signals. A reference back to the signals would be a cycle, and the memory of a piece of a
+    long run would be freed only by the cyclic garbage collector.
     """
 
     def __init__(self, columns: Iterable[tuple[str, Array]], error: Callable[[str], KeyError]) -> None:
@@ -293,12 +293,12 @@ class _Estimates(dict[str, Array]):
         self._error = error
 
     def __missing__(self, name: str) -> Array:
-        raise self._error(f'no estimate {name!r}; there are {", ".join(self) or "none"}')
+        raise self._error(f'no estimate {name!r}; estimates: {", ".join(self) or "none"}')
 
 
 class SignalRows(Signals):
     """
-    Signals of consecutive ticks in memory, as the compiled loop fills them.
+    Signals of consecutive ticks in memory, as written by the compiled loop.
 
     Parameters
     ----------
@@ -307,8 +307,8 @@ class SignalRows(Signals):
     sample_time
         T [s].
     arrays
-        An array per topic by its name, one row per tick: (n, 3) for a vector, (n, 6) for accelerations, (n, m) for the
-        estimates.
+        One array per topic by its name, one row per tick: (n, 3) for a vector, (n, 6) for accelerations, (n, m) for
+        the estimates.
     estimate_names
         Names of the m estimates.
     units
@@ -339,7 +339,7 @@ class SignalRows(Signals):
         optional: tuple[LoopTopic, ...] = (),
         units: Units = Units(),  # noqa: B008 - a frozen value
     ) -> 'SignalRows':
-        """Return rows for ``count`` ticks, to be filled; of the optional topics, rows for those named."""
+        """Return uninitialized rows for ``count`` ticks; of the optional topics, only for those named."""
         arrays = {}
         for topic in topics_of_run(optional):
             if topic in SIGNAL_TOPICS:
@@ -348,7 +348,7 @@ class SignalRows(Signals):
         return cls(first_tick, sample_time, arrays, estimate_names, units)
 
     def __len__(self) -> int:
-        # All topics have the same ticks; a long run is read by some of them.
+        # All topics have the same ticks; a long run may have loaded only some of them.
         return len(next(iter(self._arrays.values())))
 
     def __repr__(self) -> str:
@@ -357,33 +357,33 @@ class SignalRows(Signals):
         return f'{type(self).__name__}(ticks {self.first_tick} to {last} of {self._sample_time:g} s: {topics})'
 
     def starting_at(self, tick: int) -> 'SignalRows':
-        """Return these rows, the same memory, as those of the ticks from ``tick`` on."""
+        """Return a view of these rows with ``tick`` as the first tick."""
         return SignalRows(tick, self._sample_time, self._arrays, self._estimate_names, self._units)
 
     def part(self, first_tick: int, count: int) -> 'SignalRows':
-        """Return the rows of ``count`` ticks from ``first_tick`` on, the same memory."""
+        """Return a view of the ``count`` rows from ``first_tick`` on."""
         start = first_tick - self.first_tick
         arrays = {name: rows[start : start + count] for name, rows in self._arrays.items()}
         return SignalRows(first_tick, self._sample_time, arrays, self._estimate_names, self._units)
 
     def before(self, tick: int) -> 'SignalRows':
-        """Return the rows before ``tick``, the same memory."""
+        """Return a view of the rows before ``tick``."""
         return self.part(self.first_tick, tick - self.first_tick)
 
     @property
     def kernel_arrays(self) -> tuple[Array, ...]:
-        """The arrays in the order of ``KERNEL_TOPICS``, as the compiled loop takes them; none has no row."""
+        """Arrays in the order of ``KERNEL_TOPICS`` for the compiled loop; a missing topic has no rows."""
         nothing = np.empty((0, len(AXES)))
         return tuple(self._arrays.get(topic.name, nothing) for topic in KERNEL_TOPICS)
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
-        """The ticks, shape (n,)."""
+        """Ticks, shape (n,)."""
         return np.arange(self.first_tick, self.first_tick + len(self), dtype=np.int64)
 
     @property
     def sample_time(self) -> float:
-        """T [s]."""
+        """Sample time T [s]."""
         return self._sample_time
 
     @property
@@ -401,10 +401,10 @@ class SignalRows(Signals):
         return self._arrays[topic]
 
     def __contains__(self, topic: str) -> bool:
-        """Return whether there are rows of a topic."""
+        """Return whether the topic has rows."""
         return topic in self._arrays
 
     @property
     def topic_names(self) -> tuple[str, ...]:
-        """Names of the topics that there are rows of."""
+        """Names of the topics with rows."""
         return tuple(self._arrays)

@@ -1,4 +1,4 @@
-"""Interface between what packs the messages of many ticks and what writes them."""
+"""Interface between packing and writing the messages of many ticks."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -12,9 +12,9 @@ Messages = NDArray[np.uint8]
 
 class TickMessages(Protocol):
     """
-    One message per topic and tick, for n ticks; the messages of a topic all have one size.
+    One message per topic and tick, for n ticks; all messages of a topic have the same size.
 
-    The messages are made in the memory from which they are written to disk, so no copy is made of them.
+    The messages are packed directly into the memory from which they are written to disk, without a copy.
     """
 
     @property
@@ -23,16 +23,16 @@ class TickMessages(Protocol):
 
     @property
     def templates(self) -> Sequence[bytes]:
-        """For each topic, a message of the right size that holds the bytes that never change."""
+        """Per topic, a message of the right size with the bytes that never change."""
 
     def fill(self, ticks: slice, payloads: Sequence[Messages]) -> None:
         """
-        Complete copies of the templates.
+        Fill in copies of the templates.
 
         Parameters
         ----------
         ticks
-            Which of the n ticks.
+            Slice of the n ticks.
         payloads
-            For each topic the copies, shape (number of ticks, size), whose rows may lie apart.
+            Per topic the copies, shape (number of ticks, size); the rows need not be contiguous.
         """

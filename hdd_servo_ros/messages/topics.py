@@ -1,8 +1,8 @@
 """
-The topics of the graph, declared once: name, type, fields with units, who writes and who reads them, and when.
+Topics of the graph, declared once: name, type, fields with units, publisher, subscribers and timing.
 
 The kernel's rows, the nodes' inputs, the recorder, `simulate`, :class:`~hdd_servo_ros.Run`, the comparison of bags, the
-live view and ``docs/reference/topics.md`` follow from these declarations. No ROS import.
+live view and ``docs/reference/topics.md`` use these declarations. No ROS import.
 """
 
 import dataclasses
@@ -12,7 +12,7 @@ from hdd_servo_ros.messages.codecs import ACCELERATIONS, ARRAYS, CLOCKS, REPORTS
 from hdd_servo_ros.messages.units import Units
 
 CONTROLLER = 'controller'
-"""Role of the node that closes the loop, whichever controller that is."""
+"""Role of the controller node, which closes the loop."""
 DISTURBANCE_SOURCE = 'disturbance source'
 """Role of a node that disturbs the drive."""
 POSITION_SENSOR = 'position sensor'
@@ -25,18 +25,18 @@ RECORDER = 'bag_recorder'
 @dataclasses.dataclass(frozen=True)
 class Field:
     """
-    One number of a message.
+    Single number of a message.
 
     Attributes
     ----------
     name
-        The attribute by which :class:`~hdd_servo_ros.messages.signals.SignalArray` gives it.
+        Name, also the attribute of :class:`~hdd_servo_ros.messages.signals.SignalArray`.
     unit
-        For a drive in um and V; see :class:`~hdd_servo_ros.messages.units.Units` for others.
+        Unit for a drive in um and V; see :class:`~hdd_servo_ros.messages.units.Units` for other drives.
     meaning
-        In a few words.
+        Short description.
     is_in_drive_units
-        Whether the unit follows the drive's; an instrument's output is in V whatever the drive's units are.
+        Whether the unit follows that of the drive; the output of an instrument is in V for every drive.
     """
 
     name: str
@@ -52,14 +52,14 @@ class Field:
 @dataclasses.dataclass(frozen=True)
 class Reader:
     """
-    A node that waits for a topic.
+    Node that waits for a topic.
 
     Attributes
     ----------
     node
-        Its name, or its role.
+        Name of the node, or its role.
     delay
-        At tick k it needs the message of tick k - ``delay``.
+        At tick k the node needs the message of tick k - ``delay``.
     """
 
     node: str
@@ -69,28 +69,28 @@ class Reader:
 @dataclasses.dataclass(frozen=True)
 class LoopTopic:
     """
-    A topic that carries exactly one message per tick.
+    Topic with exactly one message per tick.
 
     Attributes
     ----------
     name
-        Relative, so that it follows namespaces and remapping.
+        Relative name, so that namespaces and remapping apply.
     codec
-        Type of its messages, and how they are read and made.
+        Message type, with packing and unpacking.
     fields
-        What the message carries, in the order of its components; what is not declared is 0. Of an array nothing, since
-        its elements are named in ``layout.dim[0].label``.
+        Numbers of the message, in the order of its components; undeclared components are 0. Empty for an array, whose
+        elements are named in ``layout.dim[0].label``.
     writer
         Name or role of the node that publishes it.
     readers
-        Who waits for it; the recorder reads every topic of the loop.
+        Nodes that wait for it; the recorder subscribes to every topic of the loop.
     meaning
-        In a few words.
+        Short description.
     is_optional
-        Whether a run may be without it.
+        Whether a run can do without it.
     replaced_by
-        Name of the optional topic that takes its place in a run in which a node publishes that; empty for none. The
-        readers of this topic then wait for the other one instead.
+        Name of the optional topic that replaces this topic in a run in which a node publishes it; empty for none. The
+        readers of this topic then wait for the other one.
     """
 
     name: str
@@ -115,10 +115,10 @@ class LoopTopic:
 
 _BASE_AXES = (
     ('x', 'along the arm'),
-    ('y', "across the arm, along the head's motion: the one that acts"),
+    ('y', 'across the arm, the direction of head motion; acts on the head'),
     ('z', 'along the pivot axis'),
 )
-_BASE_TURNS = (('x', 'about x'), ('y', 'about y'), ('z', 'about the pivot axis: the one that acts'))
+_BASE_TURNS = (('x', 'about x'), ('y', 'about y'), ('z', 'about the pivot axis; acts on the head'))
 
 CLOCK = LoopTopic(
     'clock',
@@ -133,12 +133,12 @@ REFERENCE = LoopTopic(
     VECTORS,
     (
         Field('position', 'um', 'desired position x_d'),
-        Field('velocity', 'um/s', 'its first derivative'),
-        Field('acceleration', 'um/s^2', 'its second derivative'),
+        Field('velocity', 'um/s', 'desired velocity dx_d/dt'),
+        Field('acceleration', 'um/s^2', 'desired acceleration d2x_d/dt2'),
     ),
     'reference_generator',
     (Reader(CONTROLLER),),
-    'the trajectory that the head is to follow',
+    'desired trajectory of the head',
 )
 HEAD = LoopTopic(
     'head',
@@ -170,14 +170,14 @@ CONTROL = LoopTopic(
     (
         Field('voltage', 'V', 'drive voltage u, held over [kT, (k+1)T)'),
         Field('before_saturation', 'V', 'u before saturation'),
-        Field('feedback', 'V', 'feedback part of u, before any compensation'),
+        Field('feedback', 'V', 'feedback part of u, without feedforward and compensation'),
     ),
     CONTROLLER,
     (Reader('vcm_plant', delay=1), Reader('deterministic_timer', delay=1), Reader(BASE_SENSOR, delay=1)),
-    'the command to the drive',
+    'command to the drive',
 )
 ESTIMATES = LoopTopic(
-    'estimates', ARRAYS, (), CONTROLLER, (), "the controller's inner state, named in layout.dim[0].label"
+    'estimates', ARRAYS, (), CONTROLLER, (), 'internal state of the controller, named in layout.dim[0].label'
 )
 DISTURBANCE = LoopTopic(
     'disturbance',
@@ -188,7 +188,7 @@ DISTURBANCE = LoopTopic(
     ),
     DISTURBANCE_SOURCE,
     (Reader('vcm_plant', delay=1), Reader('servo_sensor')),
-    'what disturbs the drive from outside',
+    'external disturbance of the drive',
     is_optional=True,
 )
 BASE_ACCELERATION = LoopTopic(
@@ -212,7 +212,7 @@ ACCELEROMETER = LoopTopic(
     ),
     BASE_SENSOR,
     (Reader(CONTROLLER),),
-    'acceleration of the base as two sensors measure it',
+    'acceleration of the base, measured by two sensors',
     is_optional=True,
 )
 
@@ -220,25 +220,25 @@ PES = LoopTopic(
     'pes',
     VECTORS,
     (
-        Field('error', 'um', 'decoded position error: that from the nearest track center, within half a track'),
-        Field('position', 'um', 'decoded position with the track number, as the controller takes it'),
+        Field('error', 'um', 'decoded position error: distance from the nearest track center, within half a track'),
+        Field('position', 'um', 'decoded position including the track number, used by the controller'),
         Field('sector', '', 'number of the servo sector', False),
     ),
     'servo_sensor',
     (Reader(CONTROLLER),),
-    'what the servo sectors tell of the position, in place of /ldv',
+    'position decoded from the servo sectors; replaces /ldv',
     is_optional=True,
 )
 
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
-"""The topics of every run with the vibrometer, in the order in which data flows through a tick."""
+"""Topics of every run with the vibrometer, in the order of the data flow in a tick."""
 OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
-"""The topics of the runs in which a node publishes them: loop topics then like the others."""
+"""Topics of the runs in which a node publishes them; they are then loop topics like the others."""
 ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
 SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
-"""The topics that carry signals."""
+"""Topics with signals."""
 KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
-"""The topics that the compiled kernel writes or reads, in the order of its rows."""
+"""Topics that the compiled kernel reads or writes, in the order of its rows."""
 
 
 def topics_of_run(optional: Collection[LoopTopic]) -> tuple[LoopTopic, ...]:
@@ -248,7 +248,7 @@ def topics_of_run(optional: Collection[LoopTopic]) -> tuple[LoopTopic, ...]:
     Parameters
     ----------
     optional
-        The optional topics that nodes of this run publish.
+        Optional topics that nodes of this run publish.
     """
     present = {topic.name for topic in optional}
     required = (topic for topic in LOOP_TOPICS if topic.replaced_by not in present)
@@ -260,11 +260,11 @@ RECORDED = LoopTopic(
     REPORTS,
     (
         Field('tick', 's', 'time of the last tick that the recorder has received', False),
-        Field('run', '', 'identifier of the run: of the process of its deterministic_timer', False),
+        Field('run', '', 'identifier of the run, set by the process of deterministic_timer', False),
     ),
     RECORDER,
     (Reader('deterministic_timer'),),
-    'how far the recorder is, which holds the timer back; not recorded',
+    'progress of the recorder, which holds back the timer; not recorded',
     is_optional=True,
 )
 
@@ -284,7 +284,7 @@ PARAMETER_VALUE_FIELDS = {
     8: 'double_array_value',
     9: 'string_array_value',
 }
-"""The field of ``rcl_interfaces/ParameterValue`` that each of its types fills."""
+"""Field of ``rcl_interfaces/ParameterValue`` for each of its types."""
 
 QUEUE_DEPTH = 1024
-"""Depth of every loop topic's queue, offered and requested: more than the slowest recorder may lag behind."""
+"""Depth of every loop topic's queue, offered and requested; exceeds the largest lag of the recorder."""

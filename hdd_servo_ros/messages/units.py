@@ -1,4 +1,4 @@
-"""Units of a drive, decided in one place: what the topics carry, and what a person is shown."""
+"""Units of a drive, on topics and for display."""
 
 import dataclasses
 
@@ -8,12 +8,12 @@ _LENGTH, _CONTROL = 'um', 'V'
 @dataclasses.dataclass(frozen=True)
 class Units:
     """
-    The units of a drive; the topics' declarations are written for one in um and V.
+    Units of a drive; the topics are declared for a drive in um and V.
 
     Attributes
     ----------
     length, control
-        Units of positions and of the control signal, as the drive's parameter file names them.
+        Units of positions and of the control signal, as in the drive's parameter file.
     """
 
     length: str = _LENGTH
@@ -21,7 +21,7 @@ class Units:
 
     @property
     def error(self) -> str:
-        """Unit in which errors are shown: nm where lengths are in um, else the unit of lengths."""
+        """Unit for the display of errors: nm if lengths are in um, otherwise the unit of lengths."""
         return 'nm' if self.length == 'um' else self.length
 
     @property
@@ -40,5 +40,5 @@ class Units:
 
 
 def shown(unit: str) -> str:
-    """Return a unit as it is written for people: µm for um, µs for us."""
+    """Return a unit for display: µm for um, µs for us."""
     return unit.replace('um', 'µm').replace('us', 'µs')

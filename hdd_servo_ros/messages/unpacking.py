@@ -1,4 +1,4 @@
-"""The messages of consecutive ticks as signals."""
+"""Conversion of the messages of consecutive ticks to signals."""
 
 from collections.abc import Sequence
 
@@ -13,16 +13,16 @@ def signals_of_messages(
     first_tick: int, sample_time: float, topics: Sequence[LoopTopic], ticks: Sequence[Sequence[bytes]]
 ) -> SignalRows:
     """
-    Return the signals that messages carry.
+    Return the signals in messages.
 
     Parameters
     ----------
     first_tick, sample_time
-        The first tick, and T [s].
+        First tick, and T [s].
     topics
-        The topics, in the order of the messages of a tick; ``/estimates`` among them.
+        Topics in the order of the messages of a tick, including ``/estimates``.
     ticks
-        For each tick its messages.
+        Messages of each tick.
     """
     arrays: dict[str, Array] = {}
     names: tuple[str, ...] = ()

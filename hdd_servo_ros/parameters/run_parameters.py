@@ -22,8 +22,7 @@ class PeerParameters(ParameterSet):
     )
     peer_timeout: float = parameter(
         3.0,
-        'during the run: the run fails if a node sends nothing for this time and no tick completes, or for three times as '
-        'long while ticks continue',
+        'during the run: timeout for a silent node while no tick completes; three times as long while ticks continue',
         unit='s',
         minimum=0.5,
         maximum=60.0,

@@ -34,7 +34,7 @@ def test_what_one_may_have_written_is_read_as_pyyaml_reads_it(text):
     [
         (BOMB, 'line 7: aliases repeat more than'),
         (f'a: &a {MOST_REPEATED // 4 * "x"}\nb: [*a, *a, *a,\n *a, *a]', 'line 3: aliases repeat more than'),
-        ('a: &a [*a]', r'line 1: the alias \*a repeats what is not known'),
+        ('a: &a [*a]', r'line 1: the alias \*a is not defined before it'),
         ('a:\n  &a {b: {c: *a}}', r'line 2: the alias \*a'),
         ('a: 1\nb: *c', r'line 2: the alias \*c'),
         (DEEPEST * '[' + '[]' + DEEPEST * ']', f'nested more than {DEEPEST} deep'),

@@ -82,8 +82,8 @@ def test_what_is_written_is_read_again():
         (block_message(data=()), '0 numbers'),
         (block_message(data=(0.0, 1.0, 2.0)), '3 numbers in 2 columns'),
         (block_message(data=np.zeros(100_000)), '100000 numbers'),
-        (block_message(data=(1.0, 0.0, 0.5, 0.0)), 'does not grow'),
-        (block_message(data=(np.nan, 0.0)), 'does not grow'),
+        (block_message(data=(1.0, 0.0, 0.5, 0.0)), 'do not increase'),
+        (block_message(data=(np.nan, 0.0)), 'do not increase'),
         (SimpleNamespace(layout=SimpleNamespace(dim=[]), data=()), '0 dimensions'),
     ],
 )

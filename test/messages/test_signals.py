@@ -39,7 +39,7 @@ def test_what_is_computed_is_a_plain_array(head):
 
 
 def test_an_unknown_field_is_named_with_those_that_there_are():
-    with pytest.raises(AttributeError, match=r"no field 'x'; there are voltage, before_saturation, feedback"):
+    with pytest.raises(AttributeError, match=r"no field 'x'; fields: voltage, before_saturation, feedback"):
         _ = SignalArray.of(CONTROL, np.zeros((2, 3))).x
 
 

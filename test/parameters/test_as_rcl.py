@@ -252,7 +252,7 @@ REJECTED_FILES = {
     f'plant/:\n{SECTION}    x: 1\n': 'is not a node name',
     f'//plant:\n{SECTION}    x: 1\n': 'is not a node name',
     f'/:\n{SECTION}    x: 1\n': 'is not a node name',
-    f'plant:\n{SECTION}    x: [1, 2.0]\n': 'line 3: x: .* contains an integer and a double: .*; write 2.0 for 2',
+    f'plant:\n{SECTION}    x: [1, 2.0]\n': 'line 3: x: .* contains an integer and a double; .*; write 2.0 for 2',
     f'plant:\n{SECTION}    x: [[1]]\n': 'a list contains a list or a mapping',
     f'plant:\n{SECTION}    x: {"[" * 5000}\n': 'a list contains a list',
     f'plant:\n{SECTION}    x: {"{a: " * 200}1{"}" * 200}\n': 'nested more than 32 deep',

@@ -124,7 +124,7 @@ def test_a_topic_that_there_is_not(directory):
 def test_an_estimate_that_there_is_not(directory):
     with pytest.raises(KeyError) as caught:
         Run.open(directory).estimates['zz']
-    assert str(caught.value) == f"{directory}: no estimate 'zz'; there are {', '.join(Run.open(directory).estimates)}"
+    assert str(caught.value) == f"{directory}: no estimate 'zz'; estimates: {', '.join(Run.open(directory).estimates)}"
 
 
 def parameter_event(tick, node, **values):

@@ -39,7 +39,7 @@ REJECTED = {
     'binary': (['-p', 'ldv_sensor:seed:=0b_'], "seed: '0b_';"),
     'digits': (['-p', 'ldv_sensor:seed:=' + '9' * 400], 'seed = '),
     'mixed list': (['-p', 'phase:=[1, 2.0]'], 'write 2.0 for 2'),
-    'alias': (['-p', 'phase:=*a'], 'the alias *a'),
+    'alias': (['-p', 'phase:=*a'], 'ROS does not support the alias *a'),
     'a standard parameter of another type': (['-p', 'use_sim_time:=5'], 'use_sim_time: 5; expected true or false'),
     'a name before it was changed': (['-r', 'ldv_sensor:__node:=foo', '-p', 'ldv_sensor:seed:=3'], "for '/ldv_sensor'"),
 }
@@ -48,7 +48,10 @@ FILES: dict[str, tuple[str | bytes, str]] = {
     'empty section': (f'reference_generator:\n{SECTION}', "line 2: 'ros__parameters' is empty"),
     'list': ('reference_generator:\n  ros__parameters: [1, 2]\n', 'line 2:'),
     'wildcard in a name': (f'/ref*:\n{SECTION}    frequency: 1.0\n', "'/ref*' is not a node name"),
-    'anchor': (f'reference_generator:\n{SECTION}    phase: &a 1.0\n    offset: *a\n', 'line 4: offset: the alias *a'),
+    'anchor': (
+        f'reference_generator:\n{SECTION}    phase: &a 1.0\n    offset: *a\n',
+        'line 4: offset: ROS does not support the alias *a',
+    ),
     'latin-1': (f'# fréquence\nreference_generator:\n{SECTION}    frequency: 1.0\n'.encode('latin-1'), 'UTF-8'),
     'quality of service': (
         f'ldv_sensor:\n{SECTION}    qos_overrides: {{/ldv: {{publisher: {{depth: 3}}}}}}\n',
