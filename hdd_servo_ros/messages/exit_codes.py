@@ -30,7 +30,7 @@ FAILED, WRONG_ARGUMENTS, UNREADABLE = 1, 2, 3
 TRACEBACK = 'HDD_SERVO_ROS_TRACEBACK'
 """Environment variable that enables the traceback of an unexpected error."""
 EPILOG = (
-    'Exit codes: 0 success, 1 failed, 2 invalid arguments or parameters, 3 input cannot be read, 128 + n ended by '
+    'Exit code: 0 success, 1 failed, 2 invalid arguments or parameters, 3 input cannot be read, 128 + n ended by '
     'signal n.'
 )
 _LONGEST = 1000

@@ -76,7 +76,7 @@ def test_what_is_written_is_read_again():
     ('message', 'said'),
     [
         (block_message('um,V'), 'two units and the run'),
-        (block_message(names='error,t'), 'begin with t, error'),
+        (block_message(names='error,t'), 'start with t, error'),
         (block_message(names='t,error,error'), 'unique'),
         (block_message(names='t,error' + ',x' * 600), 'unique'),
         (block_message(data=()), '0 numbers'),
