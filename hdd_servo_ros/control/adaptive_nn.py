@@ -123,7 +123,7 @@ class AdaptiveNn:
         )
         """Array arguments of the kernel, in order; the last one holds the estimates."""
         self._reset(parameters)
-        self._take(parameters)
+        self._apply(parameters)
 
     def _reset(self, parameters: AdaptiveNnParameters) -> None:
         """Reset the estimates, the weights of both networks and the widths to their initial values."""
@@ -214,14 +214,14 @@ class AdaptiveNn:
                 raise ParameterError(name, new, f'{old}, which is fixed for this run')
         if parameters.reset_count != self.parameters.reset_count:
             self._reset(parameters)
-        self._take(parameters)
+        self._apply(parameters)
 
     def limit_output(self, limit: float) -> None:
         """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
-        self._take(self.parameters)
+        self._apply(self.parameters)
 
-    def _take(self, parameters: AdaptiveNnParameters) -> None:
+    def _apply(self, parameters: AdaptiveNnParameters) -> None:
         self.parameters = parameters
         c = record(self.constants, CONSTANTS)
         self._fill_signals(c)

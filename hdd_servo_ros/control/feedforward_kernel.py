@@ -142,8 +142,8 @@ def feedforward_step(
     offset = _one_back(s.offset, len(path))
     tap_offset = _one_back(s.tap_offset, weights.shape[1])
     s.offset, s.tap_offset = float(offset), float(tap_offset)
-    _take(lines, taps, path, ROTATION, offset, tap_offset, 0.5 * c.rotation_scale * (x_volts - y_volts))
-    _take(lines, taps, path, LINEAR, offset, tap_offset, 0.5 * c.linear_scale * (x_volts + y_volts))
+    _append(lines, taps, path, ROTATION, offset, tap_offset, 0.5 * c.rotation_scale * (x_volts - y_volts))
+    _append(lines, taps, path, LINEAR, offset, tap_offset, 0.5 * c.linear_scale * (x_volts + y_volts))
     # The error without past feedforward, and the error that the present weights would have caused.
     without = error - _convolved(path, lines, ACTING, offset)
     expected = without + _filtered_output(c, s, path, weights, lines, taps, network, offset, tap_offset)
@@ -193,7 +193,7 @@ def _convolved(path: Array, lines: Array, row: int, offset: int) -> float:
 
 
 @compiled
-def _take(lines: Array, taps: Array, path: Array, row: int, offset: int, tap_offset: int, value: float) -> None:
+def _append(lines: Array, taps: Array, path: Array, row: int, offset: int, tap_offset: int, value: float) -> None:
     """Append the newest value of a channel [V] and its response through the path [um]."""
     length = taps.shape[1] // 2
     _push(lines, row, offset, len(path), value)

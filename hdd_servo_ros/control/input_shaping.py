@@ -31,15 +31,15 @@ def shaped(s: Any, x_d: float, dx_d: float, share: float, ticks: float) -> float
     ticks
         Delay in ticks.
     """
-    jump = 0.0
+    step = 0.0
     if dx_d == 0.0 and s.last_velocity == 0.0:
-        jump = x_d - s.last_position
+        step = x_d - s.last_position
     s.last_position = x_d
     s.last_velocity = dx_d
     if s.ticks > 0.0:
         s.ticks -= 1.0
-    if jump != 0.0 and share > 0.0:
-        s.held += share * jump
+    if step != 0.0 and share > 0.0:
+        s.held += share * step
         s.ticks = ticks
     if s.ticks == 0.0 or share == 0.0:
         s.held = 0.0

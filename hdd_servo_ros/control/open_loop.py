@@ -83,14 +83,14 @@ class OpenLoop:
 
     def update(self, parameters: OpenLoopParameters) -> None:
         """Use new parameters from the next tick on."""
-        self._take(parameters)
+        self._apply(parameters)
 
     def limit_output(self, limit: float) -> None:
         """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
-        self._take(self.parameters)
+        self._apply(self.parameters)
 
-    def _take(self, parameters: OpenLoopParameters) -> None:
+    def _apply(self, parameters: OpenLoopParameters) -> None:
         self.parameters = parameters
         c = record(self.constants, CONSTANTS)
         c.time_step = self.sample_time

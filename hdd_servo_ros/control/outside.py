@@ -159,7 +159,7 @@ class OutsideController:
         except _RAISED as error:
             raise ControllerError(self._name, tick, f'step raised {described(error)}') from error
         if self._has_estimates:
-            self._take_estimates(tick)
+            self._read_estimates(tick)
         self.estimates[0] = tick * self._sample_time  # subscribers to /estimates identify the tick by it
         if type(answer) is float:
             return answer, answer, answer
@@ -169,7 +169,7 @@ class OutsideController:
             raise ControllerError(self._name, tick, f'step returned {answer!r}, not {wanted},')
         return float(numbers[0]), float(numbers[1]), float(numbers[2])
 
-    def _take_estimates(self, tick: int) -> None:
+    def _read_estimates(self, tick: int) -> None:
         estimates = getattr(self._block, 'estimates', None)
         own = self.estimates[self._first_own :]
         try:

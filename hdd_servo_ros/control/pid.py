@@ -219,7 +219,7 @@ class Pid:
         self.estimates = zeros(ESTIMATES)
         self.arrays: PidArrays = (self.constants, self.state, self.estimates)
         """Array arguments of the kernel, in order: constants, state, estimates."""
-        self._take(parameters)
+        self._apply(parameters)
 
     def update(self, parameters: PidParameters) -> None:
         """
@@ -240,14 +240,14 @@ class Pid:
             s.integral = 0.0
         s.bump -= (parameters.velocity_feedforward - old.velocity_feedforward) * s.last_reference_velocity
         s.bump -= (parameters.acceleration_feedforward - old.acceleration_feedforward) * s.last_reference_acceleration
-        self._take(parameters)
+        self._apply(parameters)
 
     def limit_output(self, limit: float) -> None:
         """Limit the drive voltage also to +-``limit`` [V], the range of the converter after the controller."""
         self._output_limit = limit
-        self._take(self.parameters)
+        self._apply(self.parameters)
 
-    def _take(self, parameters: PidParameters) -> None:
+    def _apply(self, parameters: PidParameters) -> None:
         self.parameters = parameters
         c = record(self.constants, CONSTANTS)
         c.time_step = self.sample_time

@@ -194,10 +194,10 @@ def seek_before_law(
     if s.has_started == 0.0:
         s.origin = s.observed_position = position
     was_seeking = s.mode == SEEK
-    jump = _jump(c, s, position, x_d, dx_d, ddx_d)
+    step = _reference_step(c, s, position, x_d, dx_d, ddx_d)
     if c.method == FINAL_STATE:
-        if abs(jump) > c.threshold:
-            _begin(c, s, motion, jump)
+        if abs(step) > c.threshold:
+            _start_seek(c, s, motion, step)
         if s.pending != 0.0:
             _plan(c, s, plans, durations, ring)
         if c.learns_gain != 0.0 and was_seeking:
@@ -218,7 +218,7 @@ def seek_before_law(
         if c.has_observer != 0.0:
             unseen = _observed_velocity(c, s, 0.0) + c.observer_bias * position
         s.error, s.head_velocity = x_d - position, velocity - unseen - dx_d
-        if abs(jump) > c.threshold:
+        if abs(step) > c.threshold:
             s.mode, s.samples_in_mode = SEEK, 0.0
             s.length, s.law = abs(s.error), 0.0
             cnf_state[:] = 0.0
@@ -302,7 +302,7 @@ def _along_plan(
         s.position, s.velocity = _output(outputs, motion, PLANNED)
     elif s.pending == 0.0 and s.goal != 0.0:
         # Everything is at rest on the target: clears rounding errors of the motion.
-        _rest(motion, PLANNED)
+        _clear(motion, PLANNED)
         s.origin += s.goal
         s.position, s.velocity, s.goal = 0.0, 0.0, 0.0
         s.last_position, s.last_velocity = 0.0, 0.0
@@ -364,9 +364,9 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
             law = ptos_step(ptos, s.error, velocity, s.law)
         else:
             # As with the lag of PTOS: a delayed command acts after the head has moved on.
-            late = c.delay * c.time_step
-            rise = c.gain * s.law * late
-            error = s.error - late * (velocity + 0.5 * rise)
+            lag = c.delay * c.time_step
+            rise = c.gain * s.law * lag
+            error = s.error - lag * (velocity + 0.5 * rise)
             law = cnf_step(cnf, cnf_state, error, velocity + rise, s.length)
         s.law = law
         if s.is_switching == 0.0:
@@ -386,38 +386,38 @@ def _by_feedback(c: np.record, s: np.record, ptos: Array, cnf: Array, cnf_state:
 
 
 @compiled
-def _jump(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, ddx_d: float) -> float:
+def _reference_step(c: np.record, s: np.record, position: float, x_d: float, dx_d: float, ddx_d: float) -> float:
     """Return the step of the reference: distance from the extrapolation of the last tick, initially from the head."""
     time_step = c.time_step
     rise = x_d - s.reference
-    jump = x_d - position
+    step = x_d - position
     if s.has_started != 0.0:
         change = ddx_d - s.reference_acceleration
         # The extrapolation is a polynomial with the derivatives of both ticks, or with the velocity of one of them:
         # where the reference starts or stops, its velocity has a step and its position has none.
         mean = 0.5 * (s.reference_velocity + dx_d)
-        jump = rise - time_step * (mean - time_step * change / 12.0)
+        step = rise - time_step * (mean - time_step * change / 12.0)
         for slope in (s.reference_velocity, dx_d):
             other = rise - time_step * slope
-            if abs(other) < abs(jump):
-                jump = other
+            if abs(other) < abs(step):
+                step = other
         # An acceleration step anywhere within the sample moves the reference by less than this.
-        if abs(jump) <= 0.25 * time_step * time_step * abs(change):
-            jump = 0.0
+        if abs(step) <= 0.25 * time_step * time_step * abs(change):
+            step = 0.0
     s.has_started = 1.0
     s.reference, s.reference_velocity, s.reference_acceleration = x_d, dx_d, ddx_d
-    return jump
+    return step
 
 
 @compiled
-def _begin(c: np.record, s: np.record, motion: Array, jump: float) -> None:
+def _start_seek(c: np.record, s: np.record, motion: Array, step: float) -> None:
     """Start a seek to the new target given by a step of the reference."""
-    s.goal += jump
-    s.pending += jump
+    s.goal += step
+    s.pending += step
     if s.mode != SEEK:
         s.gain_products = GAIN_PRIOR + c.gain_memory * (s.gain_products - GAIN_PRIOR)
         s.gain_squares = GAIN_PRIOR + c.gain_memory * (s.gain_squares - GAIN_PRIOR)
-        _rest(motion, DRIVEN)
+        _clear(motion, DRIVEN)
     s.mode, s.samples_in_mode = SEEK, 0.0
 
 
@@ -510,6 +510,6 @@ def _output(outputs: Array, motion: Array, row: int) -> tuple[float, float]:
 
 
 @compiled
-def _rest(motion: Array, row: int) -> None:
+def _clear(motion: Array, row: int) -> None:
     for i in range(motion.shape[1]):
         motion[row, i] = 0.0

@@ -89,7 +89,7 @@ class AdaptiveNnController(ControllerNode):
         r = float(self._controller.estimates[_R])
         found = self._margin.at(self.tick * self._ticks.sample_time, r)
         if found is None:
-            return Diagnosis('certificate', OK, self._margin.why_not or 'not known yet')
+            return Diagnosis('certificate', OK, self._margin.unavailable_reason or 'not known yet')
         dsp = self.parameters[ControllerOutputParameters].dsp
         limited = self._dsp.saturated_samples
         loop = Loop(

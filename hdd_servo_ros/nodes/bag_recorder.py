@@ -25,7 +25,7 @@ from hdd_servo_ros.messages.unpacking import signals_of_messages
 from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError
-from hdd_servo_ros.parameters.events import NodeChange, change_of_event, pack_parameter_event, why_not_recordable
+from hdd_servo_ros.parameters.events import NodeChange, change_of_event, invalid_event_reason, pack_parameter_event
 from hdd_servo_ros.parameters.run_parameters import RecorderParameters
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.run_recorder import RunRecorder
@@ -201,7 +201,7 @@ class BagRecorder(CatalogNode):
         if node is None:
             return  # every node of the domain publishes here
         change = change_of_event(event)
-        why_not = why_not_recordable(change, event, node['parameters'])
+        why_not = invalid_event_reason(change, event, node['parameters'])
         if why_not:
             self._ignored.add(PARAMETER_EVENTS, f'{why_not} in the name of {event.node}', self._run.nodes)
         elif event.node not in self._own_nodes:

@@ -87,7 +87,7 @@ def change_of_event(event: Any) -> NodeChange:
     return NodeChange(event.node, time, {each.name: unpack_value(each.value) for each in changed})
 
 
-def why_not_recordable(change: NodeChange, event: Any, parameters: Mapping[str, Any]) -> str:
+def invalid_event_reason(change: NodeChange, event: Any, parameters: Mapping[str, Any]) -> str:
     """
     Return why an event cannot come from the named node of the run; an empty string if it can.
 

@@ -341,7 +341,7 @@ def _nodes(events: _Events, prefix: str, depth: int = 0) -> Iterator[Section]:
             allowed = 'letters, digits, _ and /, or as a whole part * or **'
             raise RosYamlError(f'{shown(prefix)} is not a node name; expected {allowed}', line)
         parameters = Parameters()
-        _take_parameters(events, '', parameters, 0)
+        _read_parameters(events, '', parameters, 0)
         yield prefix, parameters
 
 
@@ -349,7 +349,7 @@ def _joined(prefix: str, key: str) -> str:
     return f'{prefix}{key}' if prefix in ('', '/') else f'{prefix}/{key}'
 
 
-def _take_parameters(events: _Events, prefix: str, parameters: 'Parameters', depth: int) -> None:
+def _read_parameters(events: _Events, prefix: str, parameters: 'Parameters', depth: int) -> None:
     """Read a mapping of parameters, after its start event, into dotted names."""
     is_empty = True
     while not isinstance(event := events.next(), yaml.MappingEndEvent):
@@ -366,6 +366,6 @@ def _take_parameters(events: _Events, prefix: str, parameters: 'Parameters', dep
             raise RosYamlError(f'{name}: {error.reason}', error.line) from None
         if depth == _DEEPEST:
             raise RosYamlError(f'names are nested more than {_DEEPEST} deep', line)
-        _take_parameters(events, f'{name}.', parameters, depth + 1)
+        _read_parameters(events, f'{name}.', parameters, depth + 1)
     if is_empty and prefix:
         raise RosYamlError(f'{prefix[:-1]} is an empty mapping', _line(event))

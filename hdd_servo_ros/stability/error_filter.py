@@ -46,8 +46,8 @@ class ErrorFilter:
         if lambda_i == 0.0:
             return 1.0 / lambda_
         # h rises from 0 to its first extremum and ends at 0; each further extremum is smaller by the same ratio.
-        first = abs(float(self._h(np.array([self._first_turn]))[0]))
-        return 2.0 * first / (1.0 - self._share)
+        first = abs(float(self._h(np.array([self._first_extremum]))[0]))
+        return 2.0 * first / (1.0 - self._ratio)
 
     @property
     def rate_norm(self) -> float:
@@ -57,8 +57,8 @@ class ErrorFilter:
         if self.integral_gain == 0.0:
             return 2.0
         # g falls from 1 to its first extremum, which comes at twice the time of that of h, and ends at 0.
-        first = abs(float(self._g(np.array([2.0 * self._first_turn]))[0]))
-        return 2.0 + 2.0 * first / (1.0 - self._share)
+        first = abs(float(self._g(np.array([2.0 * self._first_extremum]))[0]))
+        return 2.0 + 2.0 * first / (1.0 - self._ratio)
 
     def initial_size(self, error: float, integral: float) -> float:
         """
@@ -97,23 +97,25 @@ class ErrorFilter:
             return np.full(len(time), math.inf)
         t = time - time[0]
         free = np.abs(error * self._g(t) - self.integral_gain * integral * self._h(t))
-        ways = self._ways(t)
-        forced = fftconvolve(ways, np.maximum(limit[1:], limit[:-1]))[: len(ways)] if len(ways) else ways
+        variation = self._variation(t)
+        forced = (
+            fftconvolve(variation, np.maximum(limit[1:], limit[:-1]))[: len(variation)] if len(variation) else variation
+        )
         bound: Array = free + np.concatenate(([0.0], forced))
         return bound
 
-    def _ways(self, t: Array) -> Array:
+    def _variation(self, t: Array) -> Array:
         """Return the integral of ``|g|`` over each interval between the times, shape (N - 1,)."""
         if self.integral_gain == 0.0:
             values: Array = np.diff(-np.exp(-self.error_filter_lambda * t)) / self.error_filter_lambda
             return values
-        turns = np.array([self._first_turn])
+        extrema = np.array([self._first_extremum])
         if self._is_oscillating:
-            turns = np.arange(self._first_turn, t[-1], self._half_period)
-        times = np.sort(np.concatenate((t, turns[turns < t[-1]])))
-        ways = np.abs(np.diff(self._h(times)))
+            extrema = np.arange(self._first_extremum, t[-1], self._half_period)
+        times = np.sort(np.concatenate((t, extrema[extrema < t[-1]])))
+        variation = np.abs(np.diff(self._h(times)))
         cells = np.searchsorted(t, times[:-1], side='right') - 1
-        found: Array = np.bincount(cells, weights=ways, minlength=len(t) - 1).astype(np.float64)
+        found: Array = np.bincount(cells, weights=variation, minlength=len(t) - 1).astype(np.float64)
         return found[: len(t) - 1]
 
     @property
@@ -126,14 +128,14 @@ class ErrorFilter:
         return math.pi / math.sqrt(self.integral_gain - 0.25 * self.error_filter_lambda**2)
 
     @property
-    def _share(self) -> float:
+    def _ratio(self) -> float:
         """Ratio of two successive extrema; 0 if the filter does not oscillate."""
         if not self._is_oscillating:
             return 0.0
         return math.exp(-0.5 * self.error_filter_lambda * self._half_period)
 
     @property
-    def _first_turn(self) -> float:
+    def _first_extremum(self) -> float:
         """Time of the first extremum of h [s]."""
         a = 0.5 * self.error_filter_lambda
         square = self.integral_gain - a * a

@@ -28,12 +28,12 @@ class CertificateMargin:
     """
 
     def __init__(self, controller: AdaptiveNnParameters, plant: PlantParameters, first_r: float) -> None:
-        self.why_not = ''
+        self.unavailable_reason = ''
         """Reason for a missing certificate; empty if it is available or pending."""
         self._monitor: CertificateMonitor | None = None
         self._ideal_values_are_allowed = True
         if plant.friction.model != 'lugre':
-            self.why_not = f'theorem 4.1 requires LuGre friction, not {plant.friction.model}'
+            self.unavailable_reason = f'theorem 4.1 requires LuGre friction, not {plant.friction.model}'
         else:
             threading.Thread(target=self._find, args=(controller, plant, first_r), daemon=True).start()
 
@@ -53,7 +53,7 @@ class CertificateMargin:
             monitor = CertificateMonitor(controller, ideal)
             monitor.margin(0.0, first_r)
         except ParameterError as error:
-            self.why_not = str(error)
+            self.unavailable_reason = str(error)
         else:
             self._ideal_values_are_allowed = not controller.projection or projection_allows(controller, ideal)
             self._monitor = monitor

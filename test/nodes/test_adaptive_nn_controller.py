@@ -152,7 +152,7 @@ def wait_for(margin):
     wait_until = time.monotonic() + 200.0
     while margin.at(0.0, 0.0) is None:
         assert time.monotonic() < wait_until
-        assert not margin.why_not
+        assert not margin.unavailable_reason
         time.sleep(0.01)
 
 
