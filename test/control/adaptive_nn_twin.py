@@ -1,4 +1,4 @@
-"""The adaptive NN law of (4.10)-(4.21) written out slowly, for the tests: 25 Gaussians, no tensor product, libm."""
+"""Slow reference implementation of the adaptive NN law (4.10)-(4.21): 25 Gaussians, no tensor product, libm."""
 
 import itertools
 import math
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Twin:
-    """The thesis's law with its options, from an :class:`AdaptiveNnParameters`."""
+    """The thesis's law with its options, for the parameters :class:`AdaptiveNnParameters`."""
 
     def __init__(self, parameters, sample_time):
         self.p, self.T = parameters, sample_time
@@ -34,7 +34,7 @@ class Twin:
         return np.array([math.exp(-(((x - a) / width_x) ** 2) - ((v - b) / width_v) ** 2) for a, b in self.centers])
 
     def law(self, theta, gain, leakage, drive):
-        """theta' = gain (drive - leakage theta) over T, by its solution."""
+        """Solve theta' = gain (drive - leakage theta) over T."""
         if leakage == 0.0:
             return theta + gain * self.T * drive
         rest = drive / leakage
@@ -119,7 +119,7 @@ class Twin:
         return np.array([dx_d, ddx_d, self.z[1], self.z[0] - self.z[1], -abs(dx_d) * self.z[0] / d[0]])
 
     def excitation(self):
-        """(peak/scale)^2 of each regressor, the peak of its square held with decay; 0 without a scale."""
+        """Return (peak/scale)^2 of each regressor, with the held, decaying peak of its square; 0 without a scale."""
         p, count = self.p, len(self.regressors)
         decay = np.exp(-p.desired.peak_decay * self.T * np.arange(count - 1, -1, -1))
         peaks = (np.array(self.regressors) ** 2 * decay[:, None]).max(axis=0)
@@ -127,12 +127,12 @@ class Twin:
         return np.array([peak / law.scale**2 if law.scale else 0.0 for peak, law in zip(peaks, laws, strict=True)])
 
     def late_jumps(self):
-        """The jumps of x_d at rest that are younger than the delay; only for jumps further apart than it."""
+        """Return the sum of steps of x_d within the delay; only for steps further apart than the delay."""
         young = self.past[-round(self.p.shaping.delay / self.T) - 1 :]
         return sum(b - a for (a, va), (b, vb) in itertools.pairwise(young) if va == 0.0 == vb)
 
     def width_slopes(self, weights, S, x, v):
-        """d(W'S)/d(ln eta) of both axes, by central differences of (4.7) itself."""
+        """Return d(W'S)/d(ln eta) of both axes, by central differences of (4.7)."""
         slopes, step, kept = [], 1e-6, self.widths.copy()
         for axis in range(2):
             values = []

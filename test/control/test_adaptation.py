@@ -28,7 +28,7 @@ def test_without_leakage_it_is_an_integrator():
 
 
 def test_the_series_meets_the_closed_form():
-    """Either side of the switch at gain leakage T = 1e-3, against expm1."""
+    """Compare both sides of the branch at gain leakage T = 1e-3 with expm1."""
     for x in (1e-12, 1e-6, 0.999e-3, 1.001e-3, 0.1):
         _, b = decay_and_step(x, 1.0, 1.0)
         assert b == pytest.approx(-math.expm1(-x), rel=3e-13)
@@ -39,7 +39,7 @@ def test_is_stable_for_any_constants(gain, leakage, sample_time):
     a, b = decay_and_step(gain, leakage, sample_time)
     assert 0.0 <= a <= 1.0
     assert b >= 0.0
-    # A drive of 1 held for ever takes the estimate to its rest, 1/leakage, never beyond; and never faster than without.
+    # A constant drive of 1 takes the estimate to 1/leakage, without overshoot and never faster than without leakage.
     if leakage > 1e-3:
         assert b <= 1.0 / leakage * (1.0 + 1e-12)
     assert b <= gain * sample_time * (1.0 + 1e-9)

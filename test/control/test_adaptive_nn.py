@@ -1,4 +1,4 @@
-"""The adaptive NN controller against (4.10)-(4.21) written out, and by hand."""
+"""The adaptive NN controller against a reference implementation of (4.10)-(4.21), and by hand."""
 
 import importlib.util
 import math
@@ -73,7 +73,7 @@ def named(controller):
 
 
 def signals(count, seed=0):
-    """Smooth motion about a reference, of the size of section 4.4."""
+    """Return smooth motion about a reference, of the size in section 4.4."""
     rng = np.random.default_rng(seed)
     t = np.arange(count) * 1e-2
     x_d, dx_d, ddx_d = np.sin(5.0 * t), 5.0 * np.cos(5.0 * t), -25.0 * np.sin(5.0 * t)
@@ -146,7 +146,7 @@ def test_follows_the_law_written_out(name):
     parameters = parameters_of(**OPTIONS[name])
     sample_time = 1e-2
     controller, twin = AdaptiveNn(parameters, sample_time), twin_of(parameters, sample_time)
-    # The twin integrates the bristles in steps.
+    # The reference implementation integrates the bristles numerically.
     tolerance = 1e-4 if parameters.bristle.enabled else 1e-7
     for k, row in enumerate(signals(400).tolist()):
         before = twin.sigma, twin.mass, twin.phi, float(np.linalg.norm(twin.W)), *twin.bristles
@@ -180,7 +180,7 @@ def test_follows_the_law_written_out_on_jumps_in_two_parts():
 
 
 def test_by_hand():
-    """(4.10), (4.11), (4.16) with round numbers."""
+    """Check (4.10), (4.11) and (4.16) with round numbers."""
     controller = controller_of(
         **{'sigma.initial': 0.5, 'mass.initial': 2.0, 'phi.initial': 0.25, 'network.enabled': False}
     )
@@ -230,7 +230,7 @@ def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
     rng = np.random.default_rng(4)
     x, x_d = np.cumsum(rng.normal(size=(2, 200)), axis=1) * 1e-3
     u = np.array([step(controller, k, x[k], 1e9, x_d[k], 7.0, 0.0)[0] for k in range(200)])
-    # r = F (e_k - e_{k-1})/T + lambda e: the reference goes through the same filter as the head.
+    # r = F (e_k - e_{k-1})/T + lambda e: the reference passes the same filter as the head.
     a = math.exp(-2.0 * math.pi * 500.0 * T)
     e, rate, expected = x - x_d, 0.0, []
     for k in range(200):
@@ -241,7 +241,7 @@ def test_difference_as_velocity_source_is_blind_to_the_velocity_output():
 
 
 def test_without_the_reference_filter_the_filters_lag_is_an_error():
-    """On the reference r is zero with the filter on both, and the filter's lag alone without."""
+    """On the reference r is zero with the filter on both, and the lag of the filter without it."""
     values = {**OFF, 'velocity_source': 'difference', 'velocity_bandwidth': 500.0, 'error_filter_lambda': 0.0}
     w, t = 2.0 * math.pi * 50.0, np.arange(3000) * T
     x, v = np.sin(w * t), w * np.cos(w * t)
@@ -269,13 +269,13 @@ def test_the_estimates_freeze_at_the_limit_of_what_comes_behind():
 
 
 def test_compensator_learns_a_friction_on_the_reference():
-    """Its law moves W_c against r, so that a constant lack of force is taken over from the feedback."""
+    """The law moves W_c against r, so that the compensator takes over a constant force from the feedback."""
     values = {**OFF, 'compensator.enabled': True, 'compensator.gain': 50.0, 'compensator.leakage': 1e-3}
     controller = controller_of(**values)
     position = velocity = 0.0
     for k in range(20000):
         u = step(controller, k, position, velocity, 0.0, 0.0, 0.0)[0]
-        # A body pulled by -3, under the loop's own feedback.
+        # Body with a constant force of -3, under the loop's own feedback.
         velocity += T * (u - 3.0)
         position += T * velocity
     assert named(controller)['compensator'] == pytest.approx(3.0, rel=0.01)
@@ -284,7 +284,7 @@ def test_compensator_learns_a_friction_on_the_reference():
 
 
 def test_compensator_learns_with_the_reference_of_a_lag_ago():
-    """Against its law written out slowly, on a reference of constant acceleration."""
+    """Compare with a slow implementation of the law, on a reference of constant acceleration."""
     lag = 0.3
     values = {
         **OFF,
@@ -335,7 +335,7 @@ def test_a_negative_learning_gain_is_warned_of(law):
     st.integers(0, 10**6),
 )
 def test_laws_are_stable_for_any_constants(constants, sample_time, seed):
-    """Under bounded signals the estimates stay below the rest of their law, |drive|/leakage, whatever the constants."""
+    """Under bounded signals the estimates stay below the equilibrium |drive|/leakage of their law."""
     keys = ('sigma', 'mass', 'phi', 'network')
     values: dict[str, Any] = {}
     for i, key in enumerate(keys):
@@ -435,7 +435,7 @@ def test_what_is_rejected(name, values):
 
 
 def test_a_rejected_range_names_both_of_its_ends():
-    """The one that was changed may be either; found by a service that set the minimum alone."""
+    """Either of the two may have changed, for example by a service call that sets the minimum alone."""
     allowed = 'network.velocity_maximum: 5.0; expected above velocity_minimum = 7'
     with pytest.raises(ParameterError, match=allowed.replace('.', r'\.')):
         parameters_of(**{'network.velocity_minimum': 7.0})

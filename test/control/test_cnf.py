@@ -1,4 +1,4 @@
-"""CNF's closed forms against the matrices of its definition, and its law on a free body."""
+"""CNF: closed forms against the matrices of its definition, and the law on a free body."""
 
 import math
 
@@ -38,7 +38,7 @@ viscous = st.floats(0.0, 2e-5)
 
 
 class Matrices:
-    """The law of a seek from the matrices of its definition, P from scipy."""
+    """Law of a seek from the matrices of its definition, with P from scipy."""
 
     def __init__(self, law, length, viscous_coefficient, beta, added):
         w = 2.0 * math.pi * law.natural_frequency
@@ -51,7 +51,7 @@ class Matrices:
         self.closed = closed
         self.g = -1.0 / (np.array([[1.0, 0.0]]) @ np.linalg.solve(closed, b))[0, 0]
         self.unit_equilibrium = -np.linalg.solve(closed, b)[:, 0] * self.g
-        # What is added, for the law's mu; P is linear in q.
+        # The added damping for the law's mu; P is linear in q.
         mu = 4.0 * law.damping_ratio * beta / added - 1.0 if added > 0.0 else math.inf
         self.mu = mu
         if math.isfinite(mu):
@@ -72,7 +72,7 @@ def test_closed_forms_equal_the_matrices(law, length, viscous_coefficient):
         return
     found = Matrices(law, length, viscous_coefficient, beta, added)
     assert frequency == pytest.approx(found.frequency)
-    # W has no negative weight, P is positive definite, and the poles are those that F is to place.
+    # W has no negative weight, P is positive definite, and the poles are those that F should place.
     assert found.mu >= -1e-9
     assert np.linalg.eigvalsh(found.p).min() > 0.0
     assert np.poly(found.closed) == pytest.approx([1.0, 2.0 * law.damping_ratio * frequency, frequency**2])
@@ -158,7 +158,7 @@ def test_equals_the_continuous_law_on_a_free_body(length):
 
 
 def test_allows_for_the_hold():
-    """Half a sample of delay would be of first order in T; what is left is of second order."""
+    """The delay of half a sample would cause a first-order error in T; the remaining error is of second order."""
     law = CnfParameters(natural_frequency=400.0, settling_frequency=600.0)
     off = []
     for sample_time in (4e-5, 2e-5, 1e-5):

@@ -1,4 +1,4 @@
-"""Which of the capabilities the controllers of this package have."""
+"""Optional interfaces of the controllers of this package."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The feedforward of the reference: its bristles against an integrator, and when it adapts."""
+"""Feedforward of the reference: bristles against an integrator, and conditions of adaptation."""
 
 import math
 
@@ -66,7 +66,7 @@ def test_estimates_rest_with_the_reference():
     first = [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')]
     follow(controller, [(1.0, 0.0, 0.0)] * 200, 100)
     rested = [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')]
-    # One more sample is learned from: the last one in motion, whose effect these estimates are the first to show.
+    # One more sample is used: the last one in motion, whose effect these estimates are the first to show.
     follow(controller, [(1.0, 0.0, 0.0)], 300)
     assert [estimate(controller, name) for name in (*BRISTLES, 'sigma_hat', 'm_hat')] == rested
     assert rested != first
@@ -82,7 +82,7 @@ def test_a_step_of_the_reference_leaves_the_bristles_alone():
 
 
 def test_the_feedback_is_the_same_whatever_was_learnt():
-    """The derivative of u by the measurement holds no estimate: the estimates are not in the loop."""
+    """The derivative of u by the measurement contains no estimate: the estimates are outside the feedback loop."""
     slopes = []
     for initial in (1.4e-8, 3.5e-8):
         low, high = (

@@ -1,4 +1,4 @@
-"""The feedforward against a twin in numpy, and what each of its parts promises."""
+"""The feedforward against a reference implementation in numpy, and the properties of its parts."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def closed_loop(feedforward, disturbance, volts, path=None):
     acting = np.zeros(len(disturbance) + len(path))
     errors, outputs = np.zeros(len(disturbance)), np.zeros(len(disturbance))
     for tick in range(len(disturbance)):
-        # acting[tick + p - i] is what acted i samples ago.
+        # acting[tick + p - i] is the output applied i samples ago.
         errors[tick] = path @ acting[tick + len(path) - np.arange(len(path))] if tick else 0.0
         outputs[tick] = feedforward.step(errors[tick], *volts[tick])
         acting[tick + len(path)] = outputs[tick] - disturbance[tick]
@@ -70,7 +70,7 @@ def vibration(count, seed=1, smoothing=8):
 
 
 class Twin:
-    """The same law written in arrays: modified filtered-x LMS in the coordinates of scipy's cosine transform."""
+    """Array implementation of the law: modified filtered-x LMS in the coordinates of scipy's cosine transform."""
 
     def __init__(self, parameters, path):
         self.p, self.path, n = parameters, path, parameters.taps
@@ -204,7 +204,7 @@ def test_the_supervisor_switches_off_what_harms_and_on_what_helps():
     law = make('fixed', supervisor=SupervisorParameters(averaging_time=0.05, pause=0.1))
     force = vibration(20_000)
     noise = np.random.default_rng(7).normal(size=20_000) * 0.05
-    # First the sensors see nothing of the vibration, then all of it.
+    # First the sensors measure no vibration, then all of it.
     seen = np.where(np.arange(20_000) < 10_000, noise, force)
     errors, outputs = closed_loop(law, force, volts_of(seen))
     assert law.times_switched_off >= 1
@@ -225,7 +225,7 @@ def test_the_supervisor_cuts_off_an_instability_within_milliseconds():
     for tick in range(3000):
         errors[tick] = path @ acting[tick + len(path) - np.arange(len(path))] if tick else 0.0
         errors[tick] += 0.003 * random.normal()
-        # The sensors see the last command: the output grows by half each sample.
+        # The sensors measure the last command: the output grows by half per sample.
         volts = coupling * acting[tick + len(path) - 1]
         acting[tick + len(path)] = law.step(errors[tick], volts + 1e-6, -volts)
     assert law.times_switched_off == 1

@@ -1,4 +1,4 @@
-"""Input shaping: jumps come in two parts, smooth references whole."""
+"""Input shaping: steps are applied in two parts, smooth references are unchanged."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_switched_off_it_gives_all_at_once_and_does_not_come_back():
 
 @given(st.lists(st.tuples(st.floats(-10, 10), st.sampled_from([0.0, 1.0, -5.0])), min_size=1, max_size=40))
 def test_as_said_in_words(rows):
-    """Held back is the share of all jumps since the last time that ``TICKS`` ticks went by without one."""
+    """The delayed part is the share of all steps since the last ``TICKS`` ticks without a step."""
     x_d, dx_d = np.array(rows).T
     before, velocity_before = np.append(0.0, x_d[:-1]), np.append(0.0, dx_d[:-1])
     jumps = np.where((dx_d == 0.0) & (velocity_before == 0.0), x_d - before, 0.0)

@@ -1,4 +1,4 @@
-"""The friction of a known motion, against an integration of the LuGre equations."""
+"""Friction of a known motion, against an integration of the LuGre equations."""
 
 import numpy as np
 import pytest

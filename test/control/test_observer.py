@@ -71,7 +71,7 @@ def test_a_constant_velocity_without_command_is_found_exactly(method):
 
 
 def test_the_command_of_the_drive_needs_no_correction():
-    """On the very drive of the model the velocity is that of the drive from the start, whatever the command."""
+    """On the drive of the model, the velocity equals that of the drive from the start, for any command."""
     parameters = ObserverParameters(bandwidth=300.0)
     a, b = drive(parameters, 1e-4)
     observer = Observer(parameters, 1e-4)

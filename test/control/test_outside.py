@@ -1,4 +1,4 @@
-"""The adapter around a user's controller: what it passes on, what it adds, and what it says of faults."""
+"""Adapter of custom controllers: passed values, added values and error messages."""
 
 import dataclasses
 import math
@@ -117,7 +117,7 @@ def test_estimates_get_the_time_in_front_unless_it_is_there(names, expected):
     controller = OutsideController('mine', Estimating, Gain(), T)
     step(controller, 8)
     assert controller.estimate_names == expected
-    # The time is the tick's, whatever the class makes of it.
+    # The time is that of the tick, independent of the class.
     assert controller.estimates.tolist() == ([8 * T, 2.0, 8.0] if names[0] == 'e' else [8 * T, 8.0])
 
 

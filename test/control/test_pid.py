@@ -1,4 +1,4 @@
-"""The PID controller against its textbook form, by hand and by a plain twin."""
+"""The PID controller against its textbook form, by hand and by a simple reference implementation."""
 
 import math
 from typing import Any, cast
@@ -64,7 +64,7 @@ def test_derivative_filter_is_the_sampled_first_order_lag():
     rates = np.ones(50)
     rates[0] = 0.0
     u = run(controller, np.zeros(50), rates)
-    # The lag's answer to a step that is held: 1 - exp(-2 pi f t), reached one sample early as the input is fed through.
+    # Step response of the lag: 1 - exp(-2 pi f t), one sample early because of the direct feedthrough.
     np.testing.assert_allclose(-u[:, 0], 1.0 - np.exp(-2.0 * math.pi * f * T * np.arange(50)), atol=1e-12)
 
 
@@ -78,7 +78,7 @@ def test_derivative_from_differences():
 
 @pytest.mark.parametrize('source', ['sensor', 'difference'])
 def test_the_reference_goes_through_the_filter(source):
-    """On the reference, however it moves, the filtered derivative of the error is zero; unfiltered it is the lag."""
+    """On the reference, the filtered derivative of the error is zero; without the filter it equals the lag."""
     f, w = 800.0, 2.0 * math.pi * 50.0
     t = np.arange(3000) * T
     for filter_reference in (True, False):
@@ -95,7 +95,7 @@ def test_the_reference_goes_through_the_filter(source):
         if filter_reference:
             assert np.all(slope == 0.0)
         else:
-            # The pole's lag, and half a sample of the difference.
+            # Lag of the pole, and half a sample of the difference.
             z, pole = np.exp(1j * w * T), math.exp(-2.0 * math.pi * f * T)
             response = (1.0 - pole) / (1.0 - pole / z)
             if source == 'difference':
@@ -105,7 +105,7 @@ def test_the_reference_goes_through_the_filter(source):
 
 
 def test_the_limit_of_what_comes_behind_counts():
-    """The integral stops at the converter's limit, and leaves it at once, as with a limit of its own."""
+    """The integral is frozen at the converter's limit and leaves it at once, as at the controller's own limit."""
     told, own = (
         pid(proportional_gain=1.0, integral_gain=1000.0, derivative_gain=0.0, control_limit=limit)
         for limit in (1e9, 0.5)

@@ -1,4 +1,4 @@
-"""PTOS against its definition, an ODE solver's free body, and a drive that answers late."""
+"""PTOS against its definition, an ODE solution of a free body, and a drive with delay."""
 
 import math
 
@@ -77,7 +77,7 @@ def test_a_value_that_is_not_finite_is_seen():
 
 
 def law_of_the_text(parameters, error, velocity):
-    """Return u of PTOS as the textbook writes it."""
+    """Return u of PTOS as in the textbook."""
     k1 = (2.0 * math.pi * parameters.natural_frequency) ** 2 / GAIN
     k2 = math.sqrt(2.0 * k1 / (GAIN * parameters.discount))
     if abs(error) <= LIMIT / k1:
@@ -124,7 +124,7 @@ def test_equals_the_continuous_law_on_a_free_body(length):
 
 
 def test_allows_for_the_hold():
-    """Half a sample of delay would be of first order in T; what is left is of second order."""
+    """The delay of half a sample would cause a first-order error in T; the remaining error is of second order."""
     parameters = PtosParameters(natural_frequency=600.0, discount=0.8)
     off = []
     for sample_time in (4e-5, 2e-5, 1e-5):
@@ -136,7 +136,7 @@ def test_allows_for_the_hold():
 
 
 def test_lag_makes_up_for_a_delay_exactly():
-    """A free body that gets u a sample late does, a sample later, what it would do without."""
+    """A free body whose input is delayed by a sample moves as without delay, a sample later."""
 
     def errors(law, delay):
         c = constants(law)

@@ -1,4 +1,4 @@
-"""The lattice against (4.7) written out node by node."""
+"""The lattice against (4.7), evaluated node by node."""
 
 import numpy as np
 import pytest
@@ -29,6 +29,6 @@ def test_products_of_the_axes_are_the_gaussians_of_4_7(x, v, width, n):
 
 
 def test_largest_square_sum():
-    # Two far nodes: at one of them its own 1, the other adds exp(-2 d^2/eta^2).
+    # Two distant nodes: each contributes 1 at its own center, and the other adds exp(-2 d^2/eta^2).
     assert largest_square_sum(np.array([-1.0, 1.0]), 0.5) == pytest.approx(1.0 + np.exp(-2.0 * 16.0))
     assert largest_square_sum(np.array([0.0]), 0.5) == 1.0

@@ -1,4 +1,4 @@
-"""The cancellation of repeatable runout against twins in numpy, and what its parameters promise."""
+"""Cancellation of repeatable runout against reference implementations in numpy, and effects of its parameters."""
 
 import dataclasses
 
@@ -45,7 +45,7 @@ def closed_loop(law, runout, ticks, noise=None):
 
 def periodic(seed=1, scale=0.02, sectors=SECTORS):
     values = np.random.default_rng(seed).normal(size=sectors) * scale
-    # What the integral of a controller holds, and what is between two samples, is not for the cancellation.
+    # The mean, held by the controller's integral, and half the sampling frequency are not canceled.
     spectrum = np.fft.rfft(values)
     spectrum[0] = 0.0
     if sectors % 2 == 0:
@@ -134,12 +134,12 @@ def test_repetitive_takes_off_what_repeats_in_the_second_revolution_after_the_wa
     errors, _ = closed_loop(law, periodic(), 6 * SECTORS)
     by_revolution = np.abs(errors.reshape(6, SECTORS)).max(axis=1)
     assert by_revolution[1] > 0.03
-    # The first revolution with it is a step into the periodic response, the next one is in it.
+    # In the first revolution the cancellation is a step into the periodic response; the next one is periodic.
     assert by_revolution[3] < 1e-4 * by_revolution[1]
 
 
 def test_repetitive_averages_the_noise_of_the_first_revolutions():
-    """With n revolutions of white noise alone, what is learned has 1/n of its variance, and later gain/(2 - gain)."""
+    """With n revolutions of white noise the learned signal has 1/n of its variance, later gain/(2 - gain)."""
     rng = np.random.default_rng(3)
     # By Parseval the filter multiplies the variance of white noise by the sum of its squares.
     taps = np.zeros(SECTORS)
@@ -208,7 +208,7 @@ def test_it_stays_within_its_limit_and_reports_it(method):
 
 
 def test_a_wrong_model_is_bounded_by_the_limit():
-    """A path with the wrong sign diverges until the limit, and no further."""
+    """A path with the wrong sign diverges up to the limit, and no further."""
     law = make('repetitive', cutoff=0.0)
     law.update(dataclasses.replace(law.parameters, control_limit=0.5), -law.path)
     path = -law.path

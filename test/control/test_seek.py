@@ -29,7 +29,7 @@ PLAIN = dataclasses.replace(
 
 
 class PerfectHead:
-    """A head that is where the trajectory wants it: what is left is the seek part's own."""
+    """Head that follows the trajectory exactly: the remaining voltage is that of the seek part."""
 
     def __init__(self, parameters=PLAIN, delay=0):
         self.seek = Seek(parameters, T, SeekSurroundings(seek_plans(parameters, T), delay))
@@ -99,7 +99,7 @@ def test_a_target_that_changes_on_the_way_is_reached_without_a_stop():
     assert abs(positions[-30:] - 60.0).max() < 1e-3
     u = np.array([u for _, u, _, _ in other])
     assert abs(u).max() <= PLAIN.control_limit
-    # The second plan starts on top of the first one: the head is there sooner than by two seeks in turn.
+    # The second plan starts during the first one: the head arrives sooner than by two successive seeks.
     arrived = np.flatnonzero(abs(positions - 60.0) > 0.1)[-1]
     alone = np.flatnonzero(abs(one - 60.0) > 0.1)[-1]
     assert alone < arrived < 2 * alone
@@ -218,7 +218,7 @@ def test_an_observer_shows_the_law_no_deviation_of_a_head_on_its_trajectory(meth
         velocities.append((velocity, shifted.velocity))
     shown, deviation = np.abs(velocities).max(axis=0)
     assert shown > 5e4
-    # At the end the model is set to rest on the target, by some nanometers.
+    # At the end the model is put to rest on the target, a correction of some nanometers.
     assert deviation < 1e-3 * shown
 
 
@@ -237,7 +237,7 @@ def test_an_observer_takes_no_held_friction_for_velocity_after_a_seek_by_feedbac
     assert surroundings.observer is not None
     seek, held, shown = Seek(parameters, T, surroundings), 0.0, []
     for tick in range(60):
-        # The head goes on for 2 um, and then rests on the target, held by the friction.
+        # The head overshoots by 2 um, and then rests on the target, held by the friction.
         position = 0.1 * min(tick, 20)
         _, velocity = observer.step(position, held)
         shifted = seek.before_law(ControllerInputs(tick, position, velocity, 0.0, 0.0, 2.0, 0.0, 0.0), held)

@@ -73,7 +73,7 @@ def test_clock():
 
 @pytest.mark.parametrize('frame', ['', 'a', 'ab', 'abc', 'abcd', 'seagate_7200_10'])
 def test_as_long_as_rclpy_makes_it_and_equal_but_for_its_padding(frame):
-    """The serializer of rclpy leaves what was in memory between the frame_id and the vector: here are zeros."""
+    """The serializer of rclpy leaves uninitialized bytes between frame_id and vector; here they are zeros."""
     serialization = pytest.importorskip('rclpy.serialization')
     from geometry_msgs.msg import Vector3Stamped
 
@@ -130,7 +130,7 @@ def test_rows_are_the_single_messages():
     made = {}
     for codec, numbers in ((VECTORS, values), (ACCELERATIONS, six), (ARRAYS, values), (CLOCKS, values[:, :0])):
         layout = row_layout(codec, 'drive', names)
-        # The rows lie apart, as they do among those of other topics.
+        # The rows are not contiguous, as among those of other topics.
         rows = np.zeros((5, len(layout.template) + 7), np.uint8)[:, 7:]
         rows[:] = np.frombuffer(layout.template, np.uint8)
         layout.fill(rows, stamps, numbers)

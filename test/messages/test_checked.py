@@ -1,4 +1,4 @@
-"""What is a message of the loop, and what are only bytes."""
+"""Distinction of loop messages from arbitrary bytes."""
 
 import contextlib
 
@@ -51,5 +51,5 @@ def test_any_bytes_are_a_message_or_rejected(codec, data):
     for message in (data, b'\x00\x01\x00\x00' + data):
         with contextlib.suppress(ValueError):
             check_message(codec, message)
-            # Of random bytes only these are one by chance.
+            # Of random bytes only these are valid by chance.
             assert message.startswith(b'\x00\x01')

@@ -1,4 +1,4 @@
-"""Each topic of the loop declares once how its messages are made and read."""
+"""Each topic of the loop declares once how its messages are packed and unpacked."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The scales make position and velocity of the sensor's voltages, and leave the rest alone."""
+"""Conversion of the sensor's voltages to position and velocity; the other inputs are unchanged."""
 
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, ControllerInputs, SensorScales
 

@@ -1,4 +1,4 @@
-"""YAML that is read: what PyYAML makes of it, where it is of a size that one may have written."""
+"""YAML within the size limits is read as by PyYAML."""
 
 import pytest
 import yaml

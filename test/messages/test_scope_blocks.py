@@ -1,4 +1,4 @@
-"""The decimation for live viewers keeps every peak, and the blocks hold every field of the contract."""
+"""The decimation for live viewers keeps every peak, and the blocks have every field of the contract."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""The rows of a topic give their fields by name, and never by a name that is not theirs."""
+"""The rows of a topic give access to its fields by name, and to no others."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""What `parse_ros_arguments` takes means to rcl what it means here; what it rejects, `rig` rejects by it as well."""
+"""`parse_ros_arguments` gives arguments the same meaning as rcl, and rejects what rcl and `rig` reject."""
 
 import itertools
 import math
@@ -17,7 +17,7 @@ SECTION = '  ros__parameters:\n'
 
 
 def of_rcl(arguments):
-    """Return what rcl makes of a command line: names, parameters and topics of each node; None if it rejects."""
+    """Return rcl's reading of a command line: names, parameters and topics of each node; None if it is rejected."""
     context = rclpy.Context()
     try:
         rclpy.init(context=context, args=['program', *arguments])
@@ -61,7 +61,7 @@ def told(meaning):
 
 
 def expect_as_rcl(arguments):
-    """Expect the meaning that rcl gives to a command line; return whether it was taken here."""
+    """Expect the same reading as rcl's of a command line; return whether it was accepted."""
     try:
         ours = of_ours(arguments)
     except ArgumentError:
@@ -287,7 +287,7 @@ def test_a_file_in_latin_1_is_rejected(tmp_path):
 
 @pytest.mark.parametrize('name', ['plant', '/plant', '/**/plant'])
 def test_the_order_of_overrides_is_that_of_rcl(tmp_path, name):
-    """A pattern that is given again keeps its place: what follows it may still win over it."""
+    """A repeated pattern keeps its position: patterns after it may still win over it."""
     path = tmp_path / 'file.yaml'
     path.write_text(f'{name}:\n{SECTION}    x: 2\n')
     pieces = (['--params-file', str(path)], ['-p', 'x:=3'], ['-p', 'plant:x:=4'], ['-p', 'x:=5'])
@@ -359,7 +359,7 @@ RULES = (
 
 
 def test_remap_rules_mean_what_they_mean_to_rcl():
-    """Alone and in pairs, in both orders: the first that fits decides."""
+    """Single rules and pairs in both orders: the first that matches applies."""
     for first, second in itertools.product(RULES, RULES):
         rules = (first,) if first == second else (first, second)
         assert expect_as_rcl(['--ros-args', *itertools.chain(*(('-r', rule) for rule in rules))]), rules

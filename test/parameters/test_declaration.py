@@ -72,7 +72,7 @@ PURE_NUMBERS = {
     'runout.initial_gain',
     'runout.wait',
 }
-"""Ratios, exponents and what has several units in one list; their descriptions say so."""
+"""Ratios, exponents, and lists with several units, which their descriptions state."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +159,7 @@ def test_what_another_node_has_is_passed_over_and_a_typo_is_not():
 
 
 def test_a_set_of_before_is_taken_for_the_very_same_values_only():
-    """To the bit and with their types, after others of equal value were accepted."""
+    """Bit for bit and with their types, after others of equal value were accepted."""
     first = from_mapping(ReferenceParameters, {'offset': 0.0, 'component_amplitudes': (1.0,)})
     assert from_mapping(ReferenceParameters, {'offset': 0.0, 'component_amplitudes': (1.0,)}) is first
     negative = from_mapping(ReferenceParameters, {'offset': -0.0, 'component_amplitudes': (1.0,)})
@@ -172,7 +172,7 @@ def test_a_set_of_before_is_taken_for_the_very_same_values_only():
                 from_mapping(ReferenceParameters, {'offset': value})
     with pytest.raises(ParameterError, match='component_amplitudes'):
         from_mapping(ReferenceParameters, {'component_amplitudes': (True,)})
-    # The error has the name by which the value was given.
+    # The error has the name that was given.
     with pytest.raises(ParameterError, match=r'own\.offset'):
         from_mapping(ReferenceParameters, {'offset': True}, 'own.')
 

@@ -89,7 +89,7 @@ def test_a_file_that_is_none_is_named(tmp_path, text):
 
 
 def test_the_file_that_a_value_is_from_is_known(tmp_path):
-    """Of overlays the last one that gives it; none for a value of the command line."""
+    """From the last overlay that gives the value; none for a value from the command line."""
     base = write(tmp_path, 'base.yaml', 'plant:\n  ros__parameters:\n    a: 1\n    b:\n      c: 2\n    d: 3\n')
     overlay = write(
         tmp_path, 'overlay.yaml', '/**:\n  ros__parameters:\n    e: 1\n\n/**/plant:\n  ros__parameters: {b.c: 5}\n'
@@ -112,7 +112,7 @@ def test_the_file_that_a_value_is_from_is_known(tmp_path):
 
 
 def test_a_quality_of_service_is_rejected_with_the_reason():
-    """The name of its topic begins with a slash, which the syntax of names has not."""
+    """The topic name starts with a slash, which is not allowed in the syntax of names."""
     for node in ('', 'plant:'):
         with pytest.raises(ArgumentError, match='the quality of service of the topics is fixed'):
             parse_ros_arguments(['--ros-args', '-p', f'{node}qos_overrides./clock.publisher.depth:=5'])
@@ -152,7 +152,7 @@ def test_a_parameter_for_no_node_is_rejected():
 
 @pytest.mark.parametrize('path', sorted(PARAMS.glob('*.yaml')), ids=lambda path: path.stem)
 def test_as_rcl_reads_it(path):
-    """The shipped files mean the same to ROS's own parser."""
+    """The shipped files have the same meaning for ROS's own parser."""
     rclpy = pytest.importorskip('rclpy')
     from hdd_servo_ros.graph.catalog import names_with_parameters
 

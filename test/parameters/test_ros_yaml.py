@@ -1,4 +1,4 @@
-"""Entries of a file with scalars as ROS reads them, in mappings and lists that may hold each other."""
+"""Entries of a file with scalars as ROS reads them, in nested mappings and lists."""
 
 import re
 

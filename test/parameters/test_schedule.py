@@ -1,4 +1,4 @@
-"""The parameter schedule: texts in, checked changes out."""
+"""The parameter schedule: parsing and checking of entries."""
 
 import pytest
 from hypothesis import given
@@ -51,7 +51,7 @@ def test_the_timer_rejects_a_wrong_schedule():
 
 
 def test_entries_of_one_tick_are_one_change():
-    # A derivative bandwidth above zero alone would do; both together show that the set is checked as a whole.
+    # A positive derivative bandwidth alone would do; both changes show that the set is checked together.
     (step,) = planned('0.5 pid_controller proportional_gain 1', f'0.5 {PID} integral_gain 2')
     assert step.tick == 5000
     assert step.values == {'integral_gain': 2.0, 'proportional_gain': 1.0}

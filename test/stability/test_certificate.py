@@ -1,4 +1,4 @@
-"""The certificate of theorem 4.1: random designs keep it, section 4.4 keeps it loosely, a run folder yields it."""
+"""Certificate of theorem 4.1: random designs satisfy it, section 4.4 does with a wide margin, and a run has one."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def run(ticks, controller=None, drive=None, reference=None, base=BASE, sample_ti
 
 
 def between(low, high):
-    """Draw from a range evenly by magnitude."""
+    """Draw log-uniformly from a range."""
     return st.floats(np.log(low), np.log(high)).map(lambda x: float(np.exp(x)))
 
 
@@ -82,8 +82,8 @@ DRIVES = st.fixed_dictionaries(
 )
 @settings(max_examples=30)
 def test_random_designs_keep_both_certificates(controller, drive, reference):
-    # The laws hold r for a sample, so that V of a design too fast for it may grow. The theorem is about continuous
-    # time: its bounds must hold once the samples are short.
+    # The laws hold r for a sample, so V may grow for a design that is too fast for the sample time. The theorem is
+    # about continuous time: its bounds must hold for short samples.
     for ticks in (15_000, 150_000):
         certificates, _ = run(ticks, controller, drive, reference, sample_time=0.15 / ticks)
         if not any(certificate.violations for certificate in certificates):
@@ -104,7 +104,7 @@ def test_c1_holds_2k_over_m_and_not_2k():
     strong = {'gain': 1e4, 'leakage': 1e-3, 'initial': 0.0}
     controller = {f'{law}.{name}': value for law in ('sigma', 'mass', 'phi') for name, value in strong.items()}
     controller |= {'network.enabled': False, 'error_filter_lambda': 1e-6, 'feedback_gain': 2.0, 'sigma.enabled': False}
-    # phi_hat would help out with its sgn r: an initial r of this size meets none of it.
+    # phi_hat would help with its sgn r, but does not matter for an initial r of this size.
     drive = {'gain': 0.25, 'friction.model': 'none', 'disturbance.amplitude': 0.0, 'initial_velocity': 5.0}
     ((certificate,), _) = run(20_000, controller | {'phi.gain': 1e-2, 'phi.leakage': 1e3}, drive, {'amplitude': 0.0})
     assert certificate.bounds.c1 == pytest.approx(2.0 * 2.0 / 4.0)
@@ -155,7 +155,7 @@ def test_section_4_4_keeps_the_theorem_and_shows_how_loose_it_is():
         assert certificate.violations == 0
         assert certificate.bounds.c1 == pytest.approx(0.1)
         assert min(certificate.rates.values()) == certificate.rates['sigma_hat']
-    # The values in docs/concepts/stability-certificate.md.
+    # Values quoted in docs/concepts/stability-certificate.md.
     ratio = {c.kind: c.bounds.r_of(c.bounds.ultimate) / c.late(c.r) for c in certificates}
     assert ratio['theorem'] == pytest.approx(3.5e4, rel=0.02)
     assert ratio['run'] == pytest.approx(98.0, rel=0.02)
@@ -341,7 +341,7 @@ def test_units_are_those_of_the_drive(tmp_path):
     file = directory / 'run.yaml'
     text = file.read_text()
     assert 'length_unit: m\n' in text
-    # A length that is named like the declared unit of the control signal, V, is still a length.
+    # A length whose name equals the declared unit of the control signal, V, is still a length.
     file.write_text(
         text.replace('length_unit: m\n', 'length_unit: V\n').replace('control_unit: N\n', 'control_unit: A\n')
     )

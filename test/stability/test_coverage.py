@@ -1,4 +1,4 @@
-"""The list of what theorem 4.1 does not cover is the same in the code and in the documents."""
+"""The list of effects that theorem 4.1 does not cover is the same in the code and in the documentation."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Bounds of e from those of r, against the impulse responses integrated and against runs of the filter."""
+"""Bounds on e from bounds on r, against integrated impulse responses and simulations of the filter."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The ideal values keep what the proof asks of them, and no others have a smaller c2."""
+"""The ideal values satisfy the conditions of the proof, and no other values have a smaller c2."""
 
 import dataclasses
 
@@ -35,7 +35,7 @@ SMALL = from_mapping(
 
 
 def cost(values, p):
-    """Twice c2 without the mass's part."""
+    """Return twice c2 without the part of the mass."""
     return (
         p.sigma.leakage * values.sigma**2
         + p.phi.leakage * values.phi**2
@@ -108,7 +108,7 @@ def test_theorem_values_bound_the_friction_over_the_region():
     demand = plant.bristle_bound(v) + 0.1
     slack = NetworkAt(SMALL, (x, v)).output(values.weights) + values.phi - demand
     assert slack.min() > -1e-3
-    # The bound is met somewhere, and the network earns its place against phi alone.
+    # The bound is active somewhere, and the network reduces c2 compared with phi alone.
     assert slack.min() < 1e-2
     alone = dataclasses.replace(values, phi=float(demand.max()), weights=np.zeros(4))
     assert cost(values, SMALL) < cost(alone, SMALL)

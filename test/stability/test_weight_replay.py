@@ -39,7 +39,7 @@ def test_weights_are_those_of_the_run(recorded):
     assert (weights.shape, compensator.shape) == ((9000, 25), (9000, 49))
     norms = np.sqrt((weights**2).sum(axis=1))
     np.testing.assert_allclose(norms, rows.estimates['W_norm'], rtol=1e-12)
-    # One step more is where the controller of the run stands.
+    # After one more step the replayed controller is in the state of the run's controller.
     last = AdaptiveNn(PARAMETERS, T)
     for tick in range(9000):
         last.step(SCALES.inputs(tick, *rows.ldv[tick, :2], *rows.reference[tick]))
@@ -74,7 +74,7 @@ def test_a_run_through_the_dsp_is_replayed_to_the_bit(values, recorded):
     ideal, _ = recorded
     assert (rows.control[:, 0] != ideal.control[:3000, 0]).any()
     dsp = DspParameters(**values)
-    # It raises where one bit of one recorded number differs.
+    # It raises if a single bit of a recorded number differs.
     assert sum(len(weights) for _, weights, _ in replayed(rows, dsp=dsp)) == 3000
     with pytest.raises(WeightReplayError, match='the replayed controller differs from the recording'):
         replayed(rows)
