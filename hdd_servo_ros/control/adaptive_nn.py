@@ -63,7 +63,7 @@ class AdaptiveNn:
     Parameters
     ----------
     parameters
-        Design constants. ``docs/controllers.md`` lists them with the thesis's symbols.
+        Design constants. ``docs/controllers/adaptive-nn.md`` lists them with the thesis's symbols.
     sample_time
         T [s].
 

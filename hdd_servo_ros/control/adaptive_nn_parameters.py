@@ -1,4 +1,4 @@
-"""Parameters of the adaptive neural network controller; docs/controllers.md lists them with the thesis's symbols."""
+"""Parameters of the adaptive neural network controller, described in docs/controllers/adaptive-nn.md."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -153,7 +153,7 @@ class NetworkParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class WidthParameters(ParameterSet):
-    """Option beyond the thesis: adaptive lattice widths (docs/controllers.md derives the law)."""
+    """Option beyond the thesis: adaptive lattice widths (docs/concepts/stability-certificate.md derives the law)."""
 
     enabled: bool = parameter(False, 'enable the adaptation of the widths')
     gain: float = parameter(1.0e3, 'adaptation gain gamma_eta of the widths', unit='1/(V um)', minimum=0.0)
@@ -167,7 +167,7 @@ class WidthParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class CompensatorParameters(ParameterSet):
-    """Option beyond the thesis: signed network of the reference that learns the friction (docs/controllers.md)."""
+    """Option beyond the thesis: signed network of the reference that learns the friction."""
 
     enabled: bool = parameter(False, 'enable the compensator')
     nodes: int = parameter(7, 'number of nodes per axis', minimum=1, maximum=32, read_only=True)
@@ -195,7 +195,7 @@ class CompensatorParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class DesiredParameters(ParameterSet):
-    """Option beyond the thesis: sigma_hat and m_hat multiply signals of the reference (docs/controllers.md)."""
+    """Option beyond the thesis: sigma_hat and m_hat multiply signals of the reference."""
 
     enabled: bool = parameter(
         True,
@@ -274,7 +274,7 @@ class BristleParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class ShapingParameters(ParameterSet):
-    """Option beyond the thesis: a step of the reference is applied in two parts (docs/controllers.md)."""
+    """Option beyond the thesis: a step of the reference is applied in two parts."""
 
     share: float = parameter(
         0.075, 'fraction of a reference step that is delayed (input shaping); 0 disables it', minimum=0.0, maximum=1.0

@@ -8,7 +8,7 @@ constant g = sigma_0 d:
 
     z' = x_d' - |x_d'| z/d.
 
-Section "Desired compensation" of docs/controllers.md has the law, its proof and its effect.
+docs/controllers/adaptive-nn.md has the law and its effect, docs/concepts/stability-certificate.md the proof.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Effects that theorem 4.1 does not cover: one list for the diagnostics, the certificate and docs/controllers.md."""
+"""Effects that theorem 4.1 does not cover: one list for diagnostics, certificate and documentation."""
 
 import dataclasses
 from collections.abc import Callable
@@ -47,11 +47,11 @@ class Effect:
     Attributes
     ----------
     name
-        Name in the diagnostics and in docs/controllers.md.
+        Name in the diagnostics and in docs/concepts/stability-certificate.md.
     condition
         The violated condition of the theorem, as named in the certificate.
     statement
-        Coverage by the theorem, as in docs/controllers.md.
+        Coverage by the theorem, as in docs/concepts/stability-certificate.md.
     is_in
         Return whether a loop has the effect.
     """

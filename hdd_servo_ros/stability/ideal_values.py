@@ -150,7 +150,8 @@ def _check_parts(parameters: AdaptiveNnParameters) -> None:
     p = parameters
     if p.desired.enabled:
         allowed = (
-            'false: theorem 4.1 holds for the measured v and a_r; docs/controllers.md has the proof of this option'
+            'false: theorem 4.1 holds for the measured v and a_r; docs/concepts/stability-certificate.md has the proof '
+            'of this option'
         )
         raise ParameterError('desired.enabled', True, allowed)
     for name, enabled in (('mass.enabled', p.mass.enabled), ('phi.enabled', p.phi.enabled)):
