@@ -76,11 +76,13 @@ def test_every_public_object_is_used_in_an_example():
 
 
 NOT_IN_EXAMPLES = {
+    'hdd_servo_ros.parameters.InvalidParameterError',
+    'hdd_servo_ros.parameters.UnknownParameterError',
     'hdd_servo_ros.parameters.Value',
     'hdd_servo_ros.testing.CheckFailed',
     'hdd_servo_ros.testing.ExperimentFailed',
 }
-"""An alias of a type, and what is raised where a test fails."""
+"""An alias of a type, kinds of ParameterError, and the exceptions of failed tests."""
 
 
 class WithoutModules(doctest.OutputChecker):
