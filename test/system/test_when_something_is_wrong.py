@@ -206,7 +206,7 @@ def test_wrong_arguments(bench, arguments, said):
 def test_unknown_parameter(bench):
     process = bench.start('ldv_sensor', '-p', 'sede:=3')
     assert process.wait() == 2
-    assert 'unknown parameter ldv_sensor:sede; did you mean seed?' in process.output
+    assert 'unknown parameter sede; did you mean seed?' in process.output
 
 
 def test_run_folder_is_never_overwritten(bench):
