@@ -167,7 +167,7 @@ class WidthParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class CompensatorParameters(ParameterSet):
-    """Option beyond the thesis: signed network of the reference that learns the friction."""
+    """Option beyond the thesis: signed reference network that learns the friction."""
 
     enabled: bool = parameter(False, 'enable the compensator')
     nodes: int = parameter(7, 'number of nodes per axis', minimum=1, maximum=32, read_only=True)
@@ -195,7 +195,7 @@ class CompensatorParameters(ParameterSet):
 
 @dataclasses.dataclass(frozen=True)
 class DesiredParameters(ParameterSet):
-    """Option beyond the thesis: sigma_hat and m_hat multiply signals of the reference."""
+    """Option beyond the thesis: sigma_hat and m_hat multiply reference signals."""
 
     enabled: bool = parameter(
         True,

@@ -1,4 +1,4 @@
-"""Effects that theorem 4.1 does not cover: one list for diagnostics, certificate and documentation."""
+"""Effects not covered by theorem 4.1, for diagnostics, certificate and docs/concepts/stability-certificate.md."""
 
 import dataclasses
 from collections.abc import Callable
