@@ -238,6 +238,9 @@ class RecordedRun(Signals):
         tick = 0
         for columns in self._aligned(known):
             count = len(next(iter(columns.values())))
+            if not tick:
+                # From the first piece: the property itself would read every topic to its end.
+                self.__dict__['_origin'] = self._origin_of_columns(columns)
             for name, column in columns.items():
                 self._check_layout(name, column)
                 stamps = self._stamps(name, column)
@@ -356,11 +359,14 @@ class RecordedRun(Signals):
         """Time of tick 0 [ns]: 0, or the first stamp where stamps are of a wall clock."""
         if self.description:
             return 0
+        return self._origin_of_columns({name: self.column(name) for name, count in self.counts.items() if count})
+
+    def _origin_of_columns(self, columns: Mapping[str, Column]) -> int:
+        """Return the time of tick 0 [ns] by the first stamps of topics, given by name without namespace."""
         firsts = [
-            int(self._stamps(name, column)[0])
-            for name, count in self.counts.items()
-            if count and CODECS[self._bag.types[self._topics[name]]].is_stamped
-            for column in [self.column(name)]
+            int(self._stamps(name, column[:1])[0])
+            for name, column in columns.items()
+            if CODECS[self._bag.types[self._topics[name]]].is_stamped
         ]
         first = min(firsts, default=0)
         return first if first >= _WALL_CLOCK else 0

@@ -8,7 +8,7 @@ import pytest
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.parameters.files import parse_ros_arguments
-from hdd_servo_ros.recording.bag_columns import BagError
+from hdd_servo_ros.recording.bag_columns import Bag, BagError
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
@@ -111,6 +111,15 @@ def test_the_sensitivity_of_a_long_run_with_estimates_in_the_loop(tmp_path, monk
 
 def test_the_whole_of_a_long_run_is_checked(run, long):
     Run.open(run).verify()
+
+
+def test_checking_a_long_run_reads_no_topic_of_the_loop_as_a_whole(run, long, monkeypatch):
+    """As `recover` checks it: the bag alone, whose time of tick 0 is not known from run.yaml."""
+    read = []
+    column = Bag.column
+    monkeypatch.setattr(Bag, 'column', lambda self, topic: read.append(topic) or column(self, topic))
+    RecordedRun.open_bag(run / 'bag').verify()
+    assert read == ['/parameter_events']
 
 
 def test_a_long_run_is_drawn_without_arrays_of_the_whole(run, long, tmp_path):
