@@ -18,10 +18,17 @@ DIGEST_KEY = 'crc32_by_topic'
 
 
 class TopicDigest:
-    """The digest of one topic, while its messages are written."""
+    """
+    Digest of one topic, updated while its messages are written.
 
-    def __init__(self) -> None:
-        self._payloads = self._times = 0
+    Parameters
+    ----------
+    payloads, times
+        The state to go on from; see :attr:`state`.
+    """
+
+    def __init__(self, payloads: int = 0, times: int = 0) -> None:
+        self._payloads, self._times = payloads, times
 
     def add(self, times: NDArray[np.int64], payloads: bytes | memoryview | NDArray[np.uint8]) -> None:
         """Add messages: their receive times [ns], and their payloads one after the other."""
@@ -30,9 +37,22 @@ class TopicDigest:
         self._times = zlib.crc32(np.ascontiguousarray(times, dtype='<i8').tobytes(), self._times)
 
     @property
+    def state(self) -> tuple[int, int]:
+        """CRC-32 of the payloads and of the receive times so far."""
+        return self._payloads, self._times
+
+    @property
     def text(self) -> str:
         """The digest so far."""
         return f'{self._payloads:08x}{self._times:08x}'
+
+
+def digest_state(text: str) -> tuple[int, int] | None:
+    """Return the state that :attr:`TopicDigest.text` shows; None if it is another text."""
+    try:
+        return (int(text[:8], 16), int(text[8:], 16)) if len(text) == 16 else None
+    except ValueError:
+        return None
 
 
 def write_digests(digests: Mapping[str, TopicDigest]) -> str:

@@ -157,7 +157,7 @@ class Recovery:
             if found.fault:
                 faults.append(f'{file}: {found.fault}')
         whole.fault = '; '.join(faults)
-        if self._bag_fault.endswith(WRONG_DIGEST) or (self._bag_fault.endswith(WRONG_DATA) and unchecked):
+        if self._bag_fault.endswith((WRONG_DIGEST, WRONG_DATA)) and unchecked:
             raise RecoveryError(
                 f'{self._bag_fault}: a value was changed in the file, and nothing tells which; use a copy of the bag'
             )

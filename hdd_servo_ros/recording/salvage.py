@@ -14,8 +14,19 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+from hdd_servo_ros.recording.bag_digest import digest_state
+from hdd_servo_ros.recording.bag_metadata import MetadataError, read_metadata
 from hdd_servo_ros.recording.chunk_compression import DECOMPRESS, DECOMPRESS_BEGINNING
 from hdd_servo_ros.recording.salvaged_messages import Message, SalvagedMessages
+from hdd_servo_ros.recording.sqlite_checksums import (
+    SELECT,
+    TABLE,
+    BlockCheck,
+    Checkpoint,
+    Row,
+    is_in,
+    unpack,
+)
 from hdd_servo_ros.recording.sqlite_pages import HEAD_SIZE, MessagePages, page_size
 from hdd_servo_ros.recording.sqlite_topics import is_message, topics_of
 
@@ -31,6 +42,8 @@ _ROWS = 'SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED'
 _ROWS_AT_ONCE = 2**13
 _BEGINNING = 2**20
 """Bytes at the begin of an sqlite3 file in which the topics are."""
+_Blocks = Sequence[tuple[int, int]]
+"""First and last id of each block of messages."""
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 
 
@@ -51,7 +64,7 @@ class Salvage:
         What the file holds that cannot be read here though it need not be damaged, such as another compression; empty
         if nothing.
     is_checked
-        Whether all messages of an MCAP file are in chunks with checksums.
+        Whether a checksum covers every message: of its chunk (MCAP) or of its block (sqlite3).
     """
 
     types: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -287,9 +300,9 @@ _UNCHECKED = 'an sqlite3 file has no checksum per message, so that changed value
 
 class _SqliteSalvage:
     """
-    Reads a database as it lies there; one with a journal is copied, for to play that back changes the file.
+    Reads a database in place; one with a journal is copied first, because SQLite changes the file to play it back.
 
-    Of a file that is shorter than its head says, SQLite opens nothing: its rows are found page by page.
+    SQLite does not open a file that is shorter than its head states: its rows are found page by page.
     """
 
     def __init__(self, path: Path) -> None:
@@ -300,12 +313,19 @@ class _SqliteSalvage:
         companions = [path.with_name(path.name + ending) for ending in _SQLITE_COMPANIONS]
         if any(companion.exists() for companion in companions):
             self._copy([path, *filter(Path.exists, companions)])
+        self._has_checksums = _declares_checksums(self._path)
+        self._faults: list[str] = []
         missing = _missing_pages(self._path)
         if missing:
             self._read_beginning()
             self._take_pages()
-            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {missing}'
-            return
+            self._faults.insert(0, f'the database ends behind message {len(self.found.messages)}: {missing}')
+        else:
+            self._take_database()
+        self.found.is_checked = self._has_checksums
+        self.found.fault = '; '.join(self._faults)
+
+    def _take_database(self) -> None:
         try:
             with self._connection() as connection:
                 self._read_topics(connection)
@@ -314,7 +334,8 @@ class _SqliteSalvage:
             if not self._names:
                 self._read_beginning()
             self._take_pages()
-            self.found.fault = f'the database ends behind message {len(self.found.messages)}: {error}; {_UNCHECKED}'
+            fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+            self._faults.insert(0, fault if self._has_checksums else f'{fault}; {_UNCHECKED}')
 
     def _copy(self, files: Sequence[Path]) -> None:
         """Work on a copy, which is there as long as this object is."""
@@ -345,45 +366,109 @@ class _SqliteSalvage:
                 self._read_topics(connection)
 
     def _take_rows(self, connection: sqlite3.Connection) -> None:
-        """Take what SQLite finds, by id, as it was written; the index on the time may be what is damaged."""
-        rows = connection.execute(f'{_ROWS} ORDER BY id')
+        """Take the rows that SQLite finds, ordered by id as they were written; the index on the time may be damaged."""
+        wrong_blocks = self._wrong_blocks(_parts_of(connection), functools.partial(_checkpoints_of, connection))
         wrong: list[int] = []
-        while part := rows.fetchmany(_ROWS_AT_ONCE):
+        for part in _parts_of(connection):
             wrong += [row for row, *message in part if not self._is_message(message)]
-            self._take([row[1:] for row in part], functools.partial(self._read_rows, part[0][0], part[-1][0]))
-
+            read = functools.partial(self._read_rows, part[0][0], part[-1][0], wrong_blocks)
+            self._take(part, wrong_blocks, read)
         if wrong:
-            self.found.fault = f'rows that are no messages: {len(wrong)}, the first is row {wrong[0]}'
+            self._faults.append(f'rows that are no messages: {len(wrong)}, the first is row {wrong[0]}')
 
     def _is_message(self, row: Sequence[object]) -> bool:
         topic, time, payload = row
         return topic in self._names and is_message(time, payload)
 
-    def _read_rows(self, first: int, last: int) -> list[Message]:
+    def _read_rows(self, first: int, last: int, wrong_blocks: _Blocks) -> list[Message]:
         with self._connection() as connection:
             rows = connection.execute(f'{_ROWS} WHERE id BETWEEN ? AND ? ORDER BY id', (first, last))
-            return self._messages(row[1:] for row in rows)
+            return self._messages(rows, wrong_blocks)
 
     def _take_pages(self) -> None:
-        """Take what the pages hold, if that is more than what SQLite finds."""
+        """Take the rows on the pages, if they are more than those that SQLite finds."""
         by_sqlite, self.found.messages = self.found.messages, SalvagedMessages()
+        faults, self._faults = self._faults, []
         pages = MessagePages(self._path)
+        wrong_blocks = self._wrong_blocks(map(pages.rows, pages.groups()), pages.checkpoints)
         for group in pages.groups():
-            self._take(pages.rows(group), functools.partial(self._read_pages, pages, group))
+            self._take(pages.rows(group), wrong_blocks, functools.partial(self._read_pages, pages, group, wrong_blocks))
         if len(self.found.messages) <= len(by_sqlite):
-            self.found.messages = by_sqlite
+            self.found.messages, self._faults = by_sqlite, faults
 
-    def _read_pages(self, pages: MessagePages, group: Sequence[int]) -> list[Message]:
-        return self._messages(pages.rows(group))
+    def _read_pages(self, pages: MessagePages, group: Sequence[int], wrong_blocks: _Blocks) -> list[Message]:
+        return self._messages(pages.rows(group), wrong_blocks)
 
-    def _take(self, rows: Iterable[tuple[int, int, bytes]], read: Callable[[], list[Message]]) -> None:
+    def _wrong_blocks(
+        self, parts: Iterable[Sequence[Row]], read_checkpoints: Callable[[], Iterable[Checkpoint]]
+    ) -> _Blocks:
+        """Return the blocks of messages that do not match their checksums; none for a file without checksums."""
+        checkpoints: list[Checkpoint] = []
+        # A damaged table of checksums has fewer rows.
+        with contextlib.suppress(sqlite3.Error):
+            checkpoints += read_checkpoints()
+        self._has_checksums |= bool(checkpoints)
+        if not self._has_checksums:
+            return []
+        check = BlockCheck(checkpoints, self._closing_digests())
+        # Reading ends at a damaged page; the rows up to there are taken.
+        with contextlib.suppress(sqlite3.Error):
+            for part in parts:
+                check.add([row for row in part if is_message(*row[2:])])
+        check.finish()
+        if check.wrong:
+            blocks = f'{len(check.wrong)} block{"s" if len(check.wrong) > 1 else ""}'
+            first, last = check.wrong[0][0], check.wrong[-1][1]
+            where = (
+                f'{blocks} of messages, rows {first} to {last}'
+                if len(check.wrong) == 1
+                else (f'{blocks} of messages between rows {first} and {last}')
+            )
+            self._faults.append(f'{where}, do not match their checksums and are left out')
+        return check.wrong
+
+    def _closing_digests(self) -> tuple[tuple[int, int], ...] | None:
+        """Return the state of each topic's digest at the end of the bag, by its metadata."""
+        try:
+            metadata = read_metadata(self._folder)
+        except (OSError, MetadataError):
+            return None
+        states = [digest_state(metadata.digests.get(topic, '')) for topic in metadata.types]
+        return None if len(metadata.files) != 1 or None in states else tuple(filter(None, states))
+
+    def _take(self, rows: Iterable[Row], wrong_blocks: _Blocks, read: Callable[[], list[Message]]) -> None:
         self.found.messages.begin()
-        for message in self._messages(rows):
+        for message in self._messages(rows, wrong_blocks):
             self.found.messages.append(message)
         self.found.messages.store(read)
 
-    def _messages(self, rows: Iterable[tuple[int, int, bytes]]) -> list[Message]:
-        return [(self._names[row[0]], row[1], row[2]) for row in rows if self._is_message(row)]
+    def _messages(self, rows: Iterable[Row], wrong_blocks: _Blocks) -> list[Message]:
+        if wrong_blocks:
+            rows = (row for row in rows if not is_in(row[0], wrong_blocks))
+        return [(self._names[row[1]], row[2], row[3]) for row in rows if self._is_message(row[1:])]
+
+
+def _parts_of(connection: sqlite3.Connection) -> Iterator[list[Row]]:
+    """Iterate over the rows of a database, some thousand at once."""
+    rows = connection.execute(f'{_ROWS} ORDER BY id')
+    while part := rows.fetchmany(_ROWS_AT_ONCE):
+        yield part
+
+
+def _checkpoints_of(connection: sqlite3.Connection) -> Iterator[Checkpoint]:
+    """Iterate over the checkpoints of a database."""
+    for last_id, content in connection.execute(SELECT):
+        checkpoint = unpack(last_id, content)
+        if checkpoint is not None:
+            yield checkpoint
+
+
+def _declares_checksums(path: Path) -> bool:
+    """Return whether the first page of a database, which lists its tables, names that of the checksums."""
+    with path.open('rb') as file:
+        size = page_size(file.read(HEAD_SIZE))
+        file.seek(0)
+        return TABLE.encode() in file.read(size)
 
 
 def _missing_pages(path: Path) -> str:

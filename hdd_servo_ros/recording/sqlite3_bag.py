@@ -21,6 +21,7 @@ from hdd_servo_ros.messages.tick_messages import TickMessages
 from hdd_servo_ros.recording.bag_digest import DIGEST_KEY, TopicDigest, write_digests
 from hdd_servo_ros.recording.bag_options import BagOptions
 from hdd_servo_ros.recording.disk import Reserve, sync_folder, write_durably
+from hdd_servo_ros.recording.sqlite_checksums import BLOCK_TICKS, INSERT, SCHEMA, pack
 
 _WRITTEN_BY = 'ros_distro: rosbags'
 _DISTRIBUTION = 'ros_distro: jazzy'
@@ -33,7 +34,7 @@ class _JazzySqlite3Writer(Sqlite3Writer):
     SQLITE_SCHEMA = (
         # A commit survives the end of this process at once, and a power failure when the system has written it: waiting
         # for the disk at every commit would take longer than writing the rows.
-        'PRAGMA synchronous = OFF;' + Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'")
+        'PRAGMA synchronous = OFF;' + Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'") + SCHEMA
     )
 
     def close(self, version: int, metadata: str) -> None:
@@ -56,6 +57,12 @@ class _JazzyWriter(Writer):
         """The database."""
         assert isinstance(self.storage, _JazzySqlite3Writer)
         return self.storage.conn
+
+    @property
+    def last_id(self) -> int:
+        """Id of the last message."""
+        assert isinstance(self.storage, _JazzySqlite3Writer)
+        return self.storage.cursor.lastrowid or 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,13 +159,26 @@ class Sqlite3Bag:
         count = len(messages.times)
         payloads = [np.tile(np.frombuffer(template, np.uint8), (count, 1)) for template in messages.templates]
         messages.fill(slice(0, count), payloads)
+        for first in range(0, count, BLOCK_TICKS):
+            block = slice(first, first + BLOCK_TICKS)
+            self._write_block(topics, messages.times[block], [rows[block] for rows in payloads])
+
+    def _write_block(
+        self, topics: Sequence[int], times: NDArray[np.int64], payloads: Sequence[NDArray[np.uint8]]
+    ) -> None:
         write, connections = self._writer.write, [self._connections[topic] for topic in topics]
         with self._os_errors():
-            for tick, time in enumerate(messages.times.tolist()):
+            for tick, time in enumerate(times.tolist()):
                 for connection, rows in zip(connections, payloads, strict=True):
                     write(connection, time, rows[tick].data)
-        for topic, rows in zip(topics, payloads, strict=True):
-            self._digest_of[topic].add(messages.times, rows)
+            for topic, rows in zip(topics, payloads, strict=True):
+                self._digest_of[topic].add(times, rows)
+            self._add_checkpoint()
+
+    def _add_checkpoint(self) -> None:
+        """Write the digests of all topics up to the last message."""
+        last_id = self._writer.last_id
+        self._writer.database.execute(INSERT, (last_id, pack(last_id, self._digest_of)))
 
     def write_messages(
         self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
@@ -169,10 +189,11 @@ class Sqlite3Bag:
         with self._os_errors():
             for topic, time, start, end in zip(*numbers, strict=True):
                 self._writer.write(self._connections[topic], time, payloads[start:end])
-        for topic in np.unique(topics).tolist():
-            own = np.flatnonzero(topics == topic)
-            parts = [payloads[start:end] for start, end in zip(ends[own] - sizes[own], ends[own], strict=True)]
-            self._digest_of[topic].add(times[own], b''.join(parts))
+            for topic in np.unique(topics).tolist():
+                own = np.flatnonzero(topics == topic)
+                parts = [payloads[start:end] for start, end in zip(ends[own] - sizes[own], ends[own], strict=True)]
+                self._digest_of[topic].add(times[own], b''.join(parts))
+            self._add_checkpoint()
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``, with the digests of the topics."""

@@ -11,15 +11,15 @@ import struct
 from array import array
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
+
+from hdd_servo_ros.recording.sqlite_checksums import Checkpoint, Row, unpack
 
 MAGIC, HEAD_SIZE = b'SQLite format 3\0', 100
 _LEAF = 0x0D
 _LEAF_HEAD = 8
 _INTEGER_SIZES = {0: 0, 1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8, 8: 0, 9: 0}
 _FIRST_BLOB = 12
-Row = tuple[int, int, bytes]
-"""Topic id, time [ns] and payload."""
 _GROUP = 256
 """Pages that are read at once."""
 
@@ -73,13 +73,28 @@ class MessagePages:
             yield group
 
     def rows(self, group: Iterable[int]) -> list[Row]:
-        """Return topic id, time [ns] and payload of every row on the leaves of a group, in the order of their ids."""
+        """Return the messages on the leaves of a group, ordered by id."""
         rows: dict[int, Row] = {}
         with self._path.open('rb') as file:
             # Of a row that is there twice, the one further behind in the file counts.
             for number in sorted(group):
                 rows.update(_rows(self._page(file, number), self._usable, functools.partial(self._page, file)))
         return [rows[number] for number in sorted(rows)]
+
+    def checkpoints(self) -> Iterator[Checkpoint]:
+        """Iterate over the checkpoints of the table of checksums, in the order of the file."""
+        if not self._size:
+            return
+        with self._path.open('rb') as file, self._path.open('rb') as others:
+            other = functools.partial(self._page, others)
+            while page := file.read(self._size):
+                # The first page begins with the head of the file.
+                if len(page) == self._size and page[0] == _LEAF and self._holds_checkpoints(memoryview(page), other):
+                    yield from _checkpoints(memoryview(page), self._usable, other)
+
+    def _holds_checkpoints(self, page: memoryview, other: Callable[[int], memoryview]) -> bool:
+        """Return whether the first or the last row of a leaf that can be read is a checkpoint."""
+        return any(next(_checkpoints(page, self._usable, other, step), None) for step in (1, -1))
 
     def _page(self, file: BinaryIO, number: int) -> memoryview:
         """Return a page by its number, which counts from 1; raises IndexError if the file does not hold it whole."""
@@ -111,20 +126,43 @@ class MessagePages:
                         yield number, min(ids), max(ids)
 
 
+def _records(
+    page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
+) -> Iterator[tuple[int, bytes]]:
+    """Iterate over the rows on a leaf, each its id and its record, from the last one on if ``step`` is -1."""
+    (count,) = struct.unpack_from('>H', page, 3)
+    for offset in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
+        # A row that cannot be read is damaged.
+        with contextlib.suppress(IndexError, struct.error):
+            (cell,) = struct.unpack_from('>H', page, offset)
+            size, cell = _varint(page, cell)
+            number, cell = _varint(page, cell)
+            yield number, _payload(page, cell, size, usable, other)
+
+
 def _rows(
     page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
 ) -> Iterator[tuple[int, Row]]:
     """Iterate over the messages on a leaf with their ids, from the last one on if ``step`` is -1."""
-    (count,) = struct.unpack_from('>H', page, 3)
-    for offset in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
-        # What makes no sense is another table's row, or damaged.
-        with contextlib.suppress(IndexError, KeyError, struct.error):
-            (cell,) = struct.unpack_from('>H', page, offset)
-            size, cell = _varint(page, cell)
-            number, cell = _varint(page, cell)
-            row = _message(_payload(page, cell, size, usable, other))
-            if row is not None:
-                yield number, row
+    for number, record in _records(page, usable, other, step):
+        # A row with other columns is of another table, or damaged.
+        with contextlib.suppress(IndexError, KeyError):
+            values = _values(record, 4)
+            if values is not None:
+                _, topic, time, payload = values
+                yield number, (number, topic, time, payload)
+
+
+def _checkpoints(
+    page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
+) -> Iterator[Checkpoint]:
+    """Iterate over the checkpoints on a leaf, from the last one on if ``step`` is -1."""
+    for number, record in _records(page, usable, other, step):
+        with contextlib.suppress(IndexError, KeyError):
+            values = _values(record, 2)
+            checkpoint = values and unpack(number, values[-1])
+            if checkpoint:
+                yield checkpoint
 
 
 def _payload(page: memoryview, offset: int, size: int, usable: int, other: Callable[[int], memoryview]) -> bytes:
@@ -142,22 +180,22 @@ def _payload(page: memoryview, offset: int, size: int, usable: int, other: Calla
     return payload
 
 
-def _message(record: bytes) -> Row | None:
-    """Return what a row of `messages` (id, topic_id, timestamp, data) holds, None if it is no such row."""
+def _values(record: bytes, columns: int) -> tuple[Any, ...] | None:
+    """Return the values of a row of integers whose last column is a blob; None if the row has other columns."""
     offset, kinds = 0, []
     head_size, offset = _varint(record, 0)
     while offset < head_size:
         kind, offset = _varint(record, offset)
         kinds.append(kind)
-    if len(kinds) != 4 or kinds[3] < _FIRST_BLOB or kinds[3] % 2:
+    if len(kinds) != columns or kinds[-1] < _FIRST_BLOB or kinds[-1] % 2:
         return None
-    values = []
-    for kind in kinds[:3]:
+    values: list[Any] = []
+    for kind in kinds[:-1]:
         size = _INTEGER_SIZES[kind]
         values.append(int.from_bytes(record[offset : offset + size], 'big', signed=True) if size else int(kind == 9))
         offset += size
-    end = offset + (kinds[3] - _FIRST_BLOB) // 2
-    return None if end != len(record) else (values[1], values[2], record[offset:end])
+    end = offset + (kinds[-1] - _FIRST_BLOB) // 2
+    return None if end != len(record) else (*values, record[offset:end])
 
 
 def _varint(data: bytes | memoryview, offset: int) -> tuple[int, int]:

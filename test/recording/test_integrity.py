@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rosbags.rosbag2 import Reader
 
 from hdd_servo_ros import Run
 from hdd_servo_ros.recording.bag_columns import BagError
@@ -16,6 +17,8 @@ from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.mcap_checks import check_mcap
 from hdd_servo_ros.recording.recovery import Recovery
 from hdd_servo_ros.recording.run_folder import read_run_yaml, rewrite_run_yaml
+from hdd_servo_ros.recording.sqlite_checksums import BLOCK_TICKS, SELECT, TABLE, unpack
+from hdd_servo_ros.recording.sqlite_pages import MessagePages
 from hdd_servo_ros.tools.recover import main as recover
 from hdd_servo_ros.tools.report import main as report
 
@@ -111,15 +114,30 @@ def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tm
     assert found > FLIPS // 2
 
 
-@pytest.mark.parametrize('topic', ['clock', 'reference', 'head', 'ldv', 'control', 'estimates'])
-def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, capsys, topic):
-    run = copy_of(runs['sqlite3'], tmp_path / 'run')
+def change_value(run, topic):
+    """Change one byte of the payload at tick 700 with the means of SQLite, so that the database stays intact."""
     with contextlib.closing(sqlite3.connect(file_of(run))) as connection:
         where = 'topic_id = (SELECT id FROM topics WHERE name = ?) AND timestamp = 70000000'
         (payload,) = connection.execute(f'SELECT data FROM messages WHERE {where}', (f'/{topic}',)).fetchone()
         changed = payload[:-3] + bytes([payload[-3] ^ 1]) + payload[-2:]
         connection.execute(f'UPDATE messages SET data = ? WHERE {where}', (changed, f'/{topic}'))
         connection.commit()
+
+
+def without_checksums(run, rows=''):
+    """Delete the table of checksums, or the rows of it that fit a condition."""
+    with contextlib.closing(sqlite3.connect(file_of(run))) as connection:
+        connection.execute(f'DELETE FROM {TABLE} WHERE {rows}' if rows else f'DROP TABLE {TABLE}')
+        connection.commit()
+        if not rows:
+            connection.execute('VACUUM')
+
+
+@pytest.mark.parametrize('topic', ['clock', 'reference', 'head', 'ldv', 'control', 'estimates'])
+def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, capsys, topic):
+    run = copy_of(runs['sqlite3'], tmp_path / 'run')
+    without_checksums(run)
+    change_value(run, topic)
     with pytest.raises(BagError, match=f'/{topic} is damaged: its messages are not those that were written'):
         Run.open(run)[topic]
     assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
@@ -128,6 +146,66 @@ def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, c
     error = capsys.readouterr().err.splitlines()[-1]
     assert 'a value was changed in the file, and nothing tells which; use a copy of the bag' in error
     assert sorted(path.name for path in run.iterdir()) == before
+
+
+@pytest.mark.parametrize('topic', ['clock', 'control', 'estimates'])
+@pytest.mark.parametrize('lost', ['', 'last_id < 100', 'last_id BETWEEN 3000 AND 4000', 'last_id > 5000'])
+def test_the_messages_before_a_changed_value_are_recovered(runs, tmp_path, capsys, topic, lost):
+    """Checkpoints that are lost elsewhere cost nothing."""
+    whole = runs['sqlite3']
+    run = copy_of(whole, tmp_path / 'run')
+    change_value(run, topic)
+    if lost:
+        without_checksums(run, lost)
+    assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
+    assert recover([str(run)]) == 0
+    text = capsys.readouterr().out
+    found = re.search(r'1 block of messages, rows (\d+) to (\d+), do not match their checksums', text)
+    # The value is that of tick 700; there are six messages per tick.
+    assert found is not None
+    first, last = map(int, found.groups())
+    assert first <= 6 * 701 <= last + 6
+    assert last - first < 6 * BLOCK_TICKS + 10
+    last_tick = read_run_yaml(run)['last_tick']
+    assert 700 - BLOCK_TICKS <= last_tick < 700
+    assert first_difference(whole, run, last_tick) is None
+    assert recover([str(run), '--dry-run']) == 0
+    assert 'is whole' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_recover_takes_no_changed_value_from_a_damaged_sqlite3_file(runs, tmp_path, capsys, seed):
+    """Two holes each, in rows, in the table of checksums or in pages that lead to them."""
+    whole = runs['sqlite3']
+    rng = np.random.default_rng(seed)
+    ticks = []
+    for _ in range(6):
+        run = copy_of(whole, tmp_path / 'run')
+        content = bytearray(file_of(run).read_bytes())
+        for offset in rng.integers(0, len(content), 2).tolist():
+            content[offset : offset + 512] = bytes(512)
+        file_of(run).write_bytes(content)
+        assert recover([str(run)]) in (0, 1, 3)
+        if (run / 'bag').exists():
+            ticks.append(read_run_yaml(run)['last_tick'])
+            assert first_difference(whole, run, ticks[-1]) is None
+    capsys.readouterr()
+    assert max(ticks) > 100
+
+
+def test_checkpoints_on_pages_are_those_that_sqlite_reads(runs):
+    with contextlib.closing(sqlite3.connect(file_of(runs['sqlite3']))) as connection:
+        checkpoints = [unpack(*row) for row in connection.execute(SELECT)]
+        assert connection.execute('SELECT max(id) FROM messages').fetchone() == (checkpoints[-1].last_id,)
+    assert len(checkpoints) >= LAST_TICK // BLOCK_TICKS
+    assert sorted(MessagePages(file_of(runs['sqlite3'])).checkpoints(), key=lambda each: each.last_id) == checkpoints
+
+
+def test_other_readers_ignore_the_table_of_checksums(runs):
+    with Reader(runs['sqlite3'] / 'bag') as reader:
+        assert len(list(reader.messages())) == reader.message_count
+        names = {connection.topic for connection in reader.connections}
+    assert names == set(Run.open(runs['sqlite3']).topics)
 
 
 @pytest.mark.parametrize('kind', KINDS)
