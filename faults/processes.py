@@ -46,7 +46,9 @@ class Processes:
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
         """Start a node's executable with the default parameters."""
-        command = [sys.executable, '-m', f'hdd_servo_ros.nodes.{name}', '--ros-args', '--params-file', str(PARAMS)]
+        # As the installed script starts it.
+        code = f'import sys; from hdd_servo_ros.executables import {name}; sys.exit({name}())'
+        command = [sys.executable, '-c', code, '--ros-args', '--params-file', str(PARAMS)]
         with (self.folder / f'{name}.log').open('wb') as log:
             process = subprocess.Popen(
                 [*command, *arguments], cwd=self.folder, env=self.environment, stdout=log, stderr=log

@@ -24,8 +24,9 @@ def __getattr__(name: str) -> Callable[[], int]:
 
 def _run(name: str) -> int:
     code = guard(name, functools.partial(_work, name))
-    # It has done what it had to do; while Python ends, another one would take its exit code away.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The work is done: a signal that arrives while Python shuts down would replace the exit code.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     return code
 
 

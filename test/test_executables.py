@@ -157,10 +157,11 @@ def test_an_interrupt_while_it_is_imported():
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, '', '')
 
 
-def test_an_interrupt_while_it_ends():
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM', 'SIGHUP'])
+def test_a_signal_while_it_ends(name):
     """As from a launch file of which another process has just been rejected."""
     code = 'import atexit, signal, sys; from hdd_servo_ros.executables import recover; '
-    code += 'atexit.register(signal.raise_signal, signal.SIGINT); sys.exit(recover())'
+    code += f'atexit.register(signal.raise_signal, signal.{name}); sys.exit(recover())'
     ended = subprocess.run(
         [sys.executable, '-c', code, 'nowhere'], cwd=ROOT, capture_output=True, text=True, timeout=60
     )

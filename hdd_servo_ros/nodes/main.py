@@ -22,7 +22,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import reject_unknown_nodes
-from hdd_servo_ros.ros.lockstep import Lockstep
+from hdd_servo_ros.ros.lockstep import SIGNALS, Lockstep
 from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.member import CURE
@@ -97,6 +97,7 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         print(f'{name}: warning: {warning}', file=sys.stderr, flush=True)
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         lookout = None if keeps_to_this_machine(os.environ) else Lookout()
         with given.naming_files():
@@ -119,6 +120,9 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
         return 128 + signal.SIGINT
     finally:
         rclpy.utilities.try_shutdown()
+        for number, handler in handlers.items():
+            if signal.getsignal(number) is not handler:
+                signal.signal(number, handler)
 
 
 def _run(composition: Composition, lookout: Lookout | None) -> int:

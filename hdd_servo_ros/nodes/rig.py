@@ -1,5 +1,6 @@
 """`rig`: the whole graph composed in one process; the main job."""
 
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from hdd_servo_ros.parameters.files import RosArguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters, last_tick_of_run
 from hdd_servo_ros.recording.writer_process import launch_writer
 from hdd_servo_ros.reporting.show import show_run
+from hdd_servo_ros.ros.lockstep import SIGNALS
 from hdd_servo_ros.ros.loop_node import LoopNode
 from hdd_servo_ros.ros.node_metadata import last_ticks_needed
 from hdd_servo_ros.ros.node_parameters import NodeParameters, ParameterNode
@@ -97,12 +99,17 @@ class Rig:
         """Sum up and draw the run that has ended."""
         if self.recorder is None:
             return
+        # The run is finished, so that any request to end costs the summary alone, and the exit code stays 0.
+        handlers = {number: signal.signal(number, signal.default_int_handler) for number in SIGNALS}
         try:
             show_run(Path(self.recorder.directory), plot=self.parameters.plot)
         except KeyboardInterrupt:
             print(
                 f'rig: the run is complete in {self.recorder.directory}; its summary was interrupted', file=sys.stderr
             )
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

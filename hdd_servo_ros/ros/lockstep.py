@@ -43,7 +43,8 @@ POLLING_PERIOD = 0.02
 _CALLBACKS_A_ROUND = 20
 _PATIENCE = 2.0
 """A signal within this time after the first is the same request: `ros2 launch` repeats what the terminal sent [s]."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that interrupt a run."""
 
 
 class Lockstep:
@@ -81,15 +82,19 @@ class Lockstep:
         self._message_wait = MessageWait(self._nodes[0].context)
 
     def run(self) -> Outcome:
-        """Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run."""
-        previous = {number: signal.signal(number, self._take_signal) for number in _SIGNALS}
+        """
+        Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run.
+
+        The handlers of :data:`SIGNALS` stay installed, and the caller restores its own when the process has shut down.
+        Until then the outcome is known, and a signal cannot change it; only a second one ends the process.
+        """
+        for number in SIGNALS:
+            signal.signal(number, self._take_signal)
         try:
             outcome = self._run()
             self._log(outcome)
             return outcome
         finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
             self._executor.shutdown()
 
     def _run(self) -> Outcome:

@@ -236,6 +236,19 @@ def test_interrupted_rig(bench, number, code):
     assert len(Run.open(bench.directory / 'run').time) == content['last_tick'] + 1 > 1
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_after_the_run_changes_nothing(bench, number):
+    """It ends the summary at most."""
+    process = bench.start('rig', '-p', 'duration:=0.01', '-p', 'bag_recorder:run_dir:=run')
+    folder = bench.directory / 'run'
+    while not (folder / 'run.yaml').exists() or bench.run_yaml('run')['status'] == 'running':
+        assert process.popen.poll() is None, process.output
+        time.sleep(0.001)
+    process.signal(number)
+    assert process.wait() == 0, process.output
+    assert bench.run_yaml('run')['status'] == 'finished'
+
+
 @pytest.mark.parametrize('who', ['bag_recorder', 'vcm_plant', 'all'])
 def test_interrupted_processes(bench, who):
     processes = bench.start_nodes('run', *SLOW)
