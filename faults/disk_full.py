@@ -75,7 +75,7 @@ def _judged(run: Path, folder: Path, done: Measured) -> tuple[str, list[Fault]]:
     if content['last_tick'] is not None and content['last_tick'] >= 0:
         _, printed, found = call(recover, [str(folder / 'copy'), '--dry-run'])
         faults += found
-        if ' is whole: ' not in printed:
+        if ' is intact: ' not in printed:
             faults.append(Fault(WRONG, f'recover does not report it as intact: {printed[-300:]}'))
     return 'failed, intact up to its last tick', faults
 

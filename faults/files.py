@@ -75,7 +75,7 @@ def trial(folder: Path, choice: random.Random) -> Trial:
         code, printed, found = call(command, arguments)
         faults += found
         # A dry run that finds damage also ends with 0.
-        if code == 0 and (command is not recover or ' is whole: ' in printed):
+        if code == 0 and (command is not recover or ' is intact: ' in printed):
             accepted.append(command.__module__.rpartition('.')[2])
         elif not found and not printed.strip():
             faults.append(Fault(WRONG, f'{command.__module__} ends with {code} and prints nothing'))

@@ -188,7 +188,7 @@ def test_a_false_claim_is_found(tmp_path, simulated):
     text = (run / 'run.yaml').read_text()
     (run / 'run.yaml').write_text(text.replace('last_tick: 100', 'last_tick: 99'))
     (fault,) = false_claims(run, 0, None)
-    assert 'run.yaml says 99 for the last tick, the bag holds 100' in fault.message
+    assert 'last_tick in run.yaml is 99, but the last tick in the bag is 100' in fault.message
 
 
 def test_the_seed_determines_the_damage_of_a_file(tmp_path):

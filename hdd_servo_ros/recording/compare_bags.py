@@ -1,8 +1,7 @@
 """
-The first difference between two recorded runs, bit by bit.
+First difference between two recorded runs, compared byte by byte.
 
-``ros2 run hdd_servo_ros compare_bags RUN RUN`` prints the topic, the tick and the field where two
-runs first differ.
+``ros2 run hdd_servo_ros compare_bags RUN RUN`` prints the topic, the tick and the field where two runs first differ.
 """
 
 import sys
@@ -20,7 +19,7 @@ from hdd_servo_ros.recording.decoding import check_layout, stamps_of
 from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 _BYTES_SHOWN = 16
-"""Bytes of a message that are shown where no number differs."""
+"""Number of bytes of a message that are shown if no number differs."""
 
 
 def first_difference(
@@ -32,19 +31,19 @@ def first_difference(
     Parameters
     ----------
     left, right
-        Run folders or bags; namespaces and storages may differ.
+        Run directories or bags; namespaces and storages may differ.
     last_tick
         The last tick to compare; all if None.
     labels
-        What the words call the two; their paths if None.
+        Names of the two runs in the result; their paths if None.
 
     Returns
     -------
     str or None
-        The earliest difference in words, None if every payload is identical.
+        Description of the earliest difference; None if every payload is identical.
     """
-    ours, theirs = labels or (str(left), str(right))
-    return _first_difference(_Side(left, ours), _Side(right, theirs), last_tick)
+    left_label, right_label = labels or (str(left), str(right))
+    return _first_difference(_Side(left, left_label), _Side(right, right_label), last_tick)
 
 
 def _first_difference(left: '_Side', right: '_Side', last_tick: int | None) -> str | None:
@@ -55,7 +54,7 @@ def _first_difference(left: '_Side', right: '_Side', last_tick: int | None) -> s
 
 
 def _earliest(differences: Iterable[tuple[int, str]]) -> str | None:
-    # Of several at one tick the first in the order of the topics, along which data flows.
+    # At one tick, the first in the order of the topics, which is the direction of the data flow.
     return min(differences, key=lambda difference: difference[0], default=(0, None))[1]
 
 
@@ -76,7 +75,7 @@ class _Side:
         return self.column(topic).as_bytes()
 
     def stamps(self, topic: LoopTopic) -> list[int]:
-        """Return the time that each message carries [ns]; none where they cannot be told."""
+        """Return the time stamp of each message [ns]; an empty list if they cannot be read."""
         try:
             column = self.column(topic)
             check_layout(column, topic.type_name)
@@ -90,7 +89,7 @@ class _Side:
 
 
 class _Part(_Side):
-    """Some messages of one of the two runs, as many of each topic."""
+    """Some messages of one of the two runs, the same number for each topic."""
 
     def __init__(self, side: _Side, columns: Mapping[str, Column], first: int, count: int) -> None:
         self.label, self.run, self.first = side.label, side.run, first
@@ -101,17 +100,17 @@ class _Part(_Side):
 
 
 def _first_difference_in_pieces(left: _Side, right: _Side, ticks: int | None) -> str | None:
-    """Return the earliest difference of two long runs, of which no more than some pieces are in memory."""
+    """Return the earliest difference of two long runs, with only a few pieces of each in memory."""
     topics = list(_topics_of(left, right))
     missing = _earliest(_missing(left, right))
     if missing is not None:
         return missing
     names = [topic.name for topic in topics]
     compared = 0
-    ours, theirs = (side.run.column_pieces(names) for side in (left, right))
+    both = [side.run.column_pieces(names) for side in (left, right)]
     waiting: list[dict[str, Column]] = [{}, {}]
     while ticks is None or compared < ticks:
-        for side, pieces in enumerate((ours, theirs)):
+        for side, pieces in enumerate(both):
             if not any(map(len, waiting[side].values())):
                 waiting[side] = next(pieces, {})
         count = min((len(column) for columns in waiting for column in columns.values()), default=0)
@@ -135,14 +134,14 @@ def _first_difference_in_pieces(left: _Side, right: _Side, ticks: int | None) ->
 
 
 def _are_the_same(one: Column, other: Column) -> bool:
-    """Return whether all messages are the same, as far as that is quick to tell."""
+    """Return whether all messages are equal by a fast comparison; False if that is not possible."""
     if isinstance(one.payloads, list) or isinstance(other.payloads, list):
         return False
     return bool(np.array_equal(one.payloads, other.payloads))
 
 
 def _missing(left: _Side, right: _Side) -> Iterator[tuple[int, str]]:
-    """Yield what is missing in one of the two, with the place in which it counts."""
+    """Yield each topic that one of the runs lacks, at tick -1, so that it comes before any other difference."""
     for topic in _topics_of(left, right):
         for side in (left, right):
             if topic.name not in side.run.counts:
@@ -155,24 +154,24 @@ def _lengths(topic: LoopTopic, left: _Side, right: _Side, held: Sequence[int]) -
 
 
 def _differences(left: _Side, right: _Side, ticks: int | None) -> Iterator[tuple[int, str]]:
-    """Yield for every loop topic the tick of its first difference, and that difference in words."""
+    """Yield for every loop topic the tick and the description of its first difference."""
     yield from _missing(left, right)
     for topic in _topics_of(left, right):
         if any(topic.name not in side.run.counts for side in (left, right)):
             continue
-        ours, theirs = (side.messages(topic)[:ticks] for side in (left, right))
-        for index, (one, other) in enumerate(zip(ours, theirs, strict=False)):
+        own, others = (side.messages(topic)[:ticks] for side in (left, right))
+        for index, (one, other) in enumerate(zip(own, others, strict=False)):
             if one != other:
                 yield _difference(topic, left, right, index, (one, other))
                 break
         else:
-            if len(ours) != len(theirs):
-                count = min(len(ours), len(theirs))
-                yield count, _lengths(topic, left, right, (len(ours), len(theirs)))
+            if len(own) != len(others):
+                count = min(len(own), len(others))
+                yield count, _lengths(topic, left, right, (len(own), len(others)))
 
 
 def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
-    """Iterate over the topics to compare: those that either run holds, the optional ones if there are messages."""
+    """Iterate over the topics of either run; an optional topic counts only if it has messages."""
     for topic in ALL_LOOP_TOPICS:
         runs = (left.run, right.run)
         if any(topic.name in run if topic.is_optional else topic.name in run.counts for run in runs):
@@ -182,7 +181,7 @@ def _topics_of(left: _Side, right: _Side) -> Iterator[LoopTopic]:
 def _difference(
     topic: LoopTopic, left: _Side, right: _Side, index: int, messages: tuple[bytes, bytes]
 ) -> tuple[int, str]:
-    """Return the tick of a difference and what it is: of the stamps first, for then other values mean nothing."""
+    """Return tick and description of a difference: of the stamps if they differ, otherwise of the first field."""
     stamps = left.stamps(topic), right.stamps(topic)
     number = left.first + index
     if not all(stamps):
@@ -196,7 +195,7 @@ def _difference(
         if stamps[early][index] not in stamps[late]:
             return ticks[early], (
                 f'{topic.name}: the message of tick {ticks[early]} is missing in {(left, right)[late].label}; '
-                f'that of tick {ticks[late]} is in its place'
+                f'that of tick {ticks[late]} comes instead'
             )
         words = f'that of tick {ticks[0]} in {left.label}, and of tick {ticks[1]} in {right.label}'
         return number, f'{topic.name} differs first at tick {number}: the stamp of message {number} is {words}'
@@ -204,21 +203,21 @@ def _difference(
 
 
 def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, str]) -> str:
-    """Return the first field in which two messages differ, with both values."""
+    """Return the first field that differs between two messages, with both values."""
     one, other = messages
     codec = topic.codec
-    # Of arrays of different length no element is the first to differ; vectors may differ in length by their frame_id.
+    # Arrays of different length have no first differing element; vectors may differ in length by their frame_id.
     if codec.width == 0 or (codec.width is None and len(one) != len(other)):
         pairs = []
     else:
         names, _ = names_and_start(codec, one)
-        # By the declared name; a component that is not declared has only its own.
+        # A component without a declared name has only its own.
         fields = topic.field_names + names[len(topic.fields) :]
         pairs = list(zip(fields, numbers(codec, one), numbers(codec, other), strict=False))
-    for name, ours, theirs in pairs:
-        if ours != theirs:
-            return f'{name} = {ours!r} in {labels[0]} and {theirs!r} in {labels[1]}'
-    # What differs is no number: frame_id, a name in an array, or bytes that are no message at all.
+    for name, own, others in pairs:
+        if own != others:
+            return f'{name} = {own!r} in {labels[0]} and {others!r} in {labels[1]}'
+    # The difference is not in a number: it is in frame_id, in the name of an array element, or in invalid bytes.
     start = next(
         (index for index, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(map(len, messages))
     )
@@ -227,7 +226,7 @@ def _field(topic: LoopTopic, messages: tuple[bytes, bytes], labels: tuple[str, s
 
 
 def _hexadecimal(message: bytes, start: int) -> str:
-    """Return a few bytes of a message from a place on, and how many there are in all."""
+    """Return a few bytes of a message from byte ``start`` on, and the length of the message."""
     end = start + _BYTES_SHOWN
     return f'{message[start:end].hex() or "none"}{"..." if len(message) > end else ""} of {len(message)}'
 
@@ -245,7 +244,7 @@ def command_line() -> CommandParser:
 
 @command('compare_bags', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare two runs; exit code 0 if they are identical, 1 if not, 3 if one cannot be read."""
+    """Compare two runs; return 0 if they are identical, 1 if not, 3 if one cannot be read."""
     left, right = command_line().parse_args(arguments).run
     sides = []
     for path in (left, right):

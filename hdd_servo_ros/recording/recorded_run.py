@@ -1,4 +1,4 @@
-"""A recorded run: its signals as arrays aligned by tick, its metadata, and the parameters in force."""
+"""Recorded run: signals as arrays aligned by tick, metadata, and the values of parameters over time."""
 
 import functools
 import math
@@ -28,26 +28,26 @@ from hdd_servo_ros.recording.parameter_history import ParameterChange, Parameter
 from hdd_servo_ros.recording.run_folder import DescriptionError, read_run_yaml
 
 _WALL_CLOCK = 10**17
-"""Stamps from here on are of a wall clock, not of a run: three years after its start, 1973 in Unix time [ns]."""
+"""Smallest stamp taken as wall-clock time instead of run time: three years, or 1973 in Unix time [ns]."""
 
 LONG_RUN = 2**17
-"""Ticks from which a run is long: its signals as arrays take some hundred megabytes."""
+"""Number of ticks from which a run is long: its arrays then take some hundred megabytes."""
 OpenedRun = TypeVar('OpenedRun', bound='RecordedRun')
 
 
 class RecordedRun(Signals):
     """
-    A recorded run, opened with :meth:`RecordedRun.open`.
+    Recorded run, opened with :meth:`RecordedRun.open`.
 
-    Opening checks the bag's files by their checksums, and decodes nothing. A topic is decoded when it is first asked
-    for, and kept; :meth:`verify` decodes all of them. All arrays have one row a tick of :attr:`ticks`, in the units of
-    the topics (see ``hdd_servo_ros.messages.topics``): lengths in :attr:`length_unit`, um unless the drive's parameter
-    file says otherwise, control in :attr:`control_unit`, time in s.
+    Opening verifies the checksums of the bag's files and decodes nothing. A topic is decoded and kept on first access;
+    :meth:`verify` decodes all of them. All arrays have one row per tick of :attr:`ticks`. Units are those of the topics
+    (see ``hdd_servo_ros.messages.topics``): lengths in :attr:`length_unit`, which is um unless the drive's parameter
+    file sets another one, control in :attr:`control_unit`, time in s.
 
     Attributes
     ----------
     path
-        What was opened.
+        Path that was opened.
     description
         Content of ``run.yaml``; empty for a bag without one.
     """
@@ -60,7 +60,7 @@ class RecordedRun(Signals):
         self._arrays: dict[str, NDArray[Any]] = {}
         self._read_topics: set[str] = set()
         self.is_checked = False
-        """Whether checksums were right that cover all of the bag; if not, a topic is checked as it is read."""
+        """Whether checksums of the whole bag were verified; if not, each topic is checked when it is read."""
 
     @classmethod
     def open(cls: type[OpenedRun], path: str | Path, *, namespace: str | None = None) -> OpenedRun:
@@ -70,17 +70,17 @@ class RecordedRun(Signals):
         Parameters
         ----------
         path
-            Run folder, its bag, or a bag that `ros2 bag record` made of the graph's topics.
+            Run directory, its bag, or a bag of the graph's topics recorded by `ros2 bag record`.
         namespace
-            Which rig's topics to read, where a bag without ``run.yaml`` holds those of several.
+            Namespace whose topics to read, if a bag without ``run.yaml`` contains several rigs.
 
         Raises
         ------
         FileNotFoundError
             If there is no closed bag.
         BagError
-            If the bag cannot be read, is damaged, does not hold what ``run.yaml`` says, or holds the same topic in
-            several namespaces and none is given.
+            If the bag cannot be read, is damaged, contradicts ``run.yaml``, or contains the same topic in several
+            namespaces and none is given.
         DescriptionError
             If the run's ``run.yaml`` cannot be read.
         """
@@ -91,7 +91,7 @@ class RecordedRun(Signals):
             if (directory / 'bag' / 'metadata.yaml').is_file() and (directory / 'run.yaml').is_file():
                 description = read_run_yaml(directory)
                 if not isinstance(description.get('topics'), dict):
-                    raise DescriptionError(f'{directory / "run.yaml"} does not describe a run: it names no topics')
+                    raise DescriptionError(f'{directory / "run.yaml"} does not describe a run: it lists no topics')
                 break
         topics = dict(description['topics']) if description else _loop_topics(bag, namespace)
         if description:
@@ -106,21 +106,22 @@ class RecordedRun(Signals):
         cls: type[OpenedRun], path: Path, sample_time: float | None = None, topics: Mapping[str, str] | None = None
     ) -> OpenedRun:
         """
-        Open a bag of which is known what ``run.yaml`` says of its topics, but not how the run ended.
+        Open a bag with the topics listed in ``run.yaml``, but without checking how the run ended.
 
         Parameters
         ----------
         path
             The bag.
         sample_time
-            T [s]; None for that in the bag.
+            T [s]; None for the value in the bag.
         topics
-            Full name of each topic of the loop, by its own; None or none for those with its names and types.
+            Full name of each loop topic, by its name without namespace. If None or empty, topics are identified by name
+            and type.
 
         Raises
         ------
         BagError
-            If the bag cannot be read, or has no such topic.
+            If the bag cannot be read, or lacks one of the topics.
         """
         bag = Bag(path)
         _require_topics(path, (topics or {}).values(), bag)
@@ -138,26 +139,26 @@ class RecordedRun(Signals):
 
     @functools.cached_property
     def is_long(self) -> bool:
-        """Whether the run is long, and one whose ticks can be read in pieces; see :meth:`pieces`."""
+        """Whether the run is long and can be read in pieces; see :meth:`pieces`."""
         return bool(self.description) and max(self.counts.values(), default=0) >= LONG_RUN and self._is_strict
 
     def pieces(self, topics: Collection[str] | None = None, first_tick: int = 0) -> Iterator[Signals]:
         """
         Iterate over the signals of the run in pieces of consecutive ticks, so that a long run needs little memory.
 
-        A run that is not long is one piece, the run itself, whose arrays are kept.
+        A short run is a single piece, the run itself, whose arrays are kept.
 
         Parameters
         ----------
         topics
-            Names without namespace of those to read; None for all that have fields.
+            Names without namespace of the topics to read; None for all topics with fields.
         first_tick
-            Of a long run, the tick with which the first piece begins.
+            First tick of the first piece; only for a long run.
 
         Raises
         ------
         BagError
-            As :meth:`__getitem__`.
+            See :meth:`__getitem__`.
         """
         if not self.is_long:
             yield self
@@ -184,7 +185,7 @@ class RecordedRun(Signals):
 
     def column_pieces(self, topics: Collection[str]) -> Iterator[dict[str, Column]]:
         """
-        Iterate over the messages of topics of the loop as they were recorded, as many of each at once.
+        Iterate over the recorded messages of loop topics, with the same number of messages of each topic per piece.
 
         Parameters
         ----------
@@ -194,12 +195,12 @@ class RecordedRun(Signals):
         Raises
         ------
         BagError
-            If the bag cannot be read, or does not hold as many messages of each.
+            If the bag cannot be read, or the topics have different numbers of messages.
         """
         yield from self._aligned({self._topics[name]: name for name in topics})
 
     def _aligned(self, names: Mapping[str, str], since: int = 0) -> Iterator[dict[str, Column]]:
-        """Iterate over columns of equal length, from a time [ns] on, of topics by full name; ``names`` are the keys."""
+        """Iterate over columns of equal length from a time [ns] on; ``names`` maps full topic names to keys."""
         waiting: dict[str, list[Column]] = {name: [] for name in names.values()}
         for piece in self._bag.pieces(list(names), since):
             for full_name, column in piece.items():
@@ -216,15 +217,15 @@ class RecordedRun(Signals):
 
     def verify(self) -> None:
         """
-        Read the whole bag: every message of every topic, and the time line of those of the loop.
+        Read the whole bag: every message of every topic, and the time line of the loop topics.
 
         Raises
         ------
         BagError
-            If a part of it cannot be read, or is not what it should be.
+            If a part of it cannot be read or is invalid.
         """
         known = {full_name: name for name, full_name in self._topics.items()}
-        # Of a bag of this package's recorder, whose ticks begin with 0.
+        # In a bag of this package's recorder, ticks begin with 0.
         is_own = 'sample_time' in self._bag.custom_data and len({*self.counts.values()}) == 1
         if is_own and max(self._bag.counts.values(), default=0) >= LONG_RUN:
             self._verify_in_pieces(known)
@@ -239,7 +240,7 @@ class RecordedRun(Signals):
         for columns in self._aligned(known):
             count = len(next(iter(columns.values())))
             if not tick:
-                # From the first piece: the property itself would read every topic to its end.
+                # From the first piece, because the property itself would read whole topics.
                 self.__dict__['_origin'] = self._origin_of_columns(columns)
             for name, column in columns.items():
                 self._check_layout(name, column)
@@ -251,7 +252,7 @@ class RecordedRun(Signals):
             self._bag.column(topic)
 
     def __repr__(self) -> str:
-        # What is known without decoding a message, in a damaged folder too.
+        # Only attributes that need no decoding, so that it works for a damaged run too.
         known = [repr(str(self.path))]
         last_tick, sample_time = self.description.get('last_tick'), self.description.get('sample_time')
         if self.description:
@@ -274,7 +275,7 @@ class RecordedRun(Signals):
 
     @property
     def reason(self) -> str:
-        """Why it ended, if it was not ``finished``."""
+        """Why the run ended, if it was not ``finished``."""
         return str(self.description.get('reason', ''))
 
     @property
@@ -304,7 +305,7 @@ class RecordedRun(Signals):
 
     @property
     def error_unit(self) -> str:
-        """Unit in which errors are shown, nm where lengths are in um, else the unit of lengths."""
+        """Unit in which errors are shown: nm if lengths are in um, otherwise the unit of lengths."""
         return self.units.error
 
     @property
@@ -314,16 +315,16 @@ class RecordedRun(Signals):
 
     @functools.cached_property
     def sample_time(self) -> float:
-        """T [s]; of a bag without metadata, the smallest step between two stamps of `/clock`."""
+        """T [s]; without metadata, the smallest step between two stamps of `/clock`."""
         recorded = self._metadata('sample_time', None)
         if recorded is not None:
             return float(recorded)
         topic = next((name for name in (CLOCK.name, *self._topics) if self.counts.get(name, 0) > 1), None)
         if topic is None:
-            raise BagError(f'{self.path}: the sample time is not known: no topic of the loop has two messages')
+            raise BagError(f'{self.path}: unknown sample time: no loop topic has two messages')
         steps = np.diff(np.unique(self._stamps(topic, self.column(topic))))
         if not len(steps):
-            raise BagError(f'{self.path}: the sample time is not known: all stamps of {self._topics[topic]} are equal')
+            raise BagError(f'{self.path}: unknown sample time: all stamps of {self._topics[topic]} are equal')
         return int(steps.min()) / NANOSECONDS
 
     @property
@@ -333,21 +334,21 @@ class RecordedRun(Signals):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of messages of every topic of the loop, by its name without namespace."""
+        """Number of messages of every loop topic, by its name without namespace."""
         return {name: self._bag.counts.get(full_name, 0) for name, full_name in self._topics.items()}
 
     # The time line.
 
     @functools.cached_property
     def _is_strict(self) -> bool:
-        """Whether the project's own recorder made the bag: receive times are ticks, and every topic has them all."""
+        """Whether this package recorded the bag: receive times are tick times, and every topic has every tick."""
         if self.description:
-            # What is left of a run that was cut off may end within a tick.
+            # A run that ended early may end within a tick.
             return self.status == FINISHED or len(set(self.counts.values())) == 1
         counts = {count for count in self.counts.values() if count}
         if not self.counts.get(CLOCK.name) or len(counts) != 1:
             return False
-        # `ros2 bag record` with use_sim_time takes /clock for its own clock, which is late for the other topics.
+        # `ros2 bag record` with use_sim_time takes receive times from /clock, which lags the other topics.
         clock = self.column(CLOCK.name).times
         columns = {name: self.column(name) for name, count in self.counts.items() if count}
         return all(np.array_equal(column.times, clock) for column in columns.values()) and np.array_equal(
@@ -356,7 +357,7 @@ class RecordedRun(Signals):
 
     @functools.cached_property
     def _origin(self) -> int:
-        """Time of tick 0 [ns]: 0, or the first stamp where stamps are of a wall clock."""
+        """Time of tick 0 [ns]: 0, or the first stamp if stamps are wall-clock times."""
         if self.description:
             return 0
         return self._origin_of_columns({name: self.column(name) for name, count in self.counts.items() if count})
@@ -372,30 +373,30 @@ class RecordedRun(Signals):
         return first if first >= _WALL_CLOCK else 0
 
     def _origin_of(self, stamps: NDArray[np.int64]) -> int:
-        """Return the time of tick 0 in stamps of a topic: an array may have the run's own where others have not."""
+        """Return the time of tick 0 for the stamps of a topic; arrays may have run time where others have wall time."""
         return self._origin if len(stamps) and stamps[0] >= _WALL_CLOCK else 0
 
     def tick_of(self, stamp: int) -> int:
-        """Return the tick that a stamp [ns] is nearest to."""
+        """Return the tick nearest to a stamp [ns]."""
         origin = self._origin if stamp >= _WALL_CLOCK else 0
         return round((stamp - origin) / sample_time_to_nanoseconds(self.sample_time))
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
         """
-        The ticks that all topics of the loop hold, ascending; 0 to :attr:`last_tick` in a run of the rig's recorder.
+        Ticks present on all loop topics, ascending; 0 to :attr:`last_tick` in a run of the rig's recorder.
 
-        Of stamps in wall time the first is that of tick 0.
+        If stamps are wall-clock times, the first one is tick 0.
 
         Raises
         ------
         BagError
-            If there is none, a stamp is not that of a tick, or the stamps of a topic go back or repeat, as they do
-            where a bag holds several runs.
+            If there are no ticks, a stamp does not fall on a tick, or the stamps of a topic go back or repeat, as in a
+            bag that contains several runs.
         """
         present = [name for name, count in self.counts.items() if count]
         if not present:
-            raise BagError(f'{self.path}: the bag holds no tick: no message on a topic of the loop')
+            raise BagError(f'{self.path}: the bag contains no tick: no message on a loop topic')
         if self._is_strict:
             name = CLOCK.name if CLOCK.name in present else present[0]
             return self._rising(name, self._to_ticks(name, self.column(name).times))
@@ -405,13 +406,13 @@ class RecordedRun(Signals):
             common = ticks if common is None else np.intersect1d(common, ticks, assume_unique=True)
         assert common is not None
         if not len(common):
-            raise BagError(f'{self.path}: the bag holds no tick that all of {", ".join(present)} have')
+            raise BagError(f'{self.path}: the bag contains no tick that is common to {", ".join(present)}')
         return common
 
     @property
     def last_tick(self) -> int:
         """N, the last tick."""
-        # What is read in pieces begins with tick 0, and each tick is checked as it is read.
+        # A long run begins with tick 0, and each tick is checked when it is read.
         return max(self.counts.values()) - 1 if self.is_long else int(self.ticks[-1])
 
     @property
@@ -427,7 +428,7 @@ class RecordedRun(Signals):
         return self.ticks * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
 
     def time_at(self, row: int) -> float:
-        """Return ``time[row]`` [s] for a row from 0 on, of a long run without an array of all times."""
+        """Return ``time[row]`` [s] for a row >= 0; for a long run, without an array of all times."""
         if self.is_long:
             return row * sample_time_to_nanoseconds(self.sample_time) / NANOSECONDS
         return float(self.time[row])
@@ -451,20 +452,20 @@ class RecordedRun(Signals):
 
     def __getitem__(self, topic: str) -> NDArray[Any]:
         """
-        Return a topic as an array with one row a tick.
+        Return a topic as an array with one row per tick.
 
         Parameters
         ----------
         topic
-            Name without namespace, such as ``head``, or full name in the bag. x, y and z of a vector are the columns,
-            shape (n, 3); the elements of an array, shape (n, m); the clock gives its time [ns], shape (n,).
+            Name without namespace, such as ``head``, or full name in the bag. A vector gives columns x, y and z, shape
+            (n, 3); an array its elements, shape (n, m); the clock its time [ns], shape (n,).
 
         Raises
         ------
         KeyError
-            If the bag holds no such topic.
+            If the bag does not contain the topic.
         BagError
-            If its messages are not those of the ticks.
+            If its messages do not match the ticks.
         """
         name = next((short for short, full in self._topics.items() if topic in (short, full)), topic)
         if name not in self._arrays:
@@ -472,7 +473,7 @@ class RecordedRun(Signals):
         return self._arrays[name]
 
     def __contains__(self, topic: str) -> bool:
-        """Return whether the bag holds messages of a topic of the loop."""
+        """Return whether the bag contains messages of a loop topic."""
         return any(topic in (name, self._topics[name]) and count > 0 for name, count in self.counts.items())
 
     @functools.cached_property
@@ -491,14 +492,14 @@ class RecordedRun(Signals):
 
     def messages(self, topic: str) -> list[tuple[int, Any]]:
         """
-        Return the receive time [ns] and the deserialized message of everything on a topic, given by its full name.
+        Return receive time [ns] and deserialized message of every message on a topic, given by its full name.
 
-        Slow, and for topics such as `/parameter_events` that are not of the loop.
+        Slow; meant for topics outside the loop, such as `/parameter_events`.
 
         Raises
         ------
         KeyError
-            If the bag holds no such topic.
+            If the bag does not contain the topic.
         """
         if topic not in self._bag.types:
             raise self._missing(topic)
@@ -520,12 +521,12 @@ class RecordedRun(Signals):
 
     @property
     def parameter_changes(self) -> Sequence[ParameterChange]:
-        """The parameters that were changed during the run, in the order of their ticks."""
+        """Parameter changes during the run, in the order of their ticks."""
         return self._parameter_history.changes
 
     def parameter(self, node: str, name: str, tick: int | None = None) -> Any:
         """
-        Return the value of a parameter that was in force at a tick.
+        Return the value of a parameter at a tick.
 
         Parameters
         ----------
@@ -539,22 +540,22 @@ class RecordedRun(Signals):
         Raises
         ------
         LookupError
-            If the run knows no such node or parameter, or the tick lies outside the run.
+            If the run has no such node or parameter, or the tick is outside the run.
         """
         if tick is not None and not 0 <= tick <= self.last_tick:
-            raise LookupError(f'{self.path}: tick {tick} lies outside the run, which has ticks 0 to {self.last_tick}')
+            raise LookupError(f'{self.path}: tick {tick} is outside the run (ticks 0 to {self.last_tick})')
         return self._parameter_history.value(node, name, tick)
 
     # Decoding.
 
     def column(self, topic: str) -> Column:
         """
-        Return the messages of a topic of the loop as they were recorded, given by its name without namespace.
+        Return the recorded messages of a loop topic, given by its name without namespace.
 
         Raises
         ------
         KeyError
-            If the bag holds no such topic.
+            If the bag does not contain the topic.
         """
         full_name = self._topics.get(topic, '')
         if full_name not in self._bag.types:
@@ -574,12 +575,12 @@ class RecordedRun(Signals):
 
     def stamps(self, topic: str) -> NDArray[np.int64]:
         """
-        Return the time that each message of a topic of the loop carries itself [ns], given by its name as above.
+        Return the time stamp in each message of a loop topic [ns], given by its name without namespace.
 
         Raises
         ------
         KeyError
-            If the bag holds no such topic.
+            If the bag does not contain the topic.
         BagError
             If the messages are arrays of different length.
         """
@@ -587,26 +588,28 @@ class RecordedRun(Signals):
         return self._stamps(topic, column) if len(column) else column.times
 
     def message_ticks(self, topic: str) -> NDArray[np.int64]:
-        """Return the tick whose stamp each message of a topic carries; raises :class:`BagError` if that is none's."""
+        """Return the tick of each message of a topic by its stamp; raise :class:`BagError` if it is not on a tick."""
         return self._to_ticks(topic, self.stamps(topic))
 
     def _missing(self, topic: str) -> '_MissingTopic':
-        return _MissingTopic(f'{self.path}: the bag holds no topic {topic}; it holds {", ".join(self._bag.types)}')
+        return _MissingTopic(
+            f'{self.path}: the bag does not contain topic {topic}; it contains {", ".join(self._bag.types)}'
+        )
 
     def _estimate_error(self) -> Callable[[str], KeyError]:
         path = self.path
         return lambda text: _MissingTopic(f'{path}: {text}')
 
     def _stamps(self, name: str, column: Column) -> NDArray[np.int64]:
-        """Return the time that the messages themselves carry [ns]."""
+        """Return the time stamps in the messages [ns]."""
         return stamps_of(column, self._bag.types[self._topics[name]])
 
     def _to_ticks(self, name: str, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the ticks of stamps [ns] that messages of a topic carry."""
+        """Return the ticks of the stamps [ns] of a topic's messages."""
         period = sample_time_to_nanoseconds(self.sample_time)
         for message in np.flatnonzero(stamps < 0)[:1].tolist():
             raise BagError(
-                f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns, before time 0'
+                f'{self.path}: {self._topics[name]}: message {message} has stamp {stamps[message]} ns, before time 0'
             )
         origin = self._origin_of(stamps)
         times = stamps - origin
@@ -618,19 +621,19 @@ class RecordedRun(Signals):
         for message in np.flatnonzero(off)[:1].tolist():
             since = f', {times[message]} ns after the first' if origin else ''
             raise BagError(
-                f'{self.path}: {self._topics[name]}: message {message} is stamped {stamps[message]} ns{since}, '
-                f'which is no tick of {self.sample_time:g} s'
+                f'{self.path}: {self._topics[name]}: message {message} has stamp {stamps[message]} ns{since}, '
+                f'which does not fall on a tick of {self.sample_time:g} s'
             )
         return ticks
 
     def _rising(self, name: str, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the ticks of a topic's messages, which must rise: those of one run do."""
+        """Return the ticks of a topic's messages; raise BagError unless they increase, as in a single run."""
         for message in np.flatnonzero(np.diff(ticks) <= 0)[:1].tolist():
             before, after = ticks[message : message + 2].tolist()
             found = f'goes back from tick {before} to {after}' if after < before else f'has tick {after} twice'
             raise BagError(
-                f'{self.path}: {self._topics[name]} {found} at message {message + 1}: the bag holds more than one run, '
-                'or a topic with two publishers; record each run in a bag of its own'
+                f'{self.path}: {self._topics[name]} {found} at message {message + 1}: the bag contains more than one '
+                'run, or a topic with two publishers; record each run in a bag of its own'
             )
         return ticks
 
@@ -651,23 +654,23 @@ class RecordedRun(Signals):
         return values
 
     def _check_ticks(self, name: str, column: Column, stamps: NDArray[np.int64], ticks: NDArray[np.int64]) -> None:
-        """Check that messages are those of ticks, by their receive times and by the stamps that they carry."""
+        """Check receive times and stamps of messages against their ticks."""
         full_name = self._topics[name]
         period = sample_time_to_nanoseconds(self.sample_time)
         if not np.array_equal(column.times - self._origin, ticks * period):
-            raise BagError(f'{self.path}: the stamps of {full_name} are not those of the clock')
-        # The time in an array is a float64, so that it is compared as a tick.
+            raise BagError(f'{self.path}: the receive times of {full_name} do not match the ticks of the clock')
+        # The time in an array is a float64, so it is compared as a tick.
         wrong = np.flatnonzero(np.rint((stamps - self._origin_of(stamps)) / period) != ticks)
         if len(wrong):
-            raise BagError(f'{self.path}: {full_name}: message {wrong[0]} does not carry the stamp of its tick')
+            raise BagError(f'{self.path}: {full_name}: the stamp of message {wrong[0]} does not match its tick')
 
 
 class ClaimError(BagError):
-    """A bag that does not hold what ``run.yaml`` says of it."""
+    """A bag that contradicts ``run.yaml``."""
 
 
 class _MissingTopic(KeyError, BagError):
-    """A topic, or an estimate on one, that the bag does not hold."""
+    """A topic, or an element of the estimates, that the bag does not contain."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -676,34 +679,32 @@ class _MissingTopic(KeyError, BagError):
 def _require_topics(path: Path, topics: Iterable[str], bag: Bag) -> None:
     missing = [topic for topic in topics if topic not in bag.types]
     if missing:
-        raise ClaimError(f'{path}: run.yaml names {", ".join(missing)}, which the metadata of the bag do not')
+        raise ClaimError(f'{path}: run.yaml lists {", ".join(missing)}, but metadata.yaml of the bag does not')
 
 
 def _require_types(path: Path, topics: Mapping[str, str], bag: Bag) -> None:
-    """Reject a bag whose metadata give a topic of the loop another type than it has."""
+    """Reject a bag whose metadata contain a wrong type for a loop topic."""
     declared = {topics[topic.name]: topic.type_name for topic in ALL_LOOP_TOPICS if topic.name in topics}
     for topic, kind in {**declared, PARAMETER_EVENTS: PARAMETER_EVENT_TYPE}.items():
         if bag.types.get(topic, kind) != kind:
-            raise BagError(
-                f'{path}: {topic} is of type {bag.types[topic]} by the metadata of the bag; its type is {kind}'
-            )
+            raise BagError(f'{path}: {topic} has type {bag.types[topic]} in the metadata of the bag; expected {kind}')
 
 
 def _compare_with_bag(path: Path, description: dict[str, Any], topics: dict[str, str], bag: Bag) -> None:
-    """Reject a bag that does not hold what ``run.yaml`` says of it."""
+    """Reject a bag that contradicts ``run.yaml``."""
     _require_topics(path, topics.values(), bag)
     _require_types(path, topics, bag)
     last_tick = description.get('last_tick')
     if isinstance(last_tick, int) and description.get('status') != RUNNING:
-        # A run that was cut off may end within a tick.
+        # A run that ended early may end within a tick.
         counts = [bag.counts[topic] for topic in topics.values()] or [0]
         if not min(counts) - 1 <= last_tick <= max(counts) - 1:
             held = min(counts) - 1
-            raise ClaimError(f'{path}: run.yaml says {last_tick} for the last tick, the bag holds {held}')
+            raise ClaimError(f'{path}: last_tick in run.yaml is {last_tick}, but the last tick in the bag is {held}')
 
 
 def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:
-    """Return the loop's topics of a bag that has no ``run.yaml``: those with the right last name and type."""
+    """Return the loop topics of a bag without ``run.yaml``, identified by last name and type."""
     found: dict[str, list[str]] = {}
     for topic in ALL_LOOP_TOPICS:
         for name, kind in bag.types.items():
@@ -712,5 +713,5 @@ def _loop_topics(bag: Bag, namespace: str | None) -> dict[str, str]:
                 found.setdefault(topic.name, []).append(name)
     for names in found.values():
         if len(names) > 1:
-            raise BagError(f'{bag.path}: {" and ".join(names)}: say which by namespace')
+            raise BagError(f'{bag.path}: {" and ".join(names)} are both present; select one by namespace')
     return {name: names[0] for name, names in found.items()}

@@ -1,4 +1,4 @@
-"""Repairing a run's folder after a crash: a new bag of all complete ticks, and a `run.yaml` that says so."""
+"""Repair of a run directory after a crash: a new bag of all complete ticks, and an updated `run.yaml`."""
 
 import contextlib
 import dataclasses
@@ -25,20 +25,20 @@ from hdd_servo_ros.recording.salvage import STORAGE_BY_ENDING, Salvage, bag_file
 from hdd_servo_ros.recording.salvaged_messages import Message
 
 BACKUP = 'damaged'
-"""Folder in the run's folder for the originals of what is repaired: of `run.yaml`, and of a damaged bag."""
+"""Directory within the run directory for the original `run.yaml` and the damaged bag."""
 _WORKSHOP = 'recovering'
 _COMPANIONS = ('-journal', '-wal', '-shm', '.tmp')
-"""Endings of files that a database or a writer leaves beside those of a bag."""
+"""Endings of files that a database or a writer leaves next to those of a bag."""
 _BATCH = 4096
-"""Messages that are written at once, or a few less."""
+"""Largest number of messages that are written at once."""
 _LEAST_SPACE = 2**20
-"""Space for a repaired bag beside its messages [bytes]."""
+"""Space that a repaired bag needs in addition to its messages [bytes]."""
 _MEGA = 1e6
-_NO_TICK = 'no tick is left'
+_NO_TICK = 'no complete tick is left'
 
 
 class RecoveryError(Exception):
-    """A run that cannot be repaired; says why."""
+    """A run that cannot be repaired; the text gives the reason."""
 
     exit_code = UNREADABLE
 
@@ -46,19 +46,18 @@ class RecoveryError(Exception):
 @dataclasses.dataclass(frozen=True)
 class Finding:
     """
-    What is wrong with a run and what can be had of it.
+    Damage found in a run, and the part that can be recovered.
 
     Attributes
     ----------
     faults
-        In words; none if there is nothing to repair.
+        Description of each fault; empty if the run is intact.
     status, reason
-        What `run.yaml` is to say.
+        Entries of `run.yaml` after the repair.
     last_tick
-        The last tick that is complete on every loop topic, -1 if none is.
+        The last tick that is complete on every loop topic; -1 if no tick is.
     kept, left
-        Numbers of messages that a repaired bag holds, and of those of the incomplete tick behind it, which only the
-        original holds.
+        Number of messages in a repaired bag, and number of messages after them, which remain in the original only.
     """
 
     faults: tuple[str, ...]
@@ -71,33 +70,33 @@ class Finding:
 
 class Recovery:
     """
-    Look at a run's folder.
+    Examination and repair of a run directory.
 
     Parameters
     ----------
     run
-        The folder.
+        The run directory.
 
     Raises
     ------
     RecoveryError
-        If it is no run folder, or a process still writes into it.
+        If it is not a run directory, or a process still has its bag open.
     """
 
     def __init__(self, run: Path) -> None:
         self.run = run
         if not (run / 'run.yaml').is_file() and not (run / 'bag').is_dir():
             raise RecoveryError(f'{run} is not a run folder: it has neither run.yaml nor bag/')
-        self._said_fault = ''
-        self._said = self._read_run_yaml()
+        self._description_fault = ''
+        self._description = self._read_run_yaml()
         self._files = bag_files(run / 'bag')
         for file in self._files:
             if (user := _user_of(file)) is not None:
                 raise RecoveryError(f'{run}: process {user} still has the bag open')
-        self._whole_run: RecordedRun | None = None
+        self._intact_run: RecordedRun | None = None
         self._bag_fault = '' if self._is_given_up() else self._find_bag_fault()
-        # What can be read as it is needs no other reader, and stays as it is.
-        self._salvage = Salvage() if self._whole_run is not None else self._salvage_all()
+        # An intact bag stays unchanged, so its messages need not be salvaged.
+        self._salvage = Salvage() if self._intact_run is not None else self._salvage_all()
         self._topics = self._loop_topics()
         self._step = self._tick_ns()
         self.finding = self._judge()
@@ -106,16 +105,16 @@ class Recovery:
         try:
             content, faults = read_right_entries(self.run)
         except OSError as error:
-            self._said_fault = str(error)
+            self._description_fault = str(error)
             return {}
         if faults:
-            self._said_fault = f'run.yaml: {"; ".join(faults)}'
+            self._description_fault = f'run.yaml: {"; ".join(faults)}'
         return content
 
     def _is_given_up(self) -> bool:
-        """Return whether an earlier recovery has found that no tick is left, and moved the bag away."""
+        """Return whether an earlier repair found no complete tick and moved the bag away."""
         moved = not (self.run / 'bag').exists() and any(self.run.glob(f'{BACKUP}*/bag'))
-        return moved and self._said.get('last_tick') == -1
+        return moved and self._description.get('last_tick') == -1
 
     def _find_bag_fault(self) -> str:
         bag = self.run / 'bag'
@@ -123,70 +122,72 @@ class Recovery:
             fault = 'metadata.yaml is missing: the bag was never closed'
         else:
             try:
-                # As `report` reads it, and all of it; what run.yaml says of its end is looked at on its own.
-                run = RecordedRun.open_bag(bag, self._said.get('sample_time'), self._said.get('topics', {}))
+                # Read all of it, as `report` would; how the run ended according to run.yaml is checked separately.
+                run = RecordedRun.open_bag(
+                    bag, self._description.get('sample_time'), self._description.get('topics', {})
+                )
                 run.verify()
             except (BagError, OSError) as error:
                 fault = str(error)
             else:
-                self._whole_run = run
+                self._intact_run = run
                 return ''
         if unknown := self._unknown_files():
             raise RecoveryError(
-                f'{unknown[0]} is neither an .mcap nor a .db3 file, and cannot be repaired here; {fault}'
+                f'{unknown[0]} is neither an .mcap nor a .db3 file, so recover cannot repair it; {fault}'
             )
-        return fault if self._files else 'bag/ holds neither an .mcap nor a .db3 file'
+        return fault if self._files else 'bag/ contains neither an .mcap nor a .db3 file'
 
     def _unknown_files(self) -> list[Path]:
-        """Return the files of the bag that only another reader knows, such as those that rosbag2 has compressed."""
+        """Return the files that this package cannot read, such as files compressed by rosbag2."""
         others = {path for path in (self.run / 'bag').glob('*') if path.is_file()} - set(self._files)
         return sorted(path for path in others if not path.name.endswith(('metadata.yaml', *_COMPANIONS)))
 
     def _salvage_all(self) -> Salvage:
-        """Return what can be read of all files of the bag."""
-        whole = Salvage()
+        """Return the messages that can be read from all files of the bag."""
+        total = Salvage()
         faults = []
         unchecked = False
         for file in self._files:
             found = salvage(file)
             unchecked |= not found.is_checked
             if found.unknown:
-                raise RecoveryError(f'{file}: {found.unknown}, which cannot be repaired here')
-            whole.types |= found.types
-            whole.messages += found.messages
+                raise RecoveryError(f'{file}: {found.unknown}, so recover cannot repair it')
+            total.types |= found.types
+            total.messages += found.messages
             if found.fault:
                 faults.append(f'{file}: {found.fault}')
-        whole.fault = '; '.join(faults)
+        total.fault = '; '.join(faults)
         if self._bag_fault.endswith((WRONG_DIGEST, WRONG_DATA)) and unchecked:
             raise RecoveryError(
-                f'{self._bag_fault}: a value was changed in the file, and nothing tells which; use a copy of the bag'
+                f'{self._bag_fault}: the bag contains a changed value that cannot be located; use a copy of the bag'
             )
-        return whole
+        return total
 
     def _loop_topics(self) -> dict[str, str]:
-        """Return the loop topics' full names, by their own."""
-        if isinstance(self._said.get('topics'), dict):
-            return dict(self._said['topics'])
+        """Return the full names of the loop topics, by their names without namespace."""
+        if isinstance(self._description.get('topics'), dict):
+            return dict(self._description['topics'])
         types = self._types()
         own = {topic.name for topic in ALL_LOOP_TOPICS}
         return {name.rsplit('/', 1)[-1]: name for name in types if name.rsplit('/', 1)[-1] in own}
 
     def _types(self) -> dict[str, str]:
-        return self._salvage.types if self._whole_run is None else self._whole_run.topics
+        return self._salvage.types if self._intact_run is None else self._intact_run.topics
 
     def _tick_ns(self) -> int:
-        if 'sample_time' in self._said:
-            return sample_time_to_nanoseconds(self._said['sample_time'])
+        if 'sample_time' in self._description:
+            return sample_time_to_nanoseconds(self._description['sample_time'])
         times = [time for topic, time, _ in self._salvage.messages if topic == self._topics.get(CLOCK.name)]
         return times[1] - times[0] if len(times) > 1 else 1
 
     def _complete_ticks(self) -> int:
-        if self._whole_run is not None:
-            return min((self._whole_run.counts.get(name, 0) for name in self._topics), default=0)
+        if self._intact_run is not None:
+            return min((self._intact_run.counts.get(name, 0) for name in self._topics), default=0)
         return complete_ticks(self._salvage.messages, list(self._topics.values()), self._step)
 
     def _kept(self, ticks: int) -> Iterator[tuple[str, int, bytes]]:
-        """Iterate over the messages of the first ``ticks`` ticks, and the parameter events up to them."""
+        """Iterate over the messages of the first ``ticks`` ticks and the parameter events up to their end."""
         return (message for message in self._salvage.messages if self._is_kept(message, ticks))
 
     def _is_kept(self, message: Message, ticks: int) -> bool:
@@ -195,40 +196,40 @@ class Recovery:
 
     def _judge(self) -> Finding:
         ticks = self._complete_ticks()
-        if self._whole_run is None:
+        if self._intact_run is None:
             kept = self._salvage.messages.count(lambda message: self._is_kept(message, ticks), ticks * self._step)
             left = len(self._salvage.messages) - kept
         else:
-            kept, left = self._whole_run.message_count, 0
-        status, reason = self._said.get('status', RUNNING), self._said.get('reason', '')
+            kept, left = self._intact_run.message_count, 0
+        status, reason = self._description.get('status', RUNNING), self._description.get('reason', '')
         faults = [self._bag_fault] if self._bag_fault else []
         if self._salvage.fault:
             faults.append(self._salvage.fault)
-        if self._said_fault:
-            faults.append(self._said_fault)
+        if self._description_fault:
+            faults.append(self._description_fault)
         if status == RUNNING:
-            if not self._said_fault:
+            if not self._description_fault:
                 faults.append(self._status_fault())
-        elif ticks - 1 != (self._said.get('last_tick') or 0):
-            faults.append(f'run.yaml says {self._said.get("last_tick")} for the last tick, the bag holds {ticks - 1}')
+        elif ticks - 1 != ((claimed := self._description.get('last_tick')) or 0):
+            faults.append(f'last_tick in run.yaml is {claimed}, but the last tick in the bag is {ticks - 1}')
             status = RUNNING if status == FINISHED else status
         if status == RUNNING:
             status = RECOVERED if ticks else FAILED
-            reason = f'the run did not end by itself; recovered up to tick {ticks - 1}' if ticks else _NO_TICK
+            reason = f'the run was killed; recovered up to tick {ticks - 1}' if ticks else _NO_TICK
         elif faults and status != FINISHED:
             reason += f' (bag repaired up to tick {ticks - 1})' if ticks else f' ({_NO_TICK})'
         return Finding(tuple(faults), status, reason, ticks - 1, kept, left)
 
     def _status_fault(self) -> str:
-        if 'status' not in self._said:
-            return 'run.yaml does not say how the run ended: it has no status'
-        return 'run.yaml says that the run is still running'
+        if 'status' not in self._description:
+            return 'run.yaml has no status'
+        return 'status in run.yaml is still running'
 
     @property
     def space_needed(self) -> int:
-        """Space on the disk that a repair takes at most, in addition [bytes]; 0 if no bag is to be written."""
+        """Largest additional disk space that a repair needs [bytes]; 0 if no bag is written."""
         is_written = self._files and self.finding.last_tick >= 0 and self._is_damaged
-        # Index and metadata of a bag of one tick are larger than the damaged file may be.
+        # For a bag of one tick, index and metadata can be larger than the whole damaged file.
         return _LEAST_SPACE + sum(file.stat().st_size for file in self._files) if is_written else 0
 
     @property
@@ -237,25 +238,25 @@ class Recovery:
 
     def repair(self, output: Path | None = None) -> tuple[Path, ...]:
         """
-        Repair what is wrong; the originals of what is repaired are kept in a folder of their own.
+        Repair the run and keep the originals in a separate directory.
 
-        A damaged bag is moved there even if no tick of it is left, and then there is no bag in its place.
+        A damaged bag is moved there even if no tick can be recovered; the run directory then has no bag.
 
         Parameters
         ----------
         output
-            New folder for the repaired run, which may be on another disk; the run's folder then stays as it is. None to
-            repair the run in its folder.
+            New directory for the repaired run, possibly on another disk; the run directory then stays unchanged. None
+            repairs the run in place.
 
         Returns
         -------
         tuple of Path
-            The originals; none if nothing was to be repaired.
+            The originals; empty if the run is intact.
 
         Raises
         ------
         RecoveryError
-            If the disk has no room for the repaired bag; the run's folder is as it was then.
+            If the disk has no room for the repaired bag; the run directory is then unchanged.
         FileExistsError
             If ``output`` exists.
         """
@@ -289,7 +290,7 @@ class Recovery:
 
     def _new_run_yaml(self) -> dict[str, Any]:
         found = {'status': self.finding.status, 'reason': self.finding.reason, 'last_tick': self.finding.last_tick}
-        return {'topics': self._topics, **self._said, **found}
+        return {'topics': self._topics, **self._description, **found}
 
     def _write_bag(self, workshop: Path) -> Path:
         shutil.rmtree(workshop, ignore_errors=True)
@@ -308,8 +309,8 @@ class Recovery:
     def _no_space(self, free: int) -> RecoveryError:
         needed = math.ceil(self.space_needed / _MEGA)
         return RecoveryError(
-            f'{self.run}: the repaired bag needs up to {needed} MB of disk space, and {free / _MEGA:.1f} MB are '
-            'free: make room, or name a folder on another disk with --output'
+            f'{self.run}: the repaired bag needs up to {needed} MB of disk space, but only {free / _MEGA:.1f} MB are '
+            'free; free some space, or write to another disk with --output'
         )
 
     def _write_bag_into(self, workshop: Path) -> Path:
@@ -319,26 +320,26 @@ class Recovery:
             workshop / 'bag',
             STORAGE_BY_ENDING[self._files[0].suffix],
             [(topic, kind, queue_depth(topic)) for topic, kind in types.items()],
-            bag_metadata(self._said),
+            bag_metadata(self._description),
             self._options(),
         )
         kept = self._kept(self.finding.last_tick + 1)
-        # Whole ticks at a time, which are written many times faster.
-        whole = max(1, len(self._topics))
-        while batch := list(itertools.islice(kept, _BATCH // whole * whole)):
+        # Complete ticks are written many times faster than single messages.
+        per_tick = max(1, len(self._topics))
+        while batch := list(itertools.islice(kept, _BATCH // per_tick * per_tick)):
             topics, times, payloads = zip(*batch, strict=True)
             writer.write([indices[topic] for topic in topics], times, payloads)
         writer.close()
         try:
-            RecordedRun.open_bag(workshop / 'bag', self._said.get('sample_time'), self._topics).verify()
+            RecordedRun.open_bag(workshop / 'bag', self._description.get('sample_time'), self._topics).verify()
         except BagError as error:
             shutil.rmtree(workshop)
-            raise RecoveryError(f'what is left of the bag cannot be read either: {error}') from None
+            raise RecoveryError(f'the recovered part of the bag cannot be read either: {error}') from None
         return workshop / 'bag'
 
     def _options(self) -> BagOptions:
-        """Return how the bag was to be stored, by the parameters of its recorder; the defaults where nothing tells."""
-        nodes = self._said.get('nodes', {})
+        """Return the compression and splitting set in the recorder's parameters, or the defaults if they are unknown."""
+        nodes = self._description.get('nodes', {})
         recorders = [node['parameters'] for name, node in nodes.items() if name.rsplit('/', 1)[-1] == RECORDER]
         known = {field.name for field in dataclasses.fields(BagOptions)}
         found = recorders[0] if recorders else {}
@@ -354,10 +355,10 @@ def _free_name(path: Path) -> Path:
 
 
 def _user_of(file: Path) -> int | None:
-    """Return a process that has a file open, as far as this user may know; None where there is no /proc."""
+    """Return the id of a process that has a file open and is visible to this user; None without /proc."""
     target = file.resolve()
     for process in Path('/proc').glob('[0-9]*'):
-        # Processes end while they are looked at, and descriptors are closed.
+        # A process can end, and a descriptor can be closed, during the search.
         with contextlib.suppress(OSError):
             for descriptor in (process / 'fd').iterdir():
                 with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""The complete messages of a bag's file that was never closed, or was cut off: read from the start, without index."""
+"""Complete messages of a bag file that was never closed or is truncated, read from the start without its index."""
 
 import contextlib
 import dataclasses
@@ -36,12 +36,12 @@ _RECORD = struct.Struct('<BQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _PAGE_COUNT = 28
-"""Where the head of an sqlite3 file says how many pages it has."""
+"""Offset of the number of pages in the header of an sqlite3 file."""
 STORAGE_BY_ENDING = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 _ROWS = 'SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED'
 _ROWS_AT_ONCE = 2**13
 _BEGINNING = 2**20
-"""Bytes at the begin of an sqlite3 file in which the topics are."""
+"""Bytes at the beginning of an sqlite3 file that contain the table of topics."""
 _Blocks = Sequence[tuple[int, int]]
 """First and last id of each block of messages."""
 _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
@@ -50,7 +50,7 @@ _SQLITE_COMPANIONS = ('-journal', '-wal', '-shm')
 @dataclasses.dataclass
 class Salvage:
     """
-    What could be read.
+    Messages that could be read from a file.
 
     Attributes
     ----------
@@ -59,10 +59,10 @@ class Salvage:
     messages
         Topic, receive time [ns] and payload of every complete message, in the file's order.
     fault
-        Where and why reading ended before the file's proper end; empty if it did not.
+        Where and why reading ended before the regular end of the file; empty if the file is intact.
     unknown
-        What the file holds that cannot be read here though it need not be damaged, such as another compression; empty
-        if nothing.
+        Content that this package cannot read although it may be intact, such as an unsupported compression; empty if
+        everything can be read.
     is_checked
         Whether a checksum covers every message: of its chunk (MCAP) or of its block (sqlite3).
     """
@@ -76,12 +76,12 @@ class Salvage:
 
 def salvage(path: Path) -> Salvage:
     """
-    Read a bag's file, MCAP or sqlite3 by its ending, as far as that goes.
+    Read as much as possible of a bag file, MCAP or sqlite3 by its ending.
 
     Raises
     ------
     OSError
-        If it cannot be read at all.
+        If the file cannot be read at all.
     """
     return _SqliteSalvage(path).found if path.suffix == '.db3' else _McapSalvage(path).found
 
@@ -101,7 +101,7 @@ def complete_ticks(messages: Iterable[tuple[str, int, bytes]], topics: Sequence[
     """
     counts = dict.fromkeys(topics, 0)
     for topic, time, _ in messages:
-        # The first message that is not the next tick's ends what is contiguous.
+        # A message of any other than the next tick ends the contiguous part.
         if topic in counts and time == counts[topic] * step:
             counts[topic] += 1
     return min(counts.values(), default=0)
@@ -110,13 +110,13 @@ def complete_ticks(messages: Iterable[tuple[str, int, bytes]], topics: Sequence[
 def bag_files(bag: Path) -> list[Path]:
     """Return the files of a bag in the order in which they were written."""
     files = [path for ending in STORAGE_BY_ENDING for path in bag.glob(f'*{ending}')]
-    # Of bag_2 and bag_10 the shorter name is the earlier one.
+    # bag_2 comes before bag_10, so shorter names come first.
     return sorted(files, key=lambda path: (list(STORAGE_BY_ENDING).index(path.suffix), len(path.name), path.name))
 
 
 def last_tick_of(bag: Path, topics: Sequence[str], step: int) -> int:
     """
-    Return the last complete tick that can be salvaged of a bag, -1 if there is none.
+    Return the last complete tick that can be recovered from a bag; -1 if no tick is complete.
 
     Parameters
     ----------
@@ -135,11 +135,11 @@ def last_tick_of(bag: Path, topics: Sequence[str], step: int) -> int:
 
 
 class _Fault(Exception):
-    """Where the file stops making sense."""
+    """A record from which on the file cannot be interpreted."""
 
 
 class _McapSalvage:
-    """See https://mcap.dev/spec; the data section alone says everything, the rest of the file is index."""
+    """Reader of the data section of an MCAP file, which contains everything; see https://mcap.dev/spec."""
 
     def __init__(self, path: Path) -> None:
         self.found = Salvage()
@@ -155,17 +155,17 @@ class _McapSalvage:
             if data[:8] != _MAGIC:
                 raise _Fault('the file does not begin as an MCAP file does')
             if not self._walk(data[8:], 8):
-                raise _Fault(f'cut off behind byte {self._size}: the index is missing')
+                raise _Fault(f'truncated after byte {self._size}: the index is missing')
             if data[-8:] != _MAGIC:
-                raise _Fault('the index is cut off')
+                raise _Fault('the index is truncated')
         except _Fault as fault:
             self.found.fault = str(fault)
-        # The messages that are read again open the file anew; as long as this lives, it is open.
+        # Messages that are read again open the file again; the mapping would keep it open.
         self._content = None
 
     def _walk(self, data: memoryview, first: int, *, in_chunk: bool = False) -> bool:
         """
-        Take in a sequence of records; return whether the data section's end was among them.
+        Read a sequence of records; return whether it includes the end of the data section.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class _McapSalvage:
             if opcode in (_DATA_END, _FOOTER):
                 return True
             if not 0 < opcode < 0x80 or opcode > _DATA_END:
-                self._distrust_last()
+                self._discard_last()
                 raise _Fault(f'no record at byte {start}')
             content = data[offset : offset + size]
             if opcode == _CHUNK:
@@ -194,16 +194,16 @@ class _McapSalvage:
             elif len(content) < size:
                 raise self._cut_off(start, first + len(data))
             else:
-                # A message in a chunk is the chunk's to check.
+                # The checksum of a chunk covers the messages in it.
                 self.found.is_checked &= opcode != _MESSAGE or in_chunk
                 self._take(opcode, content)
             offset += size
         return False
 
     def _cut_off(self, start: int, end: int) -> _Fault:
-        """Return what is wrong with a record that begins at a byte of the file and wants to go on behind ``end``."""
+        """Return the fault of a record that begins at byte ``start`` and extends beyond byte ``end``."""
         if end == self._size:
-            return _Fault(f'cut off at byte {end}, within the record that begins at byte {start}')
+            return _Fault(f'truncated at byte {end}, within the record that begins at byte {start}')
         return _Fault(f'the record at byte {start} goes beyond the end of its chunk at byte {end}')
 
     def _take(self, opcode: int, content: memoryview) -> None:
@@ -218,16 +218,16 @@ class _McapSalvage:
                 topic = self._channels[channel] = _text(content, 4)
                 self.found.types[topic] = self._schemas[schema]
         except (struct.error, KeyError, UnicodeDecodeError):
-            raise _Fault(f'a record of kind {opcode} makes no sense') from None
+            raise _Fault(f'a record with opcode {opcode} is invalid') from None
 
     def _take_chunk(self, content: memoryview, size: int, start: int) -> None:
-        """Take in the chunk that begins at a byte of the file, of one that is cut off the part that is there."""
+        """Read the chunk that begins at byte ``start``; of a truncated chunk, the part that is left."""
         if len(content) < _CHUNK_HEAD.size + 12:
-            raise _Fault(f'cut off at byte {self._size}, within the head of the chunk that begins at byte {start}')
+            raise _Fault(f'truncated at byte {self._size}, within the header of the chunk that begins at byte {start}')
         _, _, _, checksum = _CHUNK_HEAD.unpack_from(content)
         compression = _text(content, _CHUNK_HEAD.size)
         if compression not in DECOMPRESS:
-            self.found.unknown = f'the chunk at byte {start} is compressed by {compression!r:.40}'
+            self.found.unknown = f'the chunk at byte {start} uses the unsupported compression {compression!r:.40}'
             raise _Fault(self.found.unknown)
         records = content[_CHUNK_HEAD.size + 12 + len(compression) :]
         first = start + _RECORD.size + _CHUNK_HEAD.size + 12
@@ -239,25 +239,25 @@ class _McapSalvage:
             raise _Fault(f'the chunk at byte {start} is damaged: its checksum is wrong')
         self.found.messages.begin()
         if compression and not is_whole:
-            # It ends where a block of the compression does, within a record.
+            # The last complete block of the compression ends within a record.
             with contextlib.suppress(_Fault):
                 self._walk(records, first, in_chunk=True)
         else:
             self._walk(records, first, in_chunk=True)
         if not is_whole:
-            raise _Fault(f'cut off at byte {self._size}, within the chunk that begins at byte {start}')
+            raise _Fault(f'truncated at byte {self._size}, within the chunk that begins at byte {start}')
         self.found.messages.store(functools.partial(self._read_again, start, _RECORD.size + size, compression))
         self._drop(start)
 
     def _drop(self, end: int) -> None:
-        """Let the system have the memory of what was read."""
+        """Release the memory of the part of the file before byte ``end``."""
         page = end - end % mmap.PAGESIZE
         if self._content is not None and page > self._dropped and hasattr(self._content, 'madvise'):
             self._content.madvise(mmap.MADV_DONTNEED, self._dropped, page - self._dropped)
             self._dropped = page
 
     def _read_again(self, start: int, size: int, compression: str) -> list[Message]:
-        """Return the messages of the chunk at a byte of the file, which has been found whole."""
+        """Return the messages of the chunk at byte ``start``, which is known to be intact."""
         with self._path.open('rb') as file:
             file.seek(start)
             chunk = memoryview(file.read(size))[_RECORD.size :]
@@ -275,17 +275,17 @@ class _McapSalvage:
 
     @staticmethod
     def _decompressed(records: memoryview, compression: str, start: int, *, is_whole: bool) -> memoryview:
-        """Return the records of the compressed chunk at a byte of the file, as far as they can be recovered."""
+        """Return the records of the compressed chunk at byte ``start``; of a truncated one, those that can be recovered."""
         try:
             if is_whole:
                 return memoryview(DECOMPRESS[compression](records))
-            # A disk that lost power leaves zeros: without them the block in which they begin is never complete.
+            # A disk that lost power leaves zeros. They are removed, so that the block in which they begin counts as incomplete.
             return memoryview(DECOMPRESS_BEGINNING[compression](bytes(records).rstrip(b'\x00')))
         except ValueError as error:
             raise _Fault(f'the chunk at byte {start} is damaged: {error}') from None
 
-    def _distrust_last(self) -> None:
-        """Drop the message before a hole: a disk that lost power leaves zeros, and they may begin inside of it."""
+    def _discard_last(self) -> None:
+        """Discard the message before a gap: zeros left by a power failure may begin within it."""
         if self.found.messages:
             self.found.messages.pop()
 
@@ -295,14 +295,14 @@ def _text(content: memoryview, start: int) -> str:
     return bytes(content[start + 4 : start + 4 + length]).decode()
 
 
-_UNCHECKED = 'an sqlite3 file has no checksum per message, so that changed values before that cannot be found'
+_UNCHECKED = 'the file has no checksums per block, so changed values before that cannot be detected'
 
 
 class _SqliteSalvage:
     """
-    Reads a database in place; one with a journal is copied first, because SQLite changes the file to play it back.
+    Reader of a database in place; one with a journal is copied first, because SQLite changes the file to replay it.
 
-    SQLite does not open a file that is shorter than its head states: its rows are found page by page.
+    SQLite does not open a file that is shorter than its header states. Its rows are then read page by page.
     """
 
     def __init__(self, path: Path) -> None:
@@ -319,7 +319,7 @@ class _SqliteSalvage:
         if missing:
             self._read_beginning()
             self._take_pages()
-            self._faults.insert(0, f'the database ends behind message {len(self.found.messages)}: {missing}')
+            self._faults.insert(0, f'the database can be read up to message {len(self.found.messages)}: {missing}')
         else:
             self._take_database()
         self.found.is_checked = self._has_checksums
@@ -334,11 +334,11 @@ class _SqliteSalvage:
             if not self._names:
                 self._read_beginning()
             self._take_pages()
-            fault = f'the database ends behind message {len(self.found.messages)}: {error}'
+            fault = f'the database can be read up to message {len(self.found.messages)}: {error}'
             self._faults.insert(0, fault if self._has_checksums else f'{fault}; {_UNCHECKED}')
 
     def _copy(self, files: Sequence[Path]) -> None:
-        """Work on a copy, which is there as long as this object is."""
+        """Work on a copy that exists as long as this object."""
         self._directory = tempfile.TemporaryDirectory()
         for file in files:
             shutil.copyfile(file, Path(self._directory.name) / file.name)
@@ -356,12 +356,12 @@ class _SqliteSalvage:
         self.found.types = dict(topics.values())
 
     def _read_beginning(self) -> None:
-        """Read the topics from a copy of the first pages, which were written before any message."""
+        """Read the topics from a copy of the first pages, which were written before the first message."""
         with tempfile.TemporaryDirectory() as directory:
             copy = Path(directory) / self._path.name
             with self._path.open('rb') as file:
                 copy.write_bytes(file.read(_BEGINNING))
-            _own_up_to_size(copy)
+            _correct_page_count(copy)
             with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(copy)) as connection:
                 self._read_topics(connection)
 
@@ -374,7 +374,7 @@ class _SqliteSalvage:
             read = functools.partial(self._read_rows, part[0][0], part[-1][0], wrong_blocks)
             self._take(part, wrong_blocks, read)
         if wrong:
-            self._faults.append(f'rows that are no messages: {len(wrong)}, the first is row {wrong[0]}')
+            self._faults.append(f'rows that are not messages: {len(wrong)}, the first is row {wrong[0]}')
 
     def _is_message(self, row: Sequence[object]) -> bool:
         topic, time, payload = row
@@ -404,14 +404,14 @@ class _SqliteSalvage:
     ) -> _Blocks:
         """Return the blocks of messages that do not match their checksums; none for a file without checksums."""
         checkpoints: list[Checkpoint] = []
-        # A damaged table of checksums has fewer rows.
+        # Of a damaged table of checksums, the rows before the damage are used.
         with contextlib.suppress(sqlite3.Error):
             checkpoints += read_checkpoints()
         self._has_checksums |= bool(checkpoints)
         if not self._has_checksums:
             return []
         check = BlockCheck(checkpoints, self._closing_digests())
-        # Reading ends at a damaged page; the rows up to there are taken.
+        # Reading ends at a damaged page; the rows before it are checked.
         with contextlib.suppress(sqlite3.Error):
             for part in parts:
                 check.add([row for row in part if is_message(*row[2:])])
@@ -472,19 +472,19 @@ def _declares_checksums(path: Path) -> bool:
 
 
 def _missing_pages(path: Path) -> str:
-    """Return in words how many pages of a database are missing by its head, empty if none are."""
+    """Return a description of the pages that a database lacks according to its header; empty if it is complete."""
     with path.open('rb') as file:
         head = file.read(HEAD_SIZE)
     size = page_size(head)
     if not size:
         return ''
     (claimed,) = struct.unpack_from('>I', head, _PAGE_COUNT)
-    there = path.stat().st_size // size
-    return f'{there} of {claimed} pages are there' if there < claimed else ''
+    present = path.stat().st_size // size
+    return f'it has {present} of {claimed} pages' if present < claimed else ''
 
 
-def _own_up_to_size(path: Path) -> None:
-    """Write into the head of a database how many pages are left of it; SQLite opens none that claims more."""
+def _correct_page_count(path: Path) -> None:
+    """Set the page count in the header of a database to the number of pages left; SQLite rejects a larger count."""
     with path.open('r+b') as file:
         size = page_size(file.read(HEAD_SIZE))
         if size:

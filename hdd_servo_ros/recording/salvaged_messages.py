@@ -1,4 +1,4 @@
-"""The messages that were salvaged from a file: in memory while they are few, read again from their chunks beyond."""
+"""Messages salvaged from a file: the first ones are kept in memory, later ones are read again on each use."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -6,22 +6,22 @@ from collections.abc import Callable, Iterator
 Message = tuple[str, int, bytes]
 """Topic, receive time [ns] and payload."""
 MOST_HELD = 2**19
-"""Messages that are kept in memory, some hundred megabytes."""
+"""Number of messages kept in memory, a few hundred megabytes."""
 
 
 @dataclasses.dataclass(frozen=True)
 class StoredMessages:
     """
-    Messages that are read each time that they are wanted.
+    Messages that are read from the file on each use.
 
     Attributes
     ----------
     count
-        How many.
+        Number of messages.
     last_time
-        The latest receive time [ns].
+        Latest receive time [ns].
     read
-        Returns them.
+        Function that returns the messages.
     """
 
     count: int
@@ -30,7 +30,7 @@ class StoredMessages:
 
 
 class SalvagedMessages:
-    """Messages in the order of their file, of one file or several."""
+    """Messages of one or more files, in the order of the files."""
 
     def __init__(self) -> None:
         self._parts: list[list[Message] | StoredMessages] = []
@@ -52,12 +52,12 @@ class SalvagedMessages:
     __hash__ = None  # type: ignore[assignment]
 
     def __iadd__(self, other: 'SalvagedMessages | list[Message]') -> 'SalvagedMessages':
-        """Add the messages of another file."""
+        """Append the messages of another file."""
         self._parts += other._parts if isinstance(other, SalvagedMessages) else [other]
         return self
 
     def count(self, is_counted: Callable[[Message], bool], always_before: int) -> int:
-        """Return how many messages a condition holds for; it does for all received before ``always_before`` [ns]."""
+        """Count the messages that meet a condition; all received before ``always_before`` [ns] are known to meet it."""
         counted = 0
         for part in self._parts:
             if isinstance(part, StoredMessages) and part.last_time < always_before:
@@ -67,7 +67,7 @@ class SalvagedMessages:
         return counted
 
     def append(self, message: Message) -> None:
-        """Add a message."""
+        """Append a message."""
         if not self._parts or isinstance(self._parts[-1], StoredMessages):
             self.begin()
         part = self._parts[-1]
@@ -75,12 +75,12 @@ class SalvagedMessages:
         part.append(message)
 
     def begin(self) -> None:
-        """Begin a part; see :meth:`store`."""
+        """Begin a new part; see :meth:`store`."""
         if not self._parts or isinstance(self._parts[-1], StoredMessages) or self._parts[-1]:
             self._parts.append([])
 
     def store(self, read: Callable[[], list[Message]]) -> None:
-        """Drop the messages added since :meth:`begin` if there are many before: ``read`` returns them again."""
+        """Release the messages added since :meth:`begin` if too many are in memory; ``read`` returns them again."""
         part = self._parts[-1]
         assert isinstance(part, list)
         if self._held + len(part) > MOST_HELD:
@@ -90,7 +90,7 @@ class SalvagedMessages:
             self._held += len(part)
 
     def pop(self) -> None:
-        """Drop the last message."""
+        """Remove the last message."""
         part = self._parts[-1]
         if isinstance(part, StoredMessages):
             part = self._parts[-1] = part.read()

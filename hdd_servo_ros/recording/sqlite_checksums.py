@@ -123,9 +123,9 @@ class BlockCheck:
         self._next += 1
 
     def finish(self) -> None:
-        """Add the block of the last messages, which does not match either if no checkpoint follows it."""
+        """Add the block of the last messages, which counts as wrong if no checkpoint follows it."""
         if self._next < len(self._checkpoints) and self._last > self._begin:
-            # Messages before the checkpoint may be missing; those that are left cannot be told from changed ones.
+            # If messages before the checkpoint are missing, the others of the block cannot be checked.
             is_right = self._matches(self._checkpoints[self._next].states)
         else:
             is_right = self._last <= self._begin or (self._closing is not None and self._matches(self._closing))

@@ -1,1 +1,1 @@
-"""Commands around recorded and running experiments: rerun, repair, watch."""
+"""Commands for recorded and running experiments: replay, repair, live view."""

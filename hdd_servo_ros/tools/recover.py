@@ -14,41 +14,45 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='recover',
-        description='Repair a run after a crash: a closed bag of all complete ticks, and a run.yaml that says so.',
+        description='Repair a run after a crash: write a closed bag of all complete ticks, and update run.yaml.',
         epilog=f'A damaged bag is moved into RUN/{BACKUP}/, with a copy of the original run.yaml; a repaired bag '
-        'needs as much space as it at most, beside it or, with --output, on another disk. '
-        'Exit code: 0 the run is whole now, 1 no tick is left of it, 2 wrong arguments, 3 it cannot be repaired.',
+        'needs at most as much space as the damaged one, on the same disk or, with --output, on another one. '
+        'Exit code: 0 the run is intact now, 1 no tick can be recovered, 2 wrong arguments, 3 it cannot be repaired.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
-    parser.add_argument('--output', type=Path, metavar='DIR', help='leave RUN as it is and write the repaired run here')
-    parser.add_argument('--dry-run', action='store_true', help='only say what is wrong and what can be had')
+    parser.add_argument(
+        '--output', type=Path, metavar='DIR', help='write the repaired run here and leave RUN unchanged'
+    )
+    parser.add_argument(
+        '--dry-run', action='store_true', help='report the damage and the recoverable part, and change nothing'
+    )
     return parser
 
 
 @command('recover', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Repair a run; exit code 0 if it is whole now, 1 if no tick of it is left, 3 if it cannot be looked at."""
+    """Repair a run; return 0 if it is intact now, 1 if no tick can be recovered, 3 if it cannot be read."""
     parsed = command_line().parse_args(arguments)
     with reading(parsed.run):
         recovery = Recovery(parsed.run)
     finding = recovery.finding
     if not finding.faults and finding.last_tick < 0:
-        print(f'recover: {parsed.run}: nothing is left to repair: {finding.status}, {finding.reason}')
+        print(f'recover: {parsed.run}: nothing can be repaired: {finding.status}, {finding.reason}')
         return 1
     if not finding.faults:
-        print(f'recover: {parsed.run} is whole: {finding.status}, last tick {finding.last_tick}')
+        print(f'recover: {parsed.run} is intact: {finding.status}, last tick {finding.last_tick}')
         return 0
     for fault in finding.faults:
         print(f'recover: {fault}')
     print(f'recover: {finding.kept} messages, complete up to tick {finding.last_tick}')
     if finding.left:
-        print(f'recover: {finding.left} messages behind that stay in the original alone')
+        print(f'recover: {finding.left} messages after that tick remain in the original only')
     if parsed.dry_run:
         if recovery.space_needed:
-            print(f'recover: needs up to {math.ceil(recovery.space_needed / 1e6)} MB on the disk')
+            print(f'recover: the repaired bag needs up to {math.ceil(recovery.space_needed / 1e6)} MB of disk space')
     else:
-        originals = ' and '.join(str(path) for path in recovery.repair(parsed.output)) or 'there were none'
-        print(f'recover: run.yaml now says {finding.status}; originals kept: {originals}')
+        originals = ' and '.join(str(path) for path in recovery.repair(parsed.output)) or 'none'
+        print(f'recover: status in run.yaml is now {finding.status}; originals kept: {originals}')
     return 0 if finding.last_tick >= 0 else 1
 
 

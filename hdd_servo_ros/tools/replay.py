@@ -1,4 +1,4 @@
-"""`replay`: rerun a recorded run from what its folder says, and confirm that the bits are the same."""
+"""`replay`: repeat a recorded run from its run directory, and check that the result is bit-identical."""
 
 import os
 import sys
@@ -28,32 +28,32 @@ TIMER = 'deterministic_timer'
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 _OPTIONAL_NAMES = tuple(topic.name for topic in OPTIONAL_TOPICS)
 _PACE = ('rate', 'progress')
-"""Parameters of the timer that say how fast a run goes in wall time."""
+"""Parameters of the timer that set the wall-clock speed and the progress display."""
 
 
 class ReplayError(Exception):
-    """A run that cannot be rerun; says why."""
+    """A run that cannot be replayed; the text gives the reason."""
 
     exit_code = UNREADABLE
 
 
 class Recording:
     """
-    What a run's folder says about how the run came to be.
+    Setup of a recorded run: its nodes, parameters and topic names.
 
     Parameters
     ----------
     run
-        The run's folder.
+        The run directory.
     trusted
-        Whether code that the folder names may run: the class of a custom controller.
+        Whether code named in the run directory may be executed: the class of a custom controller.
 
     Raises
     ------
     ReplayError
-        If the run did not end, has no tick, or somebody else's node took part in it.
+        If the run has not ended, has no tick, or included an external node.
     FileNotFoundError
-        If it is no run folder.
+        If it is not a run directory.
     """
 
     def __init__(self, run: Path, *, trusted: bool = False) -> None:
@@ -70,16 +70,20 @@ class Recording:
             for name, node in metadata['nodes'].items()
             if not node['outputs'] or not optional.issuperset(node['outputs']) or self._runs_again(name)
         }
-        """The nodes that run again; others that publish optional topics alone are played back."""
-        lost = [name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)]
-        if lost:
+        """Nodes that run again; other nodes that publish only optional topics are played back."""
+        not_recorded = [
+            name for topic, name in left_out.items() if topic in _OPTIONAL_NAMES and not self._is_published(name)
+        ]
+        if not_recorded:
             raise ReplayError(
-                f'{run}: {", ".join(lost)} was left out by parameter topics of bag_recorder, so it cannot be replayed'
+                f'{run} cannot be replayed: parameter topics of bag_recorder excluded {", ".join(not_recorded)}'
             )
         if metadata['status'] == RUNNING:
-            raise ReplayError(f'{run}: run.yaml says that it is running; if it is not, `recover {run}` repairs it')
+            raise ReplayError(
+                f'{run}: status in run.yaml is running; if the run has ended, repair it by `recover {run}`'
+            )
         if metadata['last_tick'] is None or metadata['last_tick'] < 0:
-            raise ReplayError(f'{run}: it holds no tick')
+            raise ReplayError(f'{run} contains no tick')
         external = [
             name
             for topic, name in self._topics.items()
@@ -87,7 +91,7 @@ class Recording:
         ]
         if external:
             raise ReplayError(
-                f'{run}: {", ".join(external)} came from a node that run.yaml does not name, so it cannot be replayed'
+                f'{run} cannot be replayed: {", ".join(external)} came from a node that run.yaml does not list'
             )
         self.played = [
             topic
@@ -97,36 +101,33 @@ class Recording:
         """The optional topics that are played back."""
         timers = [name for name in self.nodes if self.kinds[name] == TIMER]
         if len(timers) != 1:
-            raise ReplayError(f'{run}: run.yaml names {len(timers)} nodes {TIMER}, not one')
+            raise ReplayError(f'{run}: run.yaml lists {len(timers)} {TIMER} nodes, expected one')
         self.timer = timers[0]
         self.namespace = self.timer.rsplit('/', 1)[0]
         self._reject_other_names()
-        # A controller from outside the package is loaded by what it was given as, not by its node's name.
+        # A custom controller is loaded by its class or entry point, not by its node's name.
         self.controller: str = metadata.get('controller_class', metadata['controller'])
         if self.controller not in CONTROLLERS and not trusted:
             raise ReplayError(
-                f'{run}: run.yaml names the controller {shown(self.controller)}, which is code of its own; if you '
-                'trust it, ask again with --trust'
+                f'{run}: run.yaml names the custom controller {shown(self.controller)}; to run its code, add --trust'
             )
         self.last_tick: int = metadata['last_tick']
         self.sample_time: float = metadata['sample_time']
 
     def _reject_other_names(self) -> None:
-        """Reject nodes that a rerun could not give their names: they would run with parameters that nobody gave."""
+        """Reject nodes whose names a replay cannot restore, because they would run with default parameters."""
         own = set(NODES)
         if 'controller_class' in self.metadata:
-            # A custom controller's name is known once its class is loaded; it is what publishes /control.
+            # The name of a custom controller is known only after loading its class; it is the node that publishes /control.
             own |= {self.kinds[name] for name, node in self.nodes.items() if self._topics['control'] in node['outputs']}
         for name in self.nodes:
             if self.kinds[name] not in own:
-                raise ReplayError(f'{self.run}: run.yaml names a node {name}, which is none of this package')
+                raise ReplayError(f'{self.run}: run.yaml lists the node {name}, which is not part of this package')
             if name.rpartition('/')[0] != self.namespace:
-                raise ReplayError(
-                    f'{self.run}: {name} was not in the namespace of {self.timer}, so it cannot be replayed'
-                )
+                raise ReplayError(f'{self.run} cannot be replayed: {name} was not in the namespace of {self.timer}')
 
     def _runs_again(self, node: str) -> bool:
-        """Return whether a node, given by its full name, is one of this package that computes what it publishes."""
+        """Return whether a node, given by its full name, belongs to this package and computes its outputs."""
         kind = self.kinds[node]
         return kind in NODES and bool(NODES[kind].block)
 
@@ -134,7 +135,7 @@ class Recording:
         return any(topic in node['outputs'] for node in self.nodes.values())
 
     def schedule(self) -> list[str]:
-        """Return every parameter change of the run as a schedule: those of its own schedule and those made live."""
+        """Return every parameter change of the run as a schedule, including the live changes."""
         step = sample_time_to_nanoseconds(self.sample_time)
         changes = [
             change
@@ -142,23 +143,23 @@ class Recording:
             if change.time_ns <= self.last_tick * step and change.node in self.nodes
         ]
         seen = {(change.time_ns, change.node, name) for change in changes for name in change.values}
-        # A run that was cut short may have lost the event of a change that its schedule knows of.
+        # A run that ended early can lack the event of a scheduled change.
         planned = parse_schedule(
             self.nodes[self.timer]['parameters'].get('schedule', ()),
             self.sample_time,
             self.metadata['last_tick_planned'],
         )
-        lost = [
+        missing = [
             NodeChange(node, change.tick * step, {change.name: _value(change.value)})
             for change in planned
             for node in self.nodes
             if change.is_for(node) and change.tick <= self.last_tick
             if (change.tick * step, node, change.name) not in seen
         ]
-        return list(_entries([*lost, *changes], self.nodes, self.timer))
+        return list(_entries([*missing, *changes], self.nodes, self.timer))
 
     def parameter_file(self, output: Path) -> dict[str, dict[str, Any]]:
-        """Return the sections of a ROS parameter file that reruns the run into ``output``."""
+        """Return the sections of a ROS parameter file that replays the run into ``output``."""
         content = {
             name: {key: value for key, value in node['parameters'].items() if value != []}
             for name, node in self.nodes.items()
@@ -167,7 +168,7 @@ class Recording:
         timer.pop('schedule', None)
         schedule = self.schedule()
         timer.update(
-            # A run has two ticks at least.
+            # A run has at least two ticks.
             duration=max(self.last_tick, 1) * self.sample_time,
             rate=0.0,
             autostart=True,
@@ -185,7 +186,7 @@ class Recording:
         return {**content, f'{self.namespace}/rig': rig}
 
     def remaps(self) -> list[str]:
-        """Return the ROS arguments that give namespace and topics the names that they had."""
+        """Return the ROS arguments that restore the namespace and the topic names of the run."""
         arguments = ['-r', f'__ns:={self.namespace}'] if self.namespace else []
         for name in self.nodes:
             own = name.rpartition('/')[2]
@@ -198,12 +199,12 @@ class Recording:
         return arguments
 
     def differing_versions(self) -> Iterator[str]:
-        """Iterate over what is another version here than when the run was recorded, in words."""
+        """Iterate over descriptions of the versions that differ from those of the recording."""
         recorded = {**self.metadata.get('versions', {}), 'git revision': self.metadata.get('git_revision', 'unknown')}
         here = {**versions(), 'git revision': git_revision()}
         for name in sorted(recorded.keys() & here.keys()):
             if recorded[name] != here[name]:
-                yield f'{name}: recorded with {recorded[name]}, here {here[name]}'
+                yield f'{name}: recorded with {recorded[name]}, now {here[name]}'
 
 
 def _value(value: Any) -> Value:
@@ -222,48 +223,48 @@ def _entries(changes: Sequence[NodeChange], nodes: Mapping[str, Mapping[str, Any
                 then = False
 
 
-def rerun(recording: Recording, output: Path, *, without_ros: bool) -> int:
-    """Run the experiment of a recording again into the folder ``output``; return the run's exit code."""
+def repeat(recording: Recording, output: Path, *, without_ros: bool) -> int:
+    """Repeat the experiment of a recording into the directory ``output``; return the exit code of the run."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / 'replay.yaml'
         path.write_text(written_file(recording.parameter_file(output)), 'utf8')
         arguments = ['--ros-args', '--params-file', str(path), *recording.remaps()]
-        # Imported late: without ROS there need be no rclpy.
+        # Imported here, because rclpy need not be installed without ROS.
         if without_ros:
             from hdd_servo_ros.simulation import simulate
 
             return simulate.main(arguments)
         from hdd_servo_ros.nodes import rig
 
-        # All its nodes are in this process: found by others, they would end a run that goes on by the same names.
+        # All nodes are in this process. If others discovered them, they would stop a running graph of the same names.
         os.environ[DISCOVERY_RANGE] = 'OFF'
         return rig.main(['rig', *arguments])
 
 
 def replay(run: Path, output: Path, *, without_ros: bool, trusted: bool = False) -> int:
-    """Rerun ``run`` into ``output`` and say whether it came out the same; return the exit code."""
+    """Replay ``run`` into ``output`` and report whether the result is identical; return the exit code."""
     with reading(run):
         try:
             recording = Recording(run, trusted=trusted)
             schedule = recording.schedule()
         except KeyError as error:
-            raise ReplayError(f'{run}: run.yaml does not say {error}') from None
+            raise ReplayError(f'{run}: run.yaml has no entry {error}') from None
     for differing in recording.differing_versions():
         print(f'replay: note: {differing}')
     for entry in schedule:
         print(f'replay: parameter change {entry}')
-    exit_code = rerun(recording, output, without_ros=without_ros)
+    exit_code = repeat(recording, output, without_ros=without_ros)
     if exit_code == WRONG_ARGUMENTS:
-        raise ReplayError(f'{run}: what run.yaml says is rejected, so it cannot be rerun')
+        raise ReplayError(f'{run} cannot be replayed: its parameters in run.yaml were rejected')
     if exit_code != 0:
-        print(f'replay: the rerun of {run} ended with exit code {exit_code}', file=sys.stderr)
+        print(f'replay: the replay of {run} ended with exit code {exit_code}', file=sys.stderr)
         return 1
     with reading(run):
-        difference = first_difference(run, output, recording.last_tick, labels=('the recording', 'the rerun'))
+        difference = first_difference(run, output, recording.last_tick, labels=('the recording', 'the replay'))
     if difference is not None:
         print(f'replay: different: {difference}')
         return 1
-    print(f'replay: the same bits on every topic, ticks 0 to {recording.last_tick}')
+    print(f'replay: bit-identical on every topic, ticks 0 to {recording.last_tick}')
     return 0
 
 
@@ -271,29 +272,26 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='replay',
-        description='Rerun a recorded run from its run.yaml and the changes in its bag, and compare the bits.',
-        epilog='Exit code: 0 the bits are the same, 1 they are not, 2 wrong arguments, 3 the run cannot be read or '
-        'rerun.',
+        description='Replay a recorded run from its run.yaml and the parameter changes in its bag, and compare the two byte by byte.',
+        epilog='Exit code: 0 bit-identical, 1 different, 2 wrong arguments, 3 the run cannot be read or replayed.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
-    parser.add_argument('--without-ros', action='store_true', help='rerun with simulate instead of rig')
-    parser.add_argument('--output', type=Path, metavar='DIR', help='keep the rerun in this new folder')
-    parser.add_argument(
-        '--trust', action='store_true', help="run code that the run's folder names: a custom controller's class"
-    )
+    parser.add_argument('--without-ros', action='store_true', help='use simulate instead of rig')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='keep the replay in this new folder')
+    parser.add_argument('--trust', action='store_true', help='run the code of a custom controller that run.yaml names')
     return parser
 
 
 @command('replay', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Rerun a run; exit code 0 if the bits are the same, 1 if not, 3 if it cannot be rerun."""
+    """Replay a run; return 0 if it is bit-identical, 1 if not, 3 if it cannot be replayed."""
     parsed = command_line().parse_args(arguments)
     if parsed.output is not None:
         if parsed.output.exists():
-            raise FileExistsError(f'{parsed.output} exists, and a run is never overwritten')
+            raise FileExistsError(f'{parsed.output} exists; a run is never overwritten')
         return replay(parsed.run, parsed.output, without_ros=parsed.without_ros, trusted=parsed.trust)
     with tempfile.TemporaryDirectory() as directory:
-        output = Path(directory) / 'rerun'
+        output = Path(directory) / 'replay'
         return replay(parsed.run, output, without_ros=parsed.without_ros, trusted=parsed.trust)
 
 

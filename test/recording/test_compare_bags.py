@@ -66,7 +66,7 @@ def test_identical(tmp_path):
         ),
         (
             {'without': ('/control', 2)},
-            'control: the message of tick 2 is missing in the other; that of tick 3 is in its place',
+            'control: the message of tick 2 is missing in the other; that of tick 3 comes instead',
         ),
         ({'count': 4}, 'clock has 5 messages in the one and 4 in the other'),
         ({'leave_out': 'control'}, 'control is missing in'),
@@ -83,7 +83,7 @@ def test_the_first_difference_is_named(tmp_path, other, words):
 
 def test_a_message_missing_on_the_left_is_said_to_be(tmp_path):
     left, right = bag(tmp_path / 'a', without=('/estimates', 3)), bag(tmp_path / 'b')
-    words = f'estimates: the message of tick 3 is missing in {left}; that of tick 4 is in its place'
+    words = f'estimates: the message of tick 3 is missing in {left}; that of tick 4 comes instead'
     assert first_difference(left, right, last_tick=4) == words
 
 
@@ -109,8 +109,11 @@ def test_signals(tmp_path):
     ('arguments', 'match'),
     [
         ({'leave_out': 'ldv'}, 'holds no topic ldv'),
-        ({'count': 0}, 'holds no tick'),
-        ({'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}}, 'message 4 does not carry the stamp'),
+        ({'count': 0}, 'contains no tick'),
+        (
+            {'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}},
+            'the stamp of message 4 does not match its tick',
+        ),
     ],
 )
 def test_a_bag_that_is_no_run_is_rejected(tmp_path, arguments, match):

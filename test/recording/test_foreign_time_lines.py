@@ -77,7 +77,9 @@ def stamp_of(nanoseconds):
 @pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_stamps_that_go_back_or_repeat_are_rejected(tmp_path, capsys, ticks, message, origin, storage):
     bag = write(tmp_path / 'bag', ticks, origin=origin, storage=storage)
-    with pytest.raises(BagError, match='the bag holds more than one run, or a topic with two publishers') as rejected:
+    with pytest.raises(
+        BagError, match='the bag contains more than one run, or a topic with two publishers'
+    ) as rejected:
         Run.open(bag).head  # noqa: B018
     assert message in str(rejected.value)
     assert report([str(bag), '--output', str(tmp_path / 'out')]) == 3
@@ -136,7 +138,7 @@ def test_stamps_in_wall_time_between_ticks_are_rejected(tmp_path):
         return payload[:4] + stamp_of(WALL + number * T + 1234) + payload[12:]
 
     bag = write(tmp_path / 'bag', range(20), origin=WALL, change=jitter)
-    with pytest.raises(BagError, match=r'/ldv: message 7 is stamped \d+ ns, 701234 ns after the first, which is no'):
+    with pytest.raises(BagError, match=r'/ldv: message 7 has stamp \d+ ns, 701234 ns after the first, which does not'):
         Run.open(bag).ldv  # noqa: B018
 
 
@@ -144,7 +146,7 @@ def test_negative_stamps_are_rejected_by_their_number(tmp_path, capsys):
     bag = write(tmp_path / 'bag', range(-5, 20))
     assert report([str(bag), '--output', str(tmp_path / 'out')]) == 3
     error = capsys.readouterr().err
-    assert '/clock: message 0 is stamped -500000 ns, before time 0' in error
+    assert '/clock: message 0 has stamp -500000 ns, before time 0' in error
     assert 'None' not in error
 
 

@@ -88,7 +88,7 @@ def test_what_is_recovered_of_a_changed_mcap_file_is_right(runs, tmp_path, kind,
             assert first_difference(whole, run, said['last_tick']) is None
             Run.open(run).verify()
             assert recover([str(run), '--dry-run']) == 0
-            assert 'is whole' in capsys.readouterr().out
+            assert 'is intact' in capsys.readouterr().out
         else:
             assert read_run_yaml(run)['last_tick'] == -1
 
@@ -107,10 +107,10 @@ def test_a_changed_byte_of_an_sqlite3_file_changes_nothing_that_is_read(runs, tm
             status = recover([str(run), '--dry-run'])
             text = capsys.readouterr()
             assert status in (0, 1, 3)
-            assert 'is whole' not in text.out, offset
+            assert 'is intact' not in text.out, offset
         else:
             assert recover([str(run), '--dry-run']) == 0
-            assert 'is whole' in capsys.readouterr().out
+            assert 'is intact' in capsys.readouterr().out
     assert found > FLIPS // 2
 
 
@@ -144,7 +144,7 @@ def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, c
     before = sorted(path.name for path in run.iterdir())
     assert recover([str(run)]) == 3
     error = capsys.readouterr().err.splitlines()[-1]
-    assert 'a value was changed in the file, and nothing tells which; use a copy of the bag' in error
+    assert 'the bag contains a changed value that cannot be located; use a copy of the bag' in error
     assert sorted(path.name for path in run.iterdir()) == before
 
 
@@ -170,7 +170,7 @@ def test_the_messages_before_a_changed_value_are_recovered(runs, tmp_path, capsy
     assert 700 - BLOCK_TICKS <= last_tick < 700
     assert first_difference(whole, run, last_tick) is None
     assert recover([str(run), '--dry-run']) == 0
-    assert 'is whole' in capsys.readouterr().out
+    assert 'is intact' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('seed', range(3))
@@ -214,7 +214,9 @@ def test_other_readers_ignore_the_table_of_checksums(runs):
 def test_a_claim_that_the_bag_does_not_hold_is_rejected(runs, tmp_path, kind, claim, status):
     run = copy_of(runs[kind], tmp_path / 'run')
     rewrite_run_yaml(run, {**read_run_yaml(run), 'status': status, 'last_tick': claim})
-    with pytest.raises(BagError, match=f'says {claim} for the last tick, the bag holds {LAST_TICK}'):
+    with pytest.raises(
+        BagError, match=f'last_tick in run.yaml is {claim}, but the last tick in the bag is {LAST_TICK}'
+    ):
         Run.open(run)
     assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
     assert recover([str(run)]) == 0
@@ -235,7 +237,7 @@ def without_topic(run, name):
 def test_a_topic_missing_in_the_metadata_is_brought_back(runs, tmp_path, kind):
     run = copy_of(runs[kind], tmp_path / 'run')
     without_topic(run, '/control')
-    with pytest.raises(BagError, match='names /control, which the metadata of the bag do not'):
+    with pytest.raises(BagError, match='run.yaml lists /control, but metadata.yaml of the bag does not'):
         Run.open(run)
     assert recover([str(run)]) == 0
     assert first_difference(runs[kind], run) is None

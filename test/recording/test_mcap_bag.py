@@ -383,7 +383,7 @@ def test_a_cut_in_a_compressed_chunk_leaves_its_first_blocks(tmp_path):
     ((end, count), *_) = chunk_ends(content)
     path.write_bytes(content[: end - 100_000])
     found = salvage(path)
-    assert 'cut off at byte' in found.fault
+    assert 'truncated at byte' in found.fault
     assert 0.5 * count < len(found.messages) < count
     assert [data for _, _, data in found.messages] == [data for _, _, data in messages[: len(found.messages)]]
 

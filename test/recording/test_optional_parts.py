@@ -74,7 +74,7 @@ def test_mcap(runs, tmp_path, parts, compression, capsys):
     assert first_difference(runs['mcap'], run) is None
     before = {path.name: path.read_bytes() for path in (run / 'bag').iterdir()}
     assert recover([str(run)]) == 0
-    assert 'is whole: finished, last tick 1000' in capsys.readouterr().out
+    assert 'is intact: finished, last tick 1000' in capsys.readouterr().out
     assert {path.name: path.read_bytes() for path in (run / 'bag').iterdir()} == before
 
 
@@ -88,7 +88,7 @@ def test_a_whole_run_of_any_kind_is_not_touched(runs, tmp_path, kind, capsys):
     shutil.copytree(runs[kind], run)
     before = files_of(run)
     assert recover([str(run)]) == 0
-    assert 'is whole: finished, last tick 1000' in capsys.readouterr().out
+    assert 'is intact: finished, last tick 1000' in capsys.readouterr().out
     assert files_of(run) == before
 
 
@@ -153,7 +153,7 @@ def test_a_bag_that_rosbag2_has_compressed_is_whole_or_rejected(runs, tmp_path, 
     before = files_of(run)
     assert first_difference(runs['mcap'], run) is None
     assert recover([str(run)]) == 0
-    assert 'is whole: finished, last tick 1000' in capsys.readouterr().out
+    assert 'is intact: finished, last tick 1000' in capsys.readouterr().out
     file = run / 'bag' / 'bag.mcap.zstd'
     file.write_bytes(file.read_bytes()[:1000])
     assert recover([str(run)]) == 3
@@ -182,7 +182,7 @@ def test_a_file_of_an_unknown_compression_is_rejected(runs, tmp_path, capsys):
     before = files_of(run)
     assert recover([str(run)]) == 3
     error = capsys.readouterr().err
-    assert "is compressed by 'xyz', which cannot be repaired here" in error
+    assert "uses the unsupported compression 'xyz', so recover cannot repair it" in error
     assert len(error.splitlines()) == 1
     assert files_of(run) == before
 

@@ -105,7 +105,7 @@ def test_a_topic_is_read_when_it_is_asked_for(directory, monkeypatch):
     [
         (('nobody', 'gain'), "no node 'nobody' in run.yaml; it has .*deterministic_timer"),
         (('reference_generator', 'frequenzy'), "no parameter 'frequenzy'; did you mean frequency"),
-        (('reference_generator', 'frequency', COUNT), f'tick {COUNT} lies outside the run'),
+        (('reference_generator', 'frequency', COUNT), f'tick {COUNT} is outside the run'),
     ],
 )
 def test_a_parameter_that_there_is_not(directory, arguments, match):
@@ -284,7 +284,7 @@ def test_a_bag_of_another_recorder_is_aligned_by_its_stamps(tmp_path, options):
 
 def test_of_several_rigs_in_one_bag_one_is_to_be_named(tmp_path):
     path = foreign_bag(tmp_path / 'bag', namespaces=('/bench1', ''))
-    with pytest.raises(BagError, match='/bench1/clock and /clock: say which by namespace'):
+    with pytest.raises(BagError, match='/bench1/clock and /clock are both present; select one by namespace'):
         Run.open(path)
     assert set(Run.open(path, namespace='/bench1').head[:, 1]) == {2.0}
     assert set(Run.open(path, namespace='/').head[:, 1]) == {8.0}
@@ -292,7 +292,7 @@ def test_of_several_rigs_in_one_bag_one_is_to_be_named(tmp_path):
 
 def test_stamps_between_ticks_are_rejected(tmp_path):
     path = foreign_bag(tmp_path / 'bag', shift=7)
-    with pytest.raises(BagError, match='message 0 is stamped 7 ns, which is no tick of'):
+    with pytest.raises(BagError, match='message 0 has stamp 7 ns, which does not fall on a tick of'):
         Run.open(path).head  # noqa: B018
 
 

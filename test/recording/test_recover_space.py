@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import shutil
 import subprocess
 
@@ -75,11 +76,11 @@ def test_too_little_room_is_reported_with_what_is_needed(tmp_path, capsys):
         before = contents(disk / 'run')
         assert recover([str(disk / 'run'), '--dry-run']) == 0
         needed = capsys.readouterr().out.splitlines()[-1]
-        assert needed.startswith('recover: needs up to ')
+        assert needed.startswith('recover: the repaired bag needs up to ')
         assert recover([str(disk / 'run')]) != 0
         error = capsys.readouterr().err
-        assert needed.split()[-5] in error
-        assert 'make room, or name a folder on another disk with --output' in error
+        assert re.search(r'\d+ MB', needed).group() in error
+        assert 'free some space, or write to another disk with --output' in error
         assert error.count('\n') == 1
         assert contents(disk / 'run') == before
         assert recover([str(disk / 'run'), '--output', str(tmp_path / 'repaired')]) == 0

@@ -78,7 +78,7 @@ def test_it_has_no_messages():
     )
     with pytest.raises(KeyError, match='no topic pes'):
         run['pes']
-    with pytest.raises(BagError, match='run in memory: the bag holds no topic head'):
+    with pytest.raises(BagError, match='run in memory: the bag does not contain topic head'):
         run.column('head')
 
 

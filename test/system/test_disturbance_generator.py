@@ -80,7 +80,7 @@ def test_the_same_bits_however_it_is_run(bench, arguments):
     for how in ((), ('--without-ros',)):
         text = replay(bench, 'rig', *how)
         assert '0.05 /disturbance_generator vibration.rotational.rms 25.0' in text
-        assert 'the same bits on every topic, ticks 0 to 1000' in text
+        assert 'bit-identical on every topic, ticks 0 to 1000' in text
     # Its disturbance alone acts on another run as well.
     bench.run('simulate', *DURATION, '-p', 'run_dir:=played', '-p', 'playback:recorded_run:=rig', '-p', 'plot:=false')
     played = Run.open(bench.directory / 'played')
@@ -148,4 +148,4 @@ def test_a_live_change_is_rejected_or_takes_effect_and_is_replayed(bench, outsid
     assert process.wait() == 130
     (made,) = Run.open(bench.directory / 'run').parameter_changes
     assert (made.name, made.value) == ('vibration.rotational.rms', 30.0)
-    assert 'the same bits on every topic' in replay(bench, 'run', '--without-ros')
+    assert 'bit-identical on every topic' in replay(bench, 'run', '--without-ros')

@@ -57,7 +57,7 @@ def test_the_same_bits_however_it_is_run(bench):
     assert not recorded.estimates['u_ff'][400:500].any()
     assert len(set(recorded.estimates['ff_weights'][400:500].tolist())) == 100
     answer = bench.python('-m', 'hdd_servo_ros.tools.replay', 'rig', '--without-ros')
-    assert 'the same bits on every topic, ticks 0 to 1000' in answer.stdout, answer.stdout + answer.stderr
+    assert 'bit-identical on every topic, ticks 0 to 1000' in answer.stdout, answer.stdout + answer.stderr
 
 
 def test_a_controller_from_python_has_the_feedforward_of_the_compiled_loop():

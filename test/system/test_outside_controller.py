@@ -52,7 +52,7 @@ def test_the_same_bits_everywhere(example):
     np.testing.assert_allclose(left, spring * signals.reference[:, 0], atol=1e-12)
     rejected = example.python('-m', 'hdd_servo_ros.tools.replay', 'rig')
     assert rejected.returncode == 3
-    assert 'code of its own; if you trust it, ask again with --trust' in rejected.stderr
+    assert 'to run its code, add --trust' in rejected.stderr
     replayed = example.python('-m', 'hdd_servo_ros.tools.replay', '--trust', 'rig')
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 

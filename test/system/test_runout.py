@@ -81,7 +81,7 @@ def test_the_same_bits_however_it_is_run(bench, name):
     assert np.abs(u[600 : 600 + SECTORS]).max() > 0.5 * np.abs(u[400 - SECTORS : 400]).max()
     assert len(set(rms[6 * SECTORS : 600].tolist())) == 1
     answer = bench.python('-m', 'hdd_servo_ros.tools.replay', 'rig', '--without-ros')
-    assert 'the same bits on every topic' in answer.stdout, answer.stdout + answer.stderr
+    assert 'bit-identical on every topic' in answer.stdout, answer.stdout + answer.stderr
 
 
 @pytest.mark.parametrize('name', ['harmonics', 'repetitive'])

@@ -112,7 +112,7 @@ def test_a_live_tuning_session_is_replayed(bench):
     code, text = replay(bench, 'run', '--output', 'again')
     assert code == 0, text
     last_tick = bench.run_yaml('run')['last_tick']
-    assert f'the same bits on every topic, ticks 0 to {last_tick}' in text
+    assert f'bit-identical on every topic, ticks 0 to {last_tick}' in text
     assert '/bench7/truth' in Run.open(bench.directory / 'again').messages_by_topic()
     code, text = replay(bench, 'run', '--without-ros')
     assert code == 0, text
@@ -141,12 +141,12 @@ def test_what_cannot_be_replayed(bench):
     path.write_text(yaml.safe_dump(said))
     code, text = replay(bench, 'run')
     assert code == 3
-    assert '/control, /estimates came from a node that run.yaml does not name' in text
+    assert '/control, /estimates came from a node that run.yaml does not list' in text
     for content, words in (
         ('', 'does not describe a run'),
         ('{ : [', 'cannot be read'),
         (yaml.safe_dump({**said, 'last_tick': 'many'}), "last_tick is 'many'"),
-        (yaml.safe_dump({'status': 'finished'}), "run.yaml does not say 'topics'"),
+        (yaml.safe_dump({'status': 'finished'}), "run.yaml has no entry 'topics'"),
     ):
         path.write_text(content)
         code, text = replay(bench, 'run', '--without-ros')
@@ -180,6 +180,6 @@ def test_a_replay_beside_a_run_that_goes_on(bench):
         time.sleep(0.05)
     code, text = replay(bench, 'recorded')
     assert code == 0, text
-    assert 'the same bits' in text
+    assert 'bit-identical' in text
     other.signal(signal.SIGINT)
     assert other.wait() == 130, other.output

@@ -57,7 +57,7 @@ def test_the_same_bits_however_it_is_run(bench, method):
     assert set(modes.tolist()) == {0.0, 1.0, 2.0}
     assert np.count_nonzero(np.diff(modes) == 1.0) >= 4
     answer = bench.python('-m', 'hdd_servo_ros.tools.replay', 'rig', '--without-ros')
-    assert 'the same bits on every topic, ticks 0 to 1000' in answer.stdout, answer.stdout + answer.stderr
+    assert 'bit-identical on every topic, ticks 0 to 1000' in answer.stdout, answer.stdout + answer.stderr
     if method == 'final_state':
         # The third seek starts under the new limit, the fourth one without an estimated gain.
         assert abs(recorded.control.voltage[400:600]).max() < 4.5 < abs(recorded.control.voltage[:300]).max()

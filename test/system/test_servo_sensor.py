@@ -75,7 +75,7 @@ def test_the_same_bits_with_feedforward_from_accelerometers(bench, controller):
     assert run.estimate_names[-2:] == ('observed_position', 'observed_velocity')
     assert run.estimates['u_ff'][100:200].any()
     ended = bench.python('-m', 'hdd_servo_ros.tools.replay', 'rig', '--without-ros')
-    assert f'the same bits on every topic, ticks 0 to {TICKS}' in ended.stdout, ended.stdout + ended.stderr
+    assert f'bit-identical on every topic, ticks 0 to {TICKS}' in ended.stdout, ended.stdout + ended.stderr
 
 
 def test_a_live_change_of_the_observer_and_the_sensor_by_schedule(bench):

@@ -182,7 +182,7 @@ def test_the_first_tick_whose_samples_are_wrong(tmp_path):
     said = yaml.safe_load((short.path / 'run.yaml').read_text())
     said['topics']['disturbance'] = '/disturbance'
     (short.path / 'run.yaml').write_text(yaml.safe_dump(said))
-    with pytest.raises(BagError, match=r'run\.yaml names /disturbance, which the metadata of the bag do not'):
+    with pytest.raises(BagError, match=r'run\.yaml lists /disturbance, but metadata\.yaml of the bag does not'):
         Run.open(short.path)
     run = record(tmp_path / 'gap', np.zeros(COUNT), without=('control', 500))
     text, plot = failure(run.check.finished)
