@@ -1,13 +1,13 @@
 """
-A rosbag2 bag read by topic, many messages at once.
+Bulk reader of rosbag2 bags, topic by topic.
 
-The messages of a loop topic all have one size, so that a topic of 100 000 ticks is one array of bytes. MCAP files,
-their chunks compressed by zstd or not, are read through their message indexes, sqlite3 files by one query a topic. MCAP
-files without the optional parts (message indexes, channels repeated in the summary) are read from the start; what else
-there is (bags that rosbag2 has compressed) goes through the reader of `rosbags`, message by message.
+All messages of a loop topic have the same size, so that a topic of 100,000 ticks is one array of bytes. MCAP files,
+compressed by zstd or not, are read through their message indexes, and sqlite3 files by one query per topic. MCAP files
+without the optional parts (message indexes, channels repeated in the summary) are read from the start. All other bags,
+such as those compressed by rosbag2, are read message by message with `rosbags`.
 
-No changed byte of this package's own bags is read as data: an MCAP file is checked by the checksums of its data section
-and its summary (:meth:`Bag.check`) or of its chunks, the rows of an sqlite3 file by a digest of each topic.
+A changed byte in a bag of this package is never read as data. An MCAP file is checked by the checksums of its data
+section and its summary (:meth:`Bag.check`) or of its chunks, and the rows of an sqlite3 file by a digest per topic.
 """
 
 import contextlib
@@ -44,22 +44,22 @@ _MESSAGE_HEAD = 31
 """Opcode and length of a message record, channel, sequence number and two times, before the payload [bytes]."""
 _INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
 _ROWS_AT_ONCE = 2**14
-"""Rows of an sqlite3 file that are read at once."""
+"""Number of rows of an sqlite3 file that are read at once."""
 
 
-WRONG_DIGEST = 'is damaged: its messages are not those that were written'
-"""End of the error of a topic whose digest is another."""
+WRONG_DIGEST = 'is damaged: the messages do not match their checksum'
+"""End of the error message for a topic with a wrong digest."""
 
 
 class BagError(ValueError):
-    """A bag that cannot be read; says which and why."""
+    """A bag that cannot be read; the text names the bag and the reason."""
 
     exit_code = UNREADABLE
 
 
 def bag_directory(path: Path) -> Path:
     """
-    Return the bag of a run folder, or the path itself if it is a bag.
+    Return the bag of a run directory, or the path itself if it is a bag.
 
     Raises
     ------
@@ -70,21 +70,21 @@ def bag_directory(path: Path) -> Path:
         if (candidate / 'metadata.yaml').is_file():
             return candidate
     if (path / 'run.yaml').is_file() and any((path / 'bag').glob('*')):
-        raise FileNotFoundError(f'{path}: its bag was not closed: no metadata.yaml in it; `recover {path}` repairs it')
+        raise FileNotFoundError(f'{path}: the bag was not closed (no metadata.yaml); `recover {path}` repairs it')
     raise FileNotFoundError(f'{path} is neither a run folder nor a closed bag: no metadata.yaml in it or in its bag/')
 
 
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
-    The messages of one topic, ordered by time.
+    Messages of one topic, ordered by time.
 
     Attributes
     ----------
     times
         Receive times [ns], shape (n,).
     payloads
-        Serialized messages: an array of bytes of shape (n, size) where all have one size, else a list.
+        Serialized messages: an array of bytes, shape (n, size), if all have the same size, otherwise a list.
     """
 
     times: NDArray[np.int64]
@@ -94,7 +94,7 @@ class Column:
         return len(self.times)
 
     def __getitem__(self, rows: slice) -> 'Column':
-        """Return some of the messages."""
+        """Return a part of the messages."""
         return Column(self.times[rows], self.payloads[rows])
 
     def as_bytes(self) -> list[bytes]:
@@ -104,12 +104,12 @@ class Column:
 
 class Bag:
     """
-    A closed rosbag2 bag.
+    Closed rosbag2 bag.
 
     Parameters
     ----------
     path
-        Folder that holds ``metadata.yaml``.
+        Directory with ``metadata.yaml``.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class Bag:
         self.counts = metadata.counts
         """Number of messages of each topic."""
         self.custom_data = metadata.custom_data
-        """Texts that the recorder left in the bag."""
+        """Metadata that the recorder stored in the bag."""
         self._storage = metadata.storage
         self._compressed = metadata.is_compressed
         self._files = [path / name for name in metadata.files]
@@ -140,14 +140,14 @@ class Bag:
 
     def check(self) -> bool:
         """
-        Check the files by what is written in them for that: of MCAP files all bytes, where their writer says checksums.
+        Check all bytes of the MCAP files, if they contain checksums.
 
-        Rows of an sqlite3 file are checked as a topic is read.
+        Rows of an sqlite3 file are checked when a topic is read.
 
         Returns
         -------
         bool
-            Whether every byte of the bag's files was checked.
+            Whether every byte of the files was checked.
 
         Raises
         ------
@@ -158,7 +158,7 @@ class Bag:
         for file in self._files:
             try:
                 if self._storage == 'mcap' and not self._compressed and check_mcap(file):
-                    self._checked[file].set_whole(file.stat())
+                    self._checked[file].set_all(file.stat())
                     continue
                 is_checked = False
                 if not file.is_file():
@@ -174,7 +174,7 @@ class Bag:
         Raises
         ------
         KeyError
-            If the bag has no such topic.
+            If the bag lacks the topic.
         BagError
             If a file is damaged.
         """
@@ -190,11 +190,13 @@ class Bag:
             parts = [self._read_one_by_one(topic)]
         column = joined(parts)
         if len(column) != self.counts[topic] and self._storage == 'mcap' and not self._compressed:
-            # Some messages may be outside of chunks, and so in no index.
+            # Messages outside of chunks are not in the index.
             column = joined(self._walk(topic) or [column])
         if len(column) != self.counts[topic]:
-            raise BagError(f'{self.path}: {topic} has {len(column)} messages, {self.counts[topic]} by metadata.yaml')
-        # Of the parts, which are in the order in which the messages were written; by time it may be another one.
+            raise BagError(
+                f'{self.path}: {topic} has {len(column)} messages, but {self.counts[topic]} according to metadata.yaml'
+            )
+        # The digest covers the messages in the order of writing, which can differ from the order of time.
         if self._storage == 'sqlite3' and topic in self._digests and _digest_of(parts) != self._digests[topic]:
             raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
         return column
@@ -203,26 +205,26 @@ class Bag:
         """
         Iterate over the messages of some topics, given by their full names, in the order of the files.
 
-        No more than a chunk of an MCAP file with indexes, or some thousand rows of an sqlite3 file, is in memory at
-        once; of other files all messages are.
+        At most one chunk of an indexed MCAP file, or some thousand rows of an sqlite3 file, are in memory at once.
+        Other files are read as a whole.
 
         Parameters
         ----------
         topics
-            The topics.
+            Full names of the topics.
         since
-            Receive time [ns] of the first messages that are wanted; those before are not read where files tell, and not
-            checked.
+            Receive time [ns] of the first message wanted. Earlier messages are skipped, if possible without reading
+            them, and the number and digest of messages are then not checked.
 
         Yields
         ------
         dict
-            The next messages of each topic that has some in the chunk.
+            The next messages, by topic; without topics that have none in the chunk.
 
         Raises
         ------
         KeyError
-            If the bag has no such topic.
+            If the bag lacks the topic.
         BagError
             If a file is damaged.
         """
@@ -245,28 +247,30 @@ class Bag:
         for topic, count in left.items():
             if count:
                 held = self.counts[topic] - count
-                raise BagError(f'{self.path}: {topic} has {held} messages, {self.counts[topic]} by metadata.yaml')
+                raise BagError(
+                    f'{self.path}: {topic} has {held} messages, but {self.counts[topic]} according to metadata.yaml'
+                )
         for topic, digest in digests.items():
             if digest.text != self._digests[topic]:
                 raise BagError(f'{self.path}: {topic} {WRONG_DIGEST}')
 
     def _piece_readers(self, topics: Sequence[str], since: int) -> list[Iterator[dict[str, Column]]] | None:
-        """Return what reads each file in pieces, None if that cannot be done."""
+        """Return one iterator over pieces per file; None if the files cannot be read in pieces."""
         if self._storage == 'sqlite3':
             return [_sqlite3_pieces(file, topics, since) for file in self._files]
         files = self._indexed_files() if self._storage == 'mcap' else None
         return None if files is None else [file.pieces(topics, since) for file in files]
 
     def _indexed_files(self) -> 'list[_McapFile] | None':
-        """Return the files if all are MCAP files with indexes, else None."""
+        """Return the files if all are MCAP files with indexes, otherwise None."""
         try:
             return [_open_mcap(file, self._checked[file]) for file in self._files]
         except _NotInBulk:
             return None
 
     def _walk(self, topic: str) -> list[Column] | None:
-        """Read MCAP files from the start, without their indexes; return None if they hold what that cannot read."""
-        # Late: few bags have no index.
+        """Read MCAP files from the start, without their indexes; return None if they have unsupported content."""
+        # Imported only if needed: few bags have no index.
         from hdd_servo_ros.recording.salvage import salvage
 
         for file in self._files:
@@ -286,7 +290,7 @@ class Bag:
         return columns
 
     def _read_one_by_one(self, topic: str) -> Column:
-        # Late: most bags are read without it, and it takes longer to import than they take to read.
+        # Imported only if needed: the import takes longer than reading most bags.
         from rosbags.rosbag2 import Reader
 
         times, payloads = [], []
@@ -296,39 +300,39 @@ class Bag:
                 for _, time, payload in reader.messages(connections):
                     times.append(time)
                     payloads.append(bytes(payload))
-        except Exception as error:  # of a damaged file it has no error of its own
+        except Exception as error:  # rosbags raises errors of any type for a damaged file
             raise BagError(f'{self.path}: {error}') from None
         return _column(times, payloads)
 
 
 class _Checked:
-    """The chunks of a file whose checksums were right: most of the work of reading one more topic is to check them."""
+    """Chunks of a file with verified checksums, because verifying takes most of the time of reading another topic."""
 
     def __init__(self) -> None:
         self._version = (0, 0)
         self._starts: set[int] = set()
 
     def of(self, file: os.stat_result) -> set[int]:
-        """Return where the checked chunks of the file begin; empty if it was written since."""
+        """Return the offsets of the verified chunks; empty if the file has changed since."""
         version = (file.st_size, file.st_mtime_ns)
         if version != self._version:
             self._version, self._starts = version, set()
         return self._starts
 
-    def set_whole(self, file: os.stat_result) -> None:
-        """Take all chunks of the file as checked."""
+    def set_all(self, file: os.stat_result) -> None:
+        """Mark all chunks of the file as verified."""
         self._version, self._starts = (file.st_size, file.st_mtime_ns), _All()
 
 
 class _All(set[int]):
-    """The set that holds everything."""
+    """Set that contains every element."""
 
     def __contains__(self, _: object) -> bool:
         return True
 
 
 class _NotInBulk(Exception):
-    """The file is of a kind that only the general reader reads."""
+    """Signal that only the general reader can read a file."""
 
 
 def _column(times: Sequence[int], payloads: list[bytes]) -> Column:
@@ -340,7 +344,7 @@ def _column(times: Sequence[int], payloads: list[bytes]) -> Column:
 
 
 def joined(parts: Sequence[Column]) -> Column:
-    """Return the messages of a topic of several parts, ordered by time."""
+    """Return the messages of several parts of a topic as a single column, ordered by time."""
     if len(parts) == 1 and not np.any(parts[0].times[1:] < parts[0].times[:-1]):
         return parts[0]
     parts = [part for part in parts if len(part)]
@@ -373,8 +377,8 @@ def _add_to_digest(digest: TopicDigest, part: Column) -> None:
 
 @contextlib.contextmanager
 def _database(path: Path) -> Iterator['sqlite3.Connection']:
-    """Open an sqlite3 file for reading; its errors become a :class:`BagError`."""
-    # Late: most bags are MCAP.
+    """Open an sqlite3 file for reading; raise :class:`BagError` instead of errors of SQLite."""
+    # Imported only if needed: most bags are MCAP.
     import sqlite3
 
     from hdd_servo_ros.recording.sqlite_reading import database_to_read
@@ -388,7 +392,7 @@ def _database(path: Path) -> Iterator['sqlite3.Connection']:
 
 def _read_sqlite3(path: Path, topic: str, _: _Checked) -> Column:
     with _database(path) as database:
-        # By id, as they were written.
+        # By id, the order of writing.
         rows = database.execute(
             'SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) ORDER BY id',
             (topic,),
@@ -401,16 +405,16 @@ def _check_rows(path: Path, topic: str, rows: Sequence[tuple[Any, Any]]) -> None
     from hdd_servo_ros.recording.sqlite_topics import is_message
 
     if not all(is_message(time, payload) for time, payload in rows):
-        raise BagError(f'{path}: a row of {topic} is no message')
+        raise BagError(f'{path}: a row of {topic} is not a message')
 
 
 def _sqlite3_pieces(path: Path, topics: Sequence[str], since: int) -> Iterator[dict[str, Column]]:
-    """Iterate over the messages of some topics in the order in which they were written, some thousand at once."""
+    """Iterate over the messages of some topics in the order of writing, some thousand at once."""
     with _database(path) as database:
         names = dict(database.execute('SELECT id, name FROM topics'))
         wanted = [number for number, name in names.items() if name in topics]
         placeholders = ', '.join('?' * len(wanted))
-        # By the index over the time, which else would put the rows in another order than that of writing.
+        # The index on the time finds the first row; `+timestamp` below prevents its use for ordering.
         begin = database.execute('SELECT min(id) FROM messages WHERE timestamp >= ?', (since,)) if since else None
         first = 0 if begin is None else begin.fetchone()[0] or 0
         cursor = database.execute(
@@ -435,7 +439,7 @@ def _read_mcap(path: Path, topic: str, checked: _Checked) -> Column:
 
 def _open_mcap(path: Path, checked: _Checked) -> '_McapFile':
     with _bag_errors(path), path.open('rb') as file:
-        # Left to the garbage collector: it cannot be closed while an array still looks into it.
+        # Closed by the garbage collector, because arrays can still refer to it.
         content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         return _McapFile(path, content, checked.of(os.fstat(file.fileno())))
 
@@ -451,7 +455,7 @@ def _bag_errors(path: Path) -> Iterator[None]:
 
 
 class _McapFile:
-    """An MCAP file with a summary section; see https://mcap.dev/spec."""
+    """MCAP file with a summary section; see https://mcap.dev/spec."""
 
     def __init__(self, path: Path, content: mmap.mmap, checked: set[int]) -> None:
         self._path = path
@@ -465,7 +469,7 @@ class _McapFile:
         self._channels: dict[str, set[int]] = {}
         self._chunks: list[tuple[int, dict[int, int]]] = []
         self._ends: dict[int, int] = {}
-        """Latest time of each chunk [ns], by where it begins."""
+        """Latest time of each chunk [ns], by the offset of the chunk."""
         self._read_summary()
 
     def _read_summary(self) -> None:
@@ -503,7 +507,7 @@ class _McapFile:
         )
 
     def pieces(self, topics: Sequence[str], since: int) -> Iterator[dict[str, Column]]:
-        """Iterate over the messages of some topics, received from a time [ns] on, a chunk after the other."""
+        """Iterate over the messages of some topics from a receive time [ns] on, chunk by chunk."""
         channels = {topic: self._channels.get(topic, set()) for topic in topics}
         dropped = 0
         for start, indexes in self._chunks:
@@ -519,14 +523,14 @@ class _McapFile:
             if since > 0:
                 piece = {topic: column[int(np.searchsorted(column.times, since)) :] for topic, column in piece.items()}
             yield piece
-            # What has been read need not stay in this process's memory.
+            # Release the memory of the part that has been read.
             page = start - start % mmap.PAGESIZE
             if page > dropped and hasattr(self._content, 'madvise'):
                 self._content.madvise(mmap.MADV_DONTNEED, dropped, page - dropped)
                 dropped = page
 
     def _chunk_column(self, start: int, index: int, data: memoryview | None = None) -> Column:
-        """Return the messages of one channel in the chunk at ``start``, found by the index record at ``index``."""
+        """Return the messages of one channel in the chunk at ``start``, by the index record at ``index``."""
         if data is None:
             data = self._chunk_data(start)
         size = len(data)
@@ -535,12 +539,12 @@ class _McapFile:
         content = np.frombuffer(data, dtype=np.uint8)
         offsets = entries['offset'].astype(np.int64)
         if len(offsets) and int(offsets.max()) + _MESSAGE_HEAD > size:
-            raise BagError(f'{self._path}: the index at byte {index} points behind its chunk')
+            raise BagError(f'{self._path}: the index at byte {index} points beyond its chunk')
         self._check_index(content, entries, offsets, index)
         lengths = _gather(content, offsets + 1, 8).view('<u8')[:, 0].astype(np.int64) - (_MESSAGE_HEAD - 9)
         starts = offsets + _MESSAGE_HEAD
         if np.any(lengths < 0) or np.any(starts + lengths > size):
-            raise BagError(f'{self._path}: a message of the chunk at byte {start} is cut off')
+            raise BagError(f'{self._path}: a message of the chunk at byte {start} is truncated')
         times = entries['time'].astype(np.int64)
         if len(lengths) and np.all(lengths == lengths[0]):
             return Column(times, _gather(content, starts, int(lengths[0])))
@@ -549,14 +553,14 @@ class _McapFile:
     def _check_index(
         self, content: NDArray[np.uint8], entries: NDArray[np.void], offsets: NDArray[np.int64], index: int
     ) -> None:
-        """Check that the index points at messages of its channel and has their times: no checksum of a chunk does."""
+        """Check offsets and times in the index, which the checksum of the chunk does not cover."""
         if not len(offsets):
             return
         (channel,) = struct.unpack_from('<H', self._content, index + 9)
         heads = _gather(content, offsets, _MESSAGE_HEAD)
         is_message = (heads[:, 0] == _MESSAGE) & (heads[:, 9:11].copy().view('<u2')[:, 0] == channel)
         if not np.all(is_message & (heads[:, 15:23].copy().view('<u8')[:, 0] == entries['time'])):
-            raise BagError(f'{self._path}: the index at byte {index} does not fit its chunk')
+            raise BagError(f'{self._path}: the index at byte {index} does not match its chunk')
 
     def _chunk_data(self, start: int) -> memoryview:
         """Return the records of the chunk at ``start``."""
@@ -566,13 +570,13 @@ class _McapFile:
         begin = start + 49 + length
         data = memoryview(self._content)[begin : begin + stored]
         if len(data) != stored:
-            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
+            raise BagError(f'{self._path}: the chunk at byte {start} is truncated')
         try:
             data = memoryview(DECOMPRESS[compression.decode()](data))
         except (ValueError, KeyError) as error:
             raise BagError(f'{self._path}: the chunk at byte {start} is damaged: {error}') from None
         if len(data) != size:
-            raise BagError(f'{self._path}: the chunk at byte {start} is cut off')
+            raise BagError(f'{self._path}: the chunk at byte {start} is truncated')
         if crc and start not in self._checked and zlib.crc32(data) != crc:
             raise BagError(f'{self._path}: the chunk at byte {start} is damaged: its checksum is wrong')
         self._checked.add(start)
@@ -580,10 +584,10 @@ class _McapFile:
 
 
 def _gather(content: NDArray[np.uint8], starts: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
-    """Return a copy of ``size`` bytes at each of ``starts``, shape (n, size); all must lie inside."""
+    """Return a copy of ``size`` bytes at each of ``starts``, shape (n, size); all must be inside ``content``."""
     steps = np.diff(starts)
     if len(steps) and steps[0] > 0 and np.all(steps == steps[0]):
-        # Equally spaced, as a lockstep run has them: a view instead of indices.
+        # Equally spaced messages, as in a lockstep run, need only a view instead of indices.
         windows = np.lib.stride_tricks.sliding_window_view(content, size)
         copied: NDArray[np.uint8] = windows[starts[0] : starts[-1] + 1 : steps[0]].copy()
     else:

@@ -1,8 +1,8 @@
 """
-A digest of each topic of a bag, for a storage that has no checksums of its own.
+Digest of each topic of a bag, for a storage without checksums.
 
-It is the CRC-32 of the payloads, one after the other, and of the receive times [ns] as 64-bit numbers, in the order in
-which they were written. A bag carries the digests of its topics in ``custom_data`` of its ``metadata.yaml``.
+It consists of the CRC-32 of the concatenated payloads and the CRC-32 of the receive times [ns] as 64-bit integers, both
+in the order of writing. The digests are in ``custom_data`` of the bag's ``metadata.yaml``.
 """
 
 import json
@@ -24,14 +24,14 @@ class TopicDigest:
     Parameters
     ----------
     payloads, times
-        The state to go on from; see :attr:`state`.
+        Initial state; see :attr:`state`.
     """
 
     def __init__(self, payloads: int = 0, times: int = 0) -> None:
         self._payloads, self._times = payloads, times
 
     def add(self, times: NDArray[np.int64], payloads: bytes | memoryview | NDArray[np.uint8]) -> None:
-        """Add messages: their receive times [ns], and their payloads one after the other."""
+        """Add messages by their receive times [ns] and concatenated payloads."""
         data: Any = payloads
         self._payloads = zlib.crc32(data, self._payloads)
         self._times = zlib.crc32(np.ascontiguousarray(times, dtype='<i8').tobytes(), self._times)
@@ -43,12 +43,12 @@ class TopicDigest:
 
     @property
     def text(self) -> str:
-        """The digest so far."""
+        """Digest of all messages so far."""
         return f'{self._payloads:08x}{self._times:08x}'
 
 
 def digest_state(text: str) -> tuple[int, int] | None:
-    """Return the state that :attr:`TopicDigest.text` shows; None if it is another text."""
+    """Return the state in a string of :attr:`TopicDigest.text`; None if it is invalid."""
     try:
         return (int(text[:8], 16), int(text[8:], 16)) if len(text) == 16 else None
     except ValueError:
@@ -56,18 +56,18 @@ def digest_state(text: str) -> tuple[int, int] | None:
 
 
 def write_digests(digests: Mapping[str, TopicDigest]) -> str:
-    """Return the digests of topics, by full name, as one text."""
+    """Return the digests of topics, by full name, as a string."""
     return json.dumps({topic: digest.text for topic, digest in digests.items()})
 
 
 def read_digests(text: str) -> dict[str, str]:
     """
-    Return the digests in a text of :func:`write_digests`; none in an empty one.
+    Return the digests in a string of :func:`write_digests`; an empty string has none.
 
     Raises
     ------
     ValueError
-        If it is another text.
+        If the string is invalid.
     """
     found = json.loads(text) if text else {}
     if not isinstance(found, dict) or not all(isinstance(digest, str) for digest in found.values()):

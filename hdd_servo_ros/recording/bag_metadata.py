@@ -1,4 +1,4 @@
-"""What the ``metadata.yaml`` of a rosbag2 bag says, checked by types in this one place."""
+"""Content of ``metadata.yaml`` of a rosbag2 bag, with type checks."""
 
 import dataclasses
 from pathlib import Path
@@ -17,13 +17,13 @@ T = TypeVar('T')
 
 
 class MetadataError(ValueError):
-    """Metadata that cannot be read; says which entry has which value, and what is allowed."""
+    """Invalid metadata; the text names the entry, its value and the expected type."""
 
 
 @dataclasses.dataclass(frozen=True)
 class BagMetadata:
     """
-    The part of the metadata that reading a bag takes.
+    Metadata needed to read a bag.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class BagMetadata:
     counts
         Number of messages of each topic.
     custom_data
-        Texts that the recorder left in the bag.
+        Strings that the recorder stored in the bag.
     storage
         ``mcap``, ``sqlite3`` or another.
     is_compressed
-        Whether rosbag2 has compressed the messages or the files.
+        Whether rosbag2 compressed the messages or the files.
     files
-        Names of the files, in the bag's folder.
+        Names of the files in the bag's directory.
     digests
         Digest of each topic that has one, by its full name.
     """
@@ -54,14 +54,14 @@ class BagMetadata:
 
 def read_metadata(bag: Path) -> BagMetadata:
     """
-    Return the metadata of the bag in a folder.
+    Return the metadata of a bag, given by its directory.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     MetadataError
-        If it is no YAML, or an entry is missing or of another type.
+        If the file is not valid YAML, or an entry is missing or has a wrong type.
     """
     try:
         content = read_yaml(bag / FILE_NAME)
@@ -73,23 +73,23 @@ def read_metadata(bag: Path) -> BagMetadata:
         where = f'topics_with_message_count[{index}]'
         listed = _Entries(_of(topic, dict, 'a mapping', where), f'{where}.')
         described = listed.mapping('topic_metadata')
-        name = described.get('name', str, 'a text')
-        types[name] = described.get('type', str, 'a text')
+        name = described.get('name', str, 'a string')
+        types[name] = described.get('type', str, 'a string')
         counts[name] = listed.count('message_count')
     custom_data = _custom_data(entries)
-    mode = entries.optional('compression_mode', str, 'a text', '')
+    mode = entries.optional('compression_mode', str, 'a string', '')
     names = entries.get('relative_file_paths', list, 'a list')
-    files = tuple(Path(_of(name, str, 'a text', 'relative_file_paths')).name for name in names)
+    files = tuple(Path(_of(name, str, 'a string', 'relative_file_paths')).name for name in names)
     try:
         digests = read_digests(custom_data.get(DIGEST_KEY, ''))
     except (ValueError, RecursionError) as error:
         raise MetadataError(f'custom_data: {error}') from None
-    storage = entries.get('storage_identifier', str, 'a text')
+    storage = entries.get('storage_identifier', str, 'a string')
     return BagMetadata(types, counts, custom_data, storage, mode.lower() not in ('', 'none'), files, digests)
 
 
 class _Entries:
-    """The entries of a mapping, each of a type of its own; ``prefix`` is what their names begin with in an error."""
+    """Entries of a mapping with type checks; ``prefix`` comes before their names in error messages."""
 
     def __init__(self, content: dict[Any, Any], prefix: str) -> None:
         self._content = content
@@ -104,9 +104,9 @@ class _Entries:
         return default if self._content.get(name) is None else self.get(name, kind, allowed)
 
     def count(self, name: str) -> int:
-        value = self.get(name, int, 'an integer from 0 on')
+        value = self.get(name, int, 'a non-negative integer')
         if isinstance(value, bool) or value < 0:
-            raise MetadataError(f'{self._prefix}{name} is {shown(value, _SHOWN)}, and is to be an integer from 0 on')
+            raise MetadataError(f'{self._prefix}{name} is {shown(value, _SHOWN)}; expected a non-negative integer')
         return value
 
     def mapping(self, name: str) -> '_Entries':
@@ -115,22 +115,22 @@ class _Entries:
 
 def _of(value: Any, kind: type[T], allowed: str, name: str) -> T:
     if not isinstance(value, kind):
-        raise MetadataError(f'{name} is {shown(value, _SHOWN)}, and is to be {allowed}')
+        raise MetadataError(f'{name} is {shown(value, _SHOWN)}; expected {allowed}')
     return value
 
 
 def _custom_data(entries: _Entries) -> dict[str, str]:
-    """Return the texts; those that look like numbers may be written without quotes."""
+    """Return the strings; numbers without quotes are converted to strings."""
     texts = {}
     for key, value in entries.optional('custom_data', dict, 'a mapping', {}).items():
         if not isinstance(value, str | int | float):
-            raise MetadataError(f'custom_data.{shown(key, _SHOWN)} is {shown(value, _SHOWN)}, and is to be a text')
+            raise MetadataError(f'custom_data.{shown(key, _SHOWN)} is {shown(value, _SHOWN)}; expected a string')
         texts[str(key)] = str(value)
     if _SAMPLE_TIME in texts:
         try:
             sample_time_to_nanoseconds(float(texts[_SAMPLE_TIME]))
         except (ValueError, OverflowError):
             raise MetadataError(
-                f'custom_data.{_SAMPLE_TIME} is {shown(texts[_SAMPLE_TIME], _SHOWN)}, and is to be a time [s]'
+                f'custom_data.{_SAMPLE_TIME} is {shown(texts[_SAMPLE_TIME], _SHOWN)}; expected a time [s]'
             ) from None
     return texts

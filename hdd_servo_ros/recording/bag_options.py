@@ -7,16 +7,17 @@ from typing import Any
 @dataclasses.dataclass(frozen=True)
 class BagOptions:
     """
-    Compression and splitting of a bag; both for MCAP only.
+    Compression and splitting of a bag; both only for MCAP.
 
     Attributes
     ----------
     compression
-        Of the chunks: ``none`` or ``zstd``.
+        Compression of the chunks: ``none`` or ``zstd``.
     max_bag_size
-        Size [bytes] beyond which the bag goes on in another file; 0 for one file.
+        Size [bytes] beyond which the bag continues in another file; 0 for a single file.
     max_bag_duration
-        Time [s] from a file's first message to its last beyond which the bag goes on in another file; 0 for one file.
+        Time [s] from the first to the last message of a file beyond which the bag continues in another file; 0 for a
+        single file.
     """
 
     compression: str = 'none'
@@ -25,10 +26,10 @@ class BagOptions:
 
     @property
     def splits(self) -> bool:
-        """Whether there may be several files."""
+        """Whether the bag can have several files."""
         return self.max_bag_size > 0 or self.max_bag_duration > 0.0
 
     @classmethod
     def of(cls, parameters: Any) -> 'BagOptions':
-        """Return those of a recorder's parameters."""
+        """Return the options in a recorder's parameters."""
         return cls(parameters.compression, parameters.max_bag_size, parameters.max_bag_duration)

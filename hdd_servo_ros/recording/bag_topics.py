@@ -1,4 +1,4 @@
-"""Message type, definition, hash and quality of service of the topics of a rosbag2 bag."""
+"""Message types, definitions, hashes and quality of service of the topics of a rosbag2 bag."""
 
 import dataclasses
 import functools
@@ -15,16 +15,16 @@ _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 @dataclasses.dataclass(frozen=True)
 class BagTopic:
     """
-    A topic of a bag.
+    Topic of a bag.
 
     Attributes
     ----------
     name, type_name
         Absolute name, and type of the messages.
     depth
-        Depth of the queue that its publishers offer.
+        Queue depth offered by its publishers.
     definition, encoding
-        Text of the message definition, and the language that it is in.
+        Text and language of the message definition.
     type_hash
         Hash of the type, as `ros2 topic info --verbose` prints it.
     """
@@ -73,7 +73,7 @@ def _definition(type_name: str) -> tuple[str, str, str]:
 
 @functools.cache
 def _types() -> Any:
-    # Imported late, and once: it takes as long as recording thousands of ticks.
+    # Imported only if needed: the import takes as long as recording thousands of ticks.
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)

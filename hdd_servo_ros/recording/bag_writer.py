@@ -1,4 +1,4 @@
-"""A rosbag2 bag to be written: MCAP in bulk by this package, sqlite3 by `rosbags`."""
+"""Writer of rosbag2 bags: MCAP in bulk by this package, sqlite3 through `rosbags`."""
 
 import time
 from collections.abc import Sequence
@@ -14,42 +14,42 @@ from hdd_servo_ros.recording.mcap_bag import McapBag
 
 STORAGES = ('mcap', 'sqlite3')
 _BATCH_MESSAGES = 512
-"""Messages that are written at once."""
+"""Number of messages that are written at once."""
 FLUSH_INTERVAL = 0.1
-"""How long messages may stay in this process before a further one hands them over to the operating system [s]."""
+"""Longest time that messages stay in this process before the next message triggers a flush [s]."""
 FLUSH_TICKS = 512
-"""Ticks that may stay in this process, of those that arrive a few at a time."""
+"""Largest number of ticks that stay in this process, if ticks arrive a few at a time."""
 
 
 class BagWriter:
     """
-    Write serialized messages into a new bag.
+    Writer of serialized messages into a new bag.
 
-    What was written is handed over to the operating system every :data:`FLUSH_INTERVAL` and every :data:`FLUSH_TICKS`,
-    so that it survives the end of this process.
+    Messages are handed over to the operating system every :data:`FLUSH_INTERVAL` and every :data:`FLUSH_TICKS`, so that
+    they survive the end of this process.
 
     Parameters
     ----------
     path
-        Folder of the bag; it must not exist.
+        Directory of the bag; it must not exist.
     storage
         ``mcap`` or ``sqlite3``.
     topics
-        Absolute name, type name and offered queue depth of each topic; messages name a topic by its index here.
+        Absolute name, type name and offered queue depth of each topic; messages refer to a topic by its index here.
     metadata
-        Texts kept in the bag's ``custom_data``.
+        Strings stored in ``custom_data`` of the bag.
     options
         Compression and splitting.
 
     Raises
     ------
     ValueError
-        If the storage is unknown, or cannot do what the options ask for.
+        If the storage is unknown or does not support the options.
     FileExistsError
-        If the path exists already: nothing is overwritten.
+        If the path exists; nothing is overwritten.
     OSError
-        From any method, if the disk is full or fails. The bag is then complete without the last messages once it was
-        closed, if there is any way.
+        From any method, if the disk is full or fails. If possible, closing then still leaves a readable bag without the
+        last messages.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class BagWriter:
         if storage not in STORAGES:
             raise ValueError(f'invalid value for parameter storage: {storage!r}; expected one of {", ".join(STORAGES)}')
         if path.exists():
-            raise FileExistsError(f'{path} exists already')
+            raise FileExistsError(f'{path} already exists')
         self._bag = _BAGS[storage](path, topics, metadata, options)
         self._topics: list[int] = []
         self._stamps: list[int] = []
@@ -75,17 +75,17 @@ class BagWriter:
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
         """
-        Write messages in order: index of the topic, receive time [ns] and payload of each.
+        Write messages in order, each given by topic index, receive time [ns] and payload.
 
-        They are kept until there are enough for a batch: a batch costs little more than the messages of one tick alone.
+        Messages are queued until there are enough for a batch, which costs little more than the messages of one tick.
 
         Raises
         ------
         ValueError
-            If there are not as many of each.
+            If the sequences have different lengths.
         """
         if not len(topics) == len(stamps) == len(messages):
-            raise ValueError(f'{len(topics)} topics and {len(stamps)} stamps of {len(messages)} messages')
+            raise ValueError(f'{len(topics)} topics and {len(stamps)} stamps for {len(messages)} messages')
         self._topics += topics
         self._stamps += stamps
         self._messages += messages
@@ -93,7 +93,7 @@ class BagWriter:
             self._write_queue()
 
     def flush(self) -> None:
-        """Hand over what is queued and what is in memory to the operating system: it survives this process."""
+        """Hand over all messages to the operating system, so that they survive the end of this process."""
         self._write_queue()
         self._flush_bag()
 
@@ -106,7 +106,7 @@ class BagWriter:
             raise
 
     def _flush_if_due(self, messages: int = 0) -> None:
-        """Flush if there are too many messages, ``messages`` of them since, or the last time is too long ago."""
+        """Flush if, with ``messages`` new ones, too many are waiting, or if the last flush is too long ago."""
         self._unflushed += messages
         if self._unflushed >= self._most_unflushed or time.monotonic() - self._flushed_at >= FLUSH_INTERVAL:
             self._flush_bag()
@@ -133,7 +133,7 @@ class BagWriter:
         topics, stamps, sizes
             Index of the topic, receive time [ns] and size [bytes] of each message, shape (n,).
         payloads
-            The messages, one after the other.
+            Concatenated messages.
         """
         self._write_queue()
         numbers = [array.astype(np.int64) for array in (topics, stamps, sizes)]
@@ -157,11 +157,11 @@ class BagWriter:
         except OSError:
             self._has_failed = True
             raise
-        # Thousands at a time, so that the time alone decides.
+        # Ticks arrive by the thousand, so only the time counts.
         self._flush_if_due()
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``: from here on the bag is complete."""
+        """Write the index and ``metadata.yaml``; the bag is then complete."""
         try:
             if not self._has_failed:
                 self._write_queue()
@@ -170,7 +170,7 @@ class BagWriter:
 
 
 def _messages_per_tick(topics: NDArray[np.int64], stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> int:
-    """Return how many messages a tick has if all have the same topics and sizes in the same order, else 0."""
+    """Return the number of messages per tick if all ticks have the same topics and sizes in order, otherwise 0."""
     again = np.flatnonzero(topics[1:] == topics[:1])
     if not len(again) or len(topics) % (again[0] + 1):
         return 0
@@ -181,7 +181,7 @@ def _messages_per_tick(topics: NDArray[np.int64], stamps: NDArray[np.int64], siz
 
 
 class _BatchOfTicks:
-    """Messages that lie one after the other, tick by tick."""
+    """Messages of consecutive ticks in one buffer."""
 
     def __init__(self, times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview) -> None:
         self.times = times
@@ -196,7 +196,7 @@ class _BatchOfTicks:
 
 
 def _sqlite3_bag(*arguments: Any) -> Any:
-    # Imported late: it takes `rosbags` a while to be imported, and most bags are MCAP.
+    # Imported only if needed: importing `rosbags` takes long, and most bags are MCAP.
     from hdd_servo_ros.recording.sqlite3_bag import Sqlite3Bag
 
     return Sqlite3Bag(*arguments)

@@ -1,4 +1,4 @@
-"""The compressions of MCAP chunks, by their names in the file; the libraries are those that `rosbags` depends on."""
+"""Compressions of MCAP chunks, by their names in the file; the libraries are dependencies of `rosbags`."""
 
 import importlib
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from typing import Any
 from hdd_servo_ros.recording import zstd
 
 _PIECE = 4096
-"""Bytes of a frame that are decompressed at once where the frame may be damaged."""
+"""Number of bytes decompressed at once from a frame that may be damaged."""
 
 
 def _lz4(frame: Any) -> bytes:
@@ -16,7 +16,7 @@ def _lz4(frame: Any) -> bytes:
     try:
         content: bytes = library.decompress(frame)
     except RuntimeError as error:
-        raise ValueError(f'not a whole LZ4 frame: {error}') from None
+        raise ValueError(f'invalid LZ4 frame: {error}') from None
     return content
 
 
@@ -36,6 +36,6 @@ def _lz4_beginning(frame: Any) -> bytes:
 
 
 DECOMPRESS: dict[str, Callable[[Any], Any]] = {'': lambda data: data, 'zstd': zstd.decompress, 'lz4': _lz4}
-"""Give the content of a whole chunk; raise ValueError if it is damaged or cut off."""
+"""Functions that return the content of a complete chunk; they raise ValueError if it is damaged or truncated."""
 DECOMPRESS_BEGINNING: dict[str, Callable[[Any], bytes]] = {'zstd': zstd.decompress_beginning, 'lz4': _lz4_beginning}
-"""Give the content of the first complete blocks of a chunk that may be cut off or damaged."""
+"""Functions that return the content of the first complete blocks of a truncated or damaged chunk."""

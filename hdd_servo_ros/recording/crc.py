@@ -1,9 +1,10 @@
 """
-The CRC-32 of two pieces of data from those of the pieces.
+CRC-32 of two concatenated pieces of data, computed from the CRC-32 of each piece.
 
-MCAP has a checksum of each chunk and one of the data section. Without this, every byte would be read twice, which takes
-as long as writing it. As ``crc32_combine`` of zlib, which Python's module does not offer; a CRC is a polynomial over
-GF(2), bit-reversed (the highest bit is the coefficient of x^0), and data that follow multiply it by x^(8 size).
+MCAP has one checksum per chunk and one of the whole data section. Without this function, every byte would have to be
+read twice, which takes as long as writing it. The function corresponds to ``crc32_combine`` of zlib, which Python's
+module lacks. A CRC is a polynomial over GF(2), bit-reversed (the highest bit is the coefficient of x^0), and data that
+follow multiply it by x^(8 size).
 """
 
 import functools
@@ -15,12 +16,12 @@ _X = 1 << 30
 
 def combined_crc(first: int, second: int, size: int) -> int:
     """
-    Return the CRC-32 of two pieces of data, one after the other.
+    Return the CRC-32 of two concatenated pieces of data.
 
     Parameters
     ----------
     first, second
-        CRC-32 of each piece, as `zlib.crc32` gives it.
+        CRC-32 of each piece, as returned by `zlib.crc32`.
     size
         Size of the second piece [bytes].
     """
@@ -45,6 +46,6 @@ def _product(left: int, right: int) -> int:
     for bit in range(31, -1, -1):
         if left >> bit & 1:
             product ^= right
-        # Times x, for the next lower bit of the other.
+        # Multiply by x for the next lower bit of the other polynomial.
         right = right >> 1 ^ (_POLYNOMIAL if right & 1 else 0)
     return product

@@ -1,4 +1,4 @@
-"""Room kept on the disk for closing a run, and files that are on the disk when a call returns."""
+"""Reserved disk space for closing a run, and durable writing of files."""
 
 import contextlib
 import errno
@@ -6,19 +6,19 @@ import os
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""Numbers of the errors of a full disk, and of a user who may not write more."""
+"""Error numbers of a full disk and of an exceeded quota."""
 _NOT_OFFERED = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 _PIECE = 2**16
 
 
 class Reserve:
     """
-    A file that takes up room, to be given back for what must still be written when the disk is full.
+    File that reserves disk space, released for the files that must still be written when the disk is full.
 
     Parameters
     ----------
     path
-        The file; one that is there is replaced.
+        Path of the file; an existing file is replaced.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,19 +33,19 @@ class Reserve:
 
     def grow(self, size: int) -> None:
         """
-        Take up ``size`` bytes, if it is fewer now.
+        Reserve at least ``size`` bytes.
 
         Raises
         ------
         OSError
-            If there is no room.
+            If the disk is full.
         """
         if size > self._size:
             allocate(self._file, self._size, size - self._size)
             self._size = size
 
     def release(self) -> None:
-        """Give the room back; does nothing the second time."""
+        """Release the space; a second call has no effect."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
@@ -55,19 +55,19 @@ class Reserve:
 
 def allocate(file: int, start: int, size: int) -> None:
     """
-    Give a file room on the disk, from byte ``start`` on.
+    Allocate disk space for a file, from byte ``start`` on.
 
     Parameters
     ----------
     file
-        Descriptor of the file.
+        File descriptor.
     start, size
-        Where the room begins in the file, and how much [bytes].
+        Offset and size of the space in the file [bytes].
 
     Raises
     ------
     OSError
-        If there is no room.
+        If the disk is full.
     """
     try:
         os.posix_fallocate(file, start, size)
@@ -77,29 +77,29 @@ def allocate(file: int, start: int, size: int) -> None:
     except OSError as error:
         if error.errno not in _NOT_OFFERED:
             raise
-    # A file system or a system that cannot allocate must be given bytes.
+    # Without support for allocation, zeros are written.
     for offset in range(start, start + size, _PIECE):
         os.pwrite(file, bytes(min(_PIECE, start + size - offset)), offset)
 
 
 def write_durably(path: Path, text: str, temporary: Path) -> None:
     """
-    Write a text so that after a crash or a power failure the file holds either the old text or the new one.
+    Write a text file that contains either the old or the new text after a crash or a power failure.
 
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
     text
-        Its new content.
+        New content.
     temporary
-        File in the same folder that becomes the new one. If it exists, it is written from the start without being cut
-        first, so that room that was allocated for it is used.
+        File in the same directory that is renamed to the new one. If it exists, it is overwritten without truncating it
+        first, so that space allocated for it is used.
 
     Raises
     ------
     OSError
-        If it cannot be written; the old text is there then.
+        If the file cannot be written; it then keeps the old text.
     """
     file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
@@ -113,13 +113,13 @@ def write_durably(path: Path, text: str, temporary: Path) -> None:
 
 
 def write_all(file: int, data: memoryview) -> None:
-    """Write all of the data; the system may take them in parts."""
+    """Write all data, in several calls if necessary."""
     while data:
         data = data[os.write(file, data) :]
 
 
 def sync_folder(folder: Path) -> None:
-    """Ensure that the names in a folder survive a power failure, where the file system offers that."""
+    """Synchronize the entries of a directory with the disk, if the file system supports it."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

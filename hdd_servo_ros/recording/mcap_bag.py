@@ -1,4 +1,4 @@
-"""A rosbag2 bag of one MCAP file or several, written in bulk."""
+"""Bulk writer of rosbag2 bags with one or more MCAP files."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ from hdd_servo_ros.recording.zstd import require_zstd
 from hdd_servo_ros.version import __version__
 
 _VERSION = 9
-"""Of rosbag2's format."""
+"""Version of the rosbag2 format."""
 _TICKS_BETWEEN_SPLITS = 512
-"""Ticks after which the size of a file is looked at."""
+"""Number of ticks between checks of the file size."""
 _RESERVE_STEP = 2**18
-"""By how much room on the disk is kept at once for what closing a bag writes [bytes]; it suffices without chunks."""
+"""Step of the disk space reserved for closing a bag [bytes]; enough for a bag without chunks."""
 _NO_TIMES = 2**63 - 1, 0
-"""First and last time of a bag without messages, as rosbag2 writes them."""
+"""First and last time that rosbag2 writes for a bag without messages."""
 
 
 class McapBag:
-    """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
+    """Writer of an MCAP bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
 
     def __init__(
         self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str], options: BagOptions
     ) -> None:
         if options.compression != 'none':
-            # Now, not at the first chunk.
+            # Fail here rather than at the first chunk.
             try:
                 require_zstd()
             except ValueError as error:
@@ -55,7 +55,7 @@ class McapBag:
             raise
 
     def _keep_room(self, summary: int) -> None:
-        """Keep room for closing the bag, whose file has a summary of some size [bytes] beside topics and metadata."""
+        """Reserve disk space for closing the bag, given the size of its summary without topics and metadata [bytes]."""
         if summary + _RESERVE_STEP > self._reserve.size:
             self._reserve.grow(2 * (summary + _RESERVE_STEP) if summary else _RESERVE_STEP)
 
@@ -87,7 +87,7 @@ class McapBag:
             first = part.stop
 
     def _fitting(self, times: NDArray[np.int64]) -> int:
-        """Return how many of the next messages, by their times [ns], the file takes; open another if it takes none."""
+        """Return how many of the next messages fit into the file by their times [ns]; open a new file if none does."""
         longest = round(self._options.max_bag_duration * NANOSECONDS)
         begun = self._file.times
         if begun is not None:
@@ -103,7 +103,7 @@ class McapBag:
         return int(late[0]) if len(late) else len(times)
 
     def flush(self) -> None:
-        """Write what is in memory, so that it survives the end of this process."""
+        """Write the messages in memory, so that they survive the end of this process."""
         self._file.flush()
 
     def close(self) -> None:
@@ -113,13 +113,13 @@ class McapBag:
         Raises
         ------
         OSError
-            If a part cannot be written; if it is messages, the bag is complete without them.
+            If a part cannot be written; if these are messages, the bag is readable without them.
         """
         try:
             if not self._file.is_closed:
                 self._file.finish_data()
         finally:
-            # From here on everything must fit into what was kept.
+            # Everything from here on must fit into the reserved space.
             self._reserve.release()
             if not self._file.is_closed:
                 self._write_summary()
@@ -139,12 +139,12 @@ class McapBag:
     def _metadata(self, files: Sequence['_File']) -> dict[str, Any]:
         """Return the content of ``metadata.yaml`` for some of the files."""
         counts = np.sum([file.counts for file in files], axis=0)
-        whole = _File('', counts, min(file.first for file in files), max(file.last for file in files))
+        total = _File('', counts, min(file.first for file in files), max(file.last for file in files))
         return {
             'version': _VERSION,
             'storage_identifier': 'mcap',
             'relative_file_paths': [file.name for file in files],
-            **whole.times_and_count(),
+            **total.times_and_count(),
             'topics_with_message_count': [
                 {
                     'topic_metadata': {
@@ -158,7 +158,7 @@ class McapBag:
                 }
                 for topic, count in zip(self._topics, counts.tolist(), strict=True)
             ],
-            # rosbag2's own compression, of messages or files; that of MCAP's chunks is not listed here.
+            # This is rosbag2's own compression of messages or files, not that of MCAP chunks.
             'compression_format': '',
             'compression_mode': '',
             'files': [{'path': file.name, **file.times_and_count()} for file in files],

@@ -1,8 +1,7 @@
 """
-The checksums of a closed MCAP file: of its data section and of its summary, which between them cover all of it.
+Check of the two checksums of a closed MCAP file, which together cover the data section and the summary.
 
-See https://mcap.dev/spec, records "Data End" and "Footer". A writer may leave either out, as rosbag2 does with that of
-the data section.
+See https://mcap.dev/spec, records "Data End" and "Footer". Both are optional; rosbag2 omits that of the data section.
 """
 
 import struct
@@ -15,14 +14,14 @@ _FOOTER, _DATA_END = 0x02, 0x0F
 _FOOTER_RECORD = struct.Struct('<BQQQI')
 _DATA_END_RECORD = struct.Struct('<BQI')
 _PIECE = 2**20
-"""Bytes that are read at once."""
+"""Number of bytes that are read at once."""
 
 
 WRONG_DATA = 'the data section is damaged: its checksum is wrong'
 
 
 class CheckError(ValueError):
-    """A file that is not what its checksums say."""
+    """A file that does not match its checksums."""
 
 
 def check_mcap(path: Path) -> bool:
@@ -32,14 +31,14 @@ def check_mcap(path: Path) -> bool:
     Returns
     -------
     bool
-        Whether its writer has given the checksum of the data section, so that every byte of it is as it was written.
+        Whether the file has a checksum of the data section, so that every byte was verified.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     CheckError
-        If it is cut off, or a checksum is wrong.
+        If the file is truncated or a checksum is wrong.
     """
     with path.open('rb') as file:
         size = file.seek(0, 2)
@@ -55,8 +54,8 @@ def check_mcap(path: Path) -> bool:
         if not summary:
             summary = footer_at
         if not len(_MAGIC) + _DATA_END_RECORD.size <= summary <= footer_at:
-            raise CheckError(f'the footer says that the summary begins at byte {summary}')
-        # The footer's checksum covers the footer as well, up to the checksum.
+            raise CheckError(f'the footer contains the invalid summary offset {summary}')
+        # The checksum also covers the footer up to the checksum itself.
         if crc and _crc(file, summary, size - len(_MAGIC) - 4) != crc:
             raise CheckError('the summary is damaged: its checksum is wrong')
         data_end = summary - _DATA_END_RECORD.size
@@ -75,7 +74,7 @@ def _crc(file: BinaryIO, start: int, end: int) -> int:
     while left > 0:
         piece = file.read(min(_PIECE, left))
         if not piece:
-            raise CheckError('the file became shorter while it was read')
+            raise CheckError('the file became shorter during reading')
         crc = zlib.crc32(piece, crc)
         left -= len(piece)
     return crc

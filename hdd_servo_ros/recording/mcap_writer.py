@@ -1,9 +1,9 @@
 """
-An MCAP file written in bulk: many messages become one array, a chunk's index another.
+Bulk writer of MCAP files, with one array for many messages and one for the index of a chunk.
 
 The records are those of https://mcap.dev/spec, sections "Records" (each with its opcode, fields and byte order),
 "Chunk", "Message Index" and "Summary Section"; comments below name the record. All numbers are little-endian. The
-libraries that write MCAP (`rosbags`, `mcap`, `foxglove-sdk`) take one message at a time.
+libraries that write MCAP (`rosbags`, `mcap`, `foxglove-sdk`) accept only single messages.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(0x0B, 0x10)
 CHUNK_SIZE = 2**20
-"""A chunk is closed before it would grow beyond this [bytes], or by :meth:`McapWriter.flush`."""
+"""Largest size of a chunk [bytes]; :meth:`McapWriter.flush` closes it earlier."""
 
 MESSAGE_HEAD = np.dtype(
     [
@@ -37,29 +37,29 @@ MESSAGE_HEAD = np.dtype(
         ('publish_time', '<u8'),
     ]
 )
-"""A Message record before its data."""
+"""Header of a Message record."""
 _OPCODE_AND_LENGTH = 9
 _LOG_TIME, _PUBLISH_TIME = 15, 23
-"""Where the times are in it."""
+"""Offsets of the times in the header."""
 INDEX_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
-"""An entry of a Message Index: log time, and offset of the message in the uncompressed chunk."""
+"""Entry of a Message Index: log time, and offset of the message in the uncompressed chunk."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Channel:
     """
-    A topic of a file.
+    Topic of a file.
 
     Attributes
     ----------
     topic
         Full name.
     type_name, definition
-        Name of the message type and its text: name, encoding and data of the Schema record.
+        Name and text of the message type: name and data of the Schema record.
     encoding
-        Encoding of the definition.
+        Encoding of the definition: encoding of the Schema record.
     metadata
-        Texts of the Channel record.
+        Metadata of the Channel record.
     """
 
     topic: str
@@ -71,28 +71,28 @@ class Channel:
 
 class McapWriter:
     """
-    Write a new MCAP file.
+    Writer of a new MCAP file.
 
     Parameters
     ----------
     path
-        The file; it must not exist.
+        Path of the file, which must not exist.
     channels
-        Its topics; messages name a topic by its index here.
+        Topics; messages refer to a topic by its index here.
     library
-        What the Header record names as the file's writer.
+        Name of the writer in the Header record.
     compression
-        Of the chunks: ``none`` or ``zstd``.
+        Compression of the chunks: ``none`` or ``zstd``.
     keep_room
-        Is called with the size of the summary [bytes] before it grows by another chunk; raises OSError if there is no
-        room for it. That room must be there when :meth:`write_summary` is called.
+        Function called with the size of the summary [bytes] before it grows by another chunk. It reserves disk space,
+        which must be available when :meth:`write_summary` is called, and raises OSError if the disk is full.
 
     Raises
     ------
     FileExistsError
         If the file exists.
     OSError
-        From any method, if the file cannot be written. What is on the disk then ends with a whole chunk, and the
+        From any method, if the file cannot be written. The file on the disk then ends with a complete chunk, and the
         summary can still be written.
     """
 
@@ -108,7 +108,7 @@ class McapWriter:
         self._compression = b'' if compression == 'none' else compression.encode()
         self._path = path
         self._keep_room = keep_room
-        # Without a buffer: what is written is large, and after an error nothing must be left to be written again.
+        # Unbuffered: writes are large, and after an error no data may remain to be written again.
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._size = 0
         self._crc = 0
@@ -128,7 +128,7 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """Size of the file so far, without the chunk that is not written yet [bytes]."""
+        """Size of the file, without the chunk in memory [bytes]."""
         return self._size
 
     @property
@@ -143,7 +143,7 @@ class McapWriter:
         return (min(self._first, first), max(self._last, last)) if self._counts.any() else None
 
     def write_ticks(self, topics: Sequence[int], messages: TickMessages, ticks: slice) -> None:
-        """Write the messages of some of the ticks, one per topic and tick, within each in the order of ``topics``."""
+        """Write the messages of some ticks, one per topic and tick, in the order of ``topics`` within each tick."""
         template, starts = _tick_template(topics, messages.templates)
         width = len(template)
         times = messages.times
@@ -184,7 +184,7 @@ class McapWriter:
         topics, times, sizes
             Index of the topic, log time [ns] and size [bytes] of each message, shape (n,).
         payloads
-            The messages, one after the other.
+            Concatenated messages.
         """
         heads = np.zeros(len(topics), dtype=MESSAGE_HEAD)
         heads['opcode'] = MESSAGE
@@ -212,14 +212,14 @@ class McapWriter:
             first = last
 
     def _make_room(self, size: int) -> None:
-        """Ensure that the chunk has room for a record of ``size`` bytes."""
+        """Ensure that a record of ``size`` bytes fits into the chunk."""
         if self._chunk.room < size and self._chunk.has_messages:
             self._close_chunk()
-        # A record that is larger than a chunk gets a larger chunk.
+        # A chunk grows for a record that is larger than a chunk.
         self._chunk.reserve(size)
 
     def _enter(self, topics: Sequence[int], entries: Iterable[NDArray[np.void]], times: NDArray[np.integer]) -> None:
-        """Note where messages are: for each of the topics its entries of the index, and the times of all."""
+        """Enter messages into the index: entries per topic, and the times of all messages."""
         for topic, of_topic in zip(topics, entries, strict=True):
             self._counts[topic] += len(of_topic)
             self._chunk.enter(topic, of_topic)
@@ -227,12 +227,12 @@ class McapWriter:
         self._chunk.times = min(first, int(times.min())), max(last, int(times.max()))
 
     def flush(self) -> None:
-        """Write the chunk that is in memory, if it holds messages: they then survive the end of this process."""
+        """Write the chunk in memory if it has messages, so that they survive the end of this process."""
         if self._chunk.has_messages:
             self._close_chunk()
 
     def _put(self, data: bytes | memoryview, crc: int | None = None) -> None:
-        """Write data, whose checksum may be known."""
+        """Write data; ``crc`` is its checksum, if known."""
         try:
             write_all(self._file, memoryview(data))
         except OSError as error:
@@ -247,7 +247,7 @@ class McapWriter:
             self._keep_room(self._index_size + _LARGEST_CHUNK_INDEX + _TOPIC_IN_CHUNK_INDEX * len(self._channels))
             self._write_chunk()
         except OSError:
-            # As if it had never been begun, for there must be room for the summary, and nothing may be cut off.
+            # Undo the whole chunk: it must not be truncated, and the summary needs the reserved space.
             os.ftruncate(self._file, size)
             os.lseek(self._file, size, os.SEEK_SET)
             self._size, self._crc, (self._first, self._last) = size, crc, times
@@ -290,17 +290,17 @@ class McapWriter:
         self._index_size += len(record)
 
     def close(self, name: str, metadata: Mapping[str, str]) -> None:
-        """Write the last chunk, a Metadata record of this name, and the summary; the file is complete then."""
+        """Write the last chunk, a Metadata record of this name, and the summary; the file is then complete."""
         self.finish_data()
         self.write_summary(name, metadata)
 
     def finish_data(self) -> None:
-        """Write the last chunk, which holds the topics if there is no message."""
+        """Write the last chunk; without messages it contains only the topics."""
         if self._chunk.size:
             self._close_chunk()
 
     def write_summary(self, name: str, metadata: Mapping[str, str]) -> None:
-        """Write a Metadata record of this name and the summary of the chunks that are on the disk, and close it."""
+        """Write a Metadata record of this name and the summary of the chunks on the disk, and close the file."""
         size, crc = self._size, self._crc
         try:
             self._write_summary(name, metadata)
@@ -331,7 +331,7 @@ class McapWriter:
                 offset = self._size + len(summary)
                 offsets += _record(SUMMARY_OFFSET, struct.pack('<BQQ', opcode, offset, len(group)))
             summary += group
-        # The Footer's checksum covers the summary and the Footer itself up to there.
+        # The checksum covers the summary and the Footer up to the checksum itself.
         footer = struct.pack('<BQQQ', FOOTER, 20, self._size, self._size + len(summary))
         content = summary + offsets + footer
         self._put(content + struct.pack('<I', zlib.crc32(content)) + MAGIC)
@@ -345,11 +345,11 @@ class McapWriter:
 
 _NO_TIMES = 2**63 - 1, 0
 _LARGEST_CHUNK_INDEX, _TOPIC_IN_CHUNK_INDEX = 100, 10
-"""Size of a Chunk Index record without topics, rounded up, and of each topic in it [bytes]."""
+"""Size of a Chunk Index record without topics, rounded up, and size per topic [bytes]."""
 
 
 class _Chunk:
-    """The records that are to be written next."""
+    """Records of the next chunk."""
 
     def __init__(self, topics: int) -> None:
         self._buffer = np.empty(CHUNK_SIZE, dtype=np.uint8)
@@ -375,7 +375,7 @@ class _Chunk:
             self._buffer = np.concatenate((self._buffer[: self.size], np.empty(size, dtype=np.uint8)))
 
     def take(self, size: int) -> NDArray[np.uint8]:
-        """Return the next ``size`` bytes, to be filled."""
+        """Return the next ``size`` bytes, which the caller fills."""
         self.reserve(size)
         self.size += size
         return self._buffer[self.size - size : self.size]
@@ -384,12 +384,12 @@ class _Chunk:
         self.take(len(records))[:] = records
 
     def enter(self, topic: int, entries: NDArray[np.void]) -> None:
-        """Note where messages of a topic are."""
+        """Add index entries of a topic."""
         self._entries[topic].append(entries)
         self._order[topic] = None
 
     def entries(self) -> Iterable[tuple[int, list[NDArray[np.void]]]]:
-        """Iterate over the topics, by their first messages, with where their messages are."""
+        """Iterate over the topics in the order of their first messages, with their index entries."""
         return ((topic, self._entries[topic]) for topic in self._order)
 
     def clear(self) -> None:
@@ -402,7 +402,7 @@ class _Chunk:
 
 
 def _tick_template(topics: Sequence[int], messages: Sequence[bytes]) -> tuple[NDArray[np.uint8], list[int]]:
-    """Return the Message records of a tick, and where each begins."""
+    """Return the Message records of a tick, and the offset of each."""
     records, starts, offset = [], [], 0
     for topic, message in zip(topics, messages, strict=True):
         length = MESSAGE_HEAD.itemsize - _OPCODE_AND_LENGTH + len(message)
@@ -455,11 +455,11 @@ def _cut(data: memoryview, sizes: Iterable[int]) -> list[memoryview]:
     return parts
 
 
-def _as_it_is(data: memoryview) -> memoryview:
+def _uncompressed(data: memoryview) -> memoryview:
     return data
 
 
 _COMPRESSIONS: dict[str, Callable[[memoryview], bytes | memoryview]] = {
-    'none': _as_it_is,
+    'none': _uncompressed,
     'zstd': compress,
 }

@@ -1,4 +1,4 @@
-"""The parameters of a recorded run, and how they changed while it went on."""
+"""Parameters of a recorded run and their changes during the run."""
 
 import dataclasses
 import difflib
@@ -14,7 +14,7 @@ from hdd_servo_ros.recording.bag_columns import Bag, BagError, bag_directory
 
 @dataclasses.dataclass(frozen=True)
 class ParameterChange:
-    """A parameter that was changed during a run; ``tick`` is the first one with the new value."""
+    """Change of a parameter during a run; ``tick`` is the first tick with the new value."""
 
     tick: int
     node: str
@@ -29,7 +29,7 @@ def recorded_changes(path: Path) -> list[NodeChange]:
     Parameters
     ----------
     path
-        Run folder or bag.
+        Run directory or bag.
     """
     bag = Bag(bag_directory(path))
     return [change_of_event(_event(bag, message)) for message in _events(bag)]
@@ -40,25 +40,27 @@ def _events(bag: Bag) -> list[bytes]:
 
 
 def _event(bag: Bag, message: bytes) -> Any:
-    # The reader of `rosbags` fails in its own way on bytes that are no message.
+    # The reader of `rosbags` raises errors of any type for invalid bytes.
     try:
         return deserialized_event(message)
     except Exception as error:
-        raise BagError(f'{bag.path}: a message of {PARAMETER_EVENTS} is no {PARAMETER_EVENT_TYPE}: {error}') from None
+        raise BagError(
+            f'{bag.path}: a message on {PARAMETER_EVENTS} is not a {PARAMETER_EVENT_TYPE}: {error}'
+        ) from None
 
 
 class ParameterHistory:
     """
-    The value of every parameter at every tick of a run.
+    Values of all parameters at every tick of a run.
 
     Parameters
     ----------
     path
-        The run, for messages.
+        Path of the run, for error messages.
     nodes
         ``nodes`` of ``run.yaml``: by full name, with the ``parameters`` at tick 0.
     changes
-        What was changed during the run.
+        Changes during the run.
     """
 
     def __init__(self, path: Path, nodes: Mapping[str, Any], changes: Iterable[ParameterChange]) -> None:
@@ -72,14 +74,14 @@ class ParameterHistory:
         cls, bag: Bag, nodes: Mapping[str, Any], sample_time_ns: int, origin_ns: int = 0
     ) -> 'ParameterHistory':
         """
-        Return the history in the parameter events of a bag.
+        Return the history recorded in the parameter events of a bag.
 
         Parameters
         ----------
         bag
-            The run's bag.
+            Bag of the run.
         nodes
-            As above.
+            ``nodes`` of ``run.yaml``.
         sample_time_ns
             T [ns].
         origin_ns
@@ -101,12 +103,12 @@ class ParameterHistory:
 
     def value(self, node: str, name: str, tick: int | None = None) -> Any:
         """
-        Return the value that was in force at a tick, the last one if None.
+        Return the value at a tick; the last value if None.
 
         Raises
         ------
         LookupError
-            If the run knows no such node or parameter.
+            If the run has no such node or parameter.
         """
         full_name = next(
             (full for full in self._nodes if node.strip('/') in (full.strip('/'), full.rsplit('/', 1)[-1])), None
@@ -126,5 +128,5 @@ class ParameterHistory:
 
 
 def plain_value(value: Any) -> Any:
-    """Return a value as ``run.yaml`` holds it."""
+    """Return a value in the form used in ``run.yaml``."""
     return list(value) if isinstance(value, tuple) else value

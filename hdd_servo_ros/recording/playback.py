@@ -1,4 +1,4 @@
-"""The disturbance of a recorded run, to be put into another run as it is."""
+"""Disturbance of a recorded run, played back unchanged in another run."""
 
 from pathlib import Path
 
@@ -13,22 +13,22 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.recording.run_folder import DescriptionError
 
 PLAYED_TOPICS = tuple(topic for topic in OPTIONAL_TOPICS if topic.writer == DISTURBANCE_SOURCE)
-"""The topics that may be played back: those of a disturbance source, which do not depend on the loop."""
+"""Topics that can be played back: those of a disturbance source, which do not depend on the loop."""
 
 
 class Playback:
     """
-    The disturbance that a recorded run holds: values and messages of every tick.
+    Disturbance of a recorded run: values and messages of every tick.
 
     Parameters
     ----------
     path
-        Folder of the run.
+        Run directory.
 
     Raises
     ------
     ParameterError
-        If there is no such run, or it holds no topic of a disturbance source.
+        If the run does not exist or contains no topic of a disturbance source.
     """
 
     def __init__(self, path: str) -> None:
@@ -42,14 +42,14 @@ class Playback:
             raise ParameterError(RECORDED_RUN, path, f'a recorded run: {error}') from None
         if not self.topics:
             names = ', '.join(f'/{topic.name}' for topic in PLAYED_TOPICS)
-            raise ParameterError(RECORDED_RUN, path, f'a run that holds one of {names}')
+            raise ParameterError(RECORDED_RUN, path, f'a run that contains one of {names}')
         for name, rows in self._rows.items():
             if not np.isfinite(rows).all():
-                raise ParameterError(RECORDED_RUN, path, f'a run whose numbers on /{name} are finite')
+                raise ParameterError(RECORDED_RUN, path, f'a run with finite values on /{name}')
         self._messages: dict[str, NDArray[np.uint8]] = {}
         for name, payloads in columns.items():
             if isinstance(payloads, list):
-                raise ParameterError(RECORDED_RUN, path, f'a run whose messages on /{name} have one size')
+                raise ParameterError(RECORDED_RUN, path, f'a run with messages of equal size on /{name}')
             self._messages[name] = payloads
 
     def check(self, sample_time: float, last_tick: int) -> None:
@@ -64,20 +64,20 @@ class Playback:
         Raises
         ------
         ParameterError
-            If it has another sample time, or ends sooner.
+            If the recorded run has another sample time or ends earlier.
         """
         if self._run.sample_time != sample_time:
-            allowed = f'a run with sample_time = {sample_time!r} s; that one has {self._run.sample_time!r} s'
+            allowed = f'a run with sample_time = {sample_time!r} s, but this run has {self._run.sample_time!r} s'
             raise ParameterError(RECORDED_RUN, self._path, allowed)
         ticks = self._run.ticks
         if ticks[0] != 0 or len(ticks) != ticks[-1] + 1 or ticks[-1] < last_tick:
-            allowed = f'a run that holds the ticks 0 to {last_tick}; that one holds {ticks[0]} to {ticks[-1]}'
+            allowed = f'a run with ticks 0 to {last_tick}, but this run has {ticks[0]} to {ticks[-1]}'
             raise ParameterError(RECORDED_RUN, self._path, allowed)
 
     def rows(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.float64]:
-        """Return the values of a topic at consecutive ticks, a row per tick."""
+        """Return the values of a topic at consecutive ticks, one row per tick."""
         return self._rows[topic.name][first_tick : first_tick + count]
 
     def messages(self, topic: LoopTopic, first_tick: int, count: int) -> NDArray[np.uint8]:
-        """Return the messages of a topic at consecutive ticks as they were recorded, shape (count, size)."""
+        """Return the recorded messages of a topic at consecutive ticks, shape (count, size)."""
         return self._messages[topic.name][first_tick : first_tick + count]

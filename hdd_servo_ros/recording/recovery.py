@@ -338,7 +338,7 @@ class Recovery:
         return workshop / 'bag'
 
     def _options(self) -> BagOptions:
-        """Return the compression and splitting set in the recorder's parameters, or the defaults if they are unknown."""
+        """Return compression and splitting by the recorder's parameters, or the defaults if they are unknown."""
         nodes = self._description.get('nodes', {})
         recorders = [node['parameters'] for name, node in nodes.items() if name.rsplit('/', 1)[-1] == RECORDER]
         known = {field.name for field in dataclasses.fields(BagOptions)}

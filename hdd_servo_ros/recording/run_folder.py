@@ -1,9 +1,9 @@
 """
-A run's folder: ``runs/<name>/`` with ``bag/`` and ``run.yaml``.
+Run directory: ``runs/<name>/`` with ``bag/`` and ``run.yaml``.
 
-``run.yaml`` is written when the run starts, with status ``running``, and again when it ends; each time it lands by
-rename, so that a killed run never looks complete, and it is on the disk when the writing returns. The room that it
-needs at the end is allocated at the start, so that a full disk does not leave it ``running``.
+``run.yaml`` is written when the run starts, with status ``running``, and again when it ends. Each time it is written to
+a temporary file, synchronized with the disk and renamed, so that a killed run never looks complete. The disk space for
+the second time is allocated at the start, so that a full disk does not leave the status ``running``.
 """
 
 import datetime as dt
@@ -43,27 +43,27 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
     'versions': dict,
     'git_revision': str,
 }
-"""Types of what readers rely on."""
+"""Types of the entries that readers rely on."""
 _KINDS_OF_NODE: dict[str, type] = {'inputs': list, 'outputs': list, 'parameters': dict}
 STATUSES = (RUNNING, FINISHED, INTERRUPTED, FAILED, RECOVERED)
-"""What ``status`` may be."""
+"""Allowed values of ``status``."""
 _MORE_AT_THE_END = 2**14
-"""By how much run.yaml may grow until the run ends [bytes]: the reason is the longest of it."""
+"""Allowed growth of run.yaml until the run ends [bytes]; the reason is the longest entry."""
 _DISTRIBUTIONS = ('numpy', 'numba', 'rosbags', 'rclpy')
 
 
 _DUMPER: Any = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
-"""That of libyaml, where PyYAML was built with it: it writes the same, five times as fast."""
+"""Dumper of libyaml if PyYAML was built with it: same output, five times as fast."""
 
 
 class DescriptionError(OSError):
-    """A run.yaml that does not describe a run; says which and why."""
+    """A run.yaml that does not describe a run; the text names the file and the reason."""
 
     exit_code = UNREADABLE
 
 
 def default_run_directory(controller: str) -> Path:
-    """Return ``runs/<date-time>-<controller>`` below the working folder, with a number behind it if that is taken."""
+    """Return ``runs/<date-time>-<controller>`` in the working directory, with a number appended if it exists."""
     name = f'{dt.datetime.now():%Y%m%d-%H%M%S}-{controller}'
     directory = Path('runs') / name
     number = 1
@@ -75,28 +75,28 @@ def default_run_directory(controller: str) -> Path:
 
 class RunFolder:
     """
-    The folder of one run.
+    Directory of one run.
 
     Parameters
     ----------
     directory
-        Folder to make.
+        Directory to create.
     description
-        What ``run.yaml`` shall say beside versions and outcome: the time line, topics and the parameters of each node.
+        Entries of ``run.yaml`` in addition to versions and outcome: time line, topics and parameters of each node.
 
     Raises
     ------
     FileExistsError
-        If the folder exists: a run is never overwritten.
+        If the directory exists: a run is never overwritten.
     OSError
-        If it cannot be written; there is no folder then.
+        If the directory cannot be written; it is then removed.
     """
 
     def __init__(self, directory: Path, description: Mapping[str, Any]) -> None:
         try:
             directory.mkdir(parents=True)
         except FileExistsError:
-            raise FileExistsError(f'{directory} exists, and a run is never overwritten') from None
+            raise FileExistsError(f'{directory} exists; a run is never overwritten') from None
         self.directory = directory
         self.bag = directory / 'bag'
         self._content: dict[str, Any] = {
@@ -113,13 +113,13 @@ class RunFolder:
             self._save()
             self._reserve()
         except OSError as error:
-            # Nothing is recorded in it, and nothing could say how the run ended.
+            # Nothing has been recorded, and the outcome could not be written.
             shutil.rmtree(directory, ignore_errors=True)
             raise OSError(error.errno, error.strerror, str(directory)) from None
         sync_folder(directory.parent)
 
     def _reserve(self) -> None:
-        """Give the file that becomes run.yaml at the end its room on the disk."""
+        """Allocate disk space for the file that becomes run.yaml at the end."""
         temporary = _temporary(self.directory)
         file = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         try:
@@ -129,23 +129,23 @@ class RunFolder:
 
     def close(self, status: str, reason: str, last_tick: int, **measured: Any) -> None:
         """
-        Say how the run ended.
+        Record how the run ended.
 
         Parameters
         ----------
         status
             ``finished``, ``interrupted`` or ``failed``.
         reason
-            Why, in one line; empty for a finished run.
+            Reason in one line; empty for a finished run.
         last_tick
-            The last tick that the bag holds on every loop topic; -1 if none.
+            Last tick that the bag contains on every loop topic; -1 if there is none.
         measured
             Further entries, such as the wall time.
 
         Raises
         ------
         OSError
-            If ``run.yaml`` cannot be written; says that it still has the status ``running``.
+            If ``run.yaml`` cannot be written; the text states that its status is still ``running``.
         """
         self._content.update(status=status, reason=reason, last_tick=last_tick, ended=_now(), **measured)
         try:
@@ -153,7 +153,7 @@ class RunFolder:
         except OSError as error:
             where = self.directory / 'run.yaml'
             raise OSError(
-                f'{where} still says {RUNNING}, for it cannot be written: {error.strerror or error}'
+                f'{where} cannot be written, so its status is still {RUNNING}: {error.strerror or error}'
             ) from None
 
     def _save(self) -> None:
@@ -161,7 +161,7 @@ class RunFolder:
 
 
 def rewrite_run_yaml(directory: Path, content: Mapping[str, Any]) -> None:
-    """Write a folder's ``run.yaml``, by rename."""
+    """Write ``run.yaml`` of a run directory, by rename."""
     text = yaml.dump(_plain(content), Dumper=_DUMPER, sort_keys=False, width=120)
     write_durably(directory / 'run.yaml', text, _temporary(directory))
 
@@ -172,14 +172,14 @@ def _temporary(directory: Path) -> Path:
 
 def read_run_yaml(directory: Path) -> dict[str, Any]:
     """
-    Return the content of a run folder's ``run.yaml``.
+    Return the content of ``run.yaml`` in a run directory.
 
     Raises
     ------
     FileNotFoundError
-        If the folder holds none.
+        If the directory does not contain the file.
     DescriptionError
-        If it holds something else under that name, or an entry is not what readers rely on.
+        If the file cannot be read, or an entry is invalid.
     """
     content, faults = read_right_entries(directory)
     for fault in faults:
@@ -189,14 +189,14 @@ def read_run_yaml(directory: Path) -> dict[str, Any]:
 
 def read_right_entries(directory: Path) -> tuple[dict[str, Any], list[str]]:
     """
-    Return the entries of a run folder's ``run.yaml`` that are what readers rely on, and what is wrong with the others.
+    Return the valid entries of ``run.yaml`` in a run directory, and the faults of the others.
 
     Raises
     ------
     FileNotFoundError
-        If the folder holds none.
+        If the directory does not contain the file.
     DescriptionError
-        If it has no entries.
+        If the file has no entries.
     """
     path = directory / 'run.yaml'
     if not path.is_file():
@@ -206,15 +206,15 @@ def read_right_entries(directory: Path) -> tuple[dict[str, Any], list[str]]:
     except (OSError, YamlError) as error:
         raise DescriptionError(f'{path} cannot be read: {getattr(error, "strerror", None) or error}') from None
     if not isinstance(content, dict):
-        raise DescriptionError(f'{path} does not describe a run: it holds {shown(content, 40)}')
+        raise DescriptionError(f'{path} does not describe a run: it contains {shown(content, 40)}')
     faults = {key: fault for key, value in content.items() if (fault := _fault_of(key, value))}
     return {key: value for key, value in content.items() if key not in faults}, list(faults.values())
 
 
 def _fault_of(key: object, value: Any) -> str:
-    """Return what is wrong with an entry of run.yaml, empty if nothing is; of others than these nobody knows."""
+    """Return the fault of an entry of run.yaml; empty if it is valid or not in the list of known entries."""
     if not isinstance(key, str):
-        return f'{shown(key, 40)} is no name'
+        return f'{shown(key, 40)} is not a name'
     if key not in _KINDS:
         return ''
     fault = f'{key} is {shown(value, 40)}'
@@ -222,7 +222,7 @@ def _fault_of(key: object, value: Any) -> str:
     if not isinstance(value, kinds) or isinstance(value, bool):
         return fault
     if key == 'status' and value not in STATUSES:
-        return f'{fault}, none of {", ".join(STATUSES)}'
+        return f'{fault}; expected one of {", ".join(STATUSES)}'
     if key in ('topics', 'topics_left_out') and not all(
         isinstance(name, str) for pair in value.items() for name in pair
     ):
@@ -247,7 +247,7 @@ def _fault_of_node(name: object, node: object) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that a run may depend on."""
+    """Return the versions that can influence a run."""
     found = {'hdd_servo_ros': __version__, 'python': platform.python_version(), 'platform': platform.platform()}
     for distribution in _DISTRIBUTIONS:
         try:
@@ -258,11 +258,11 @@ def versions() -> dict[str, str]:
 
 
 def git_revision() -> str:
-    """Return the revision of the checkout that this package runs from, ``unknown`` where it runs from an install."""
+    """Return the git revision of the checkout that contains this package; ``unknown`` for an installation."""
     here = Path(__file__).resolve()
     git = ['git', '-C', str(here.parent)]
     try:
-        # An install below some other checkout, such as a virtual environment in it, is not that checkout's work.
+        # An installation below another checkout, such as in its virtual environment, does not belong to it.
         subprocess.run([*git, 'ls-files', '--error-unmatch', here.name], capture_output=True, timeout=10, check=True)
         described = subprocess.run(
             [*git, 'describe', '--always', '--dirty', '--abbrev=40', '--match='],
@@ -281,7 +281,7 @@ def _now() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return ``value`` in the types that plain YAML has."""
+    """Return ``value`` converted to types of plain YAML."""
     if isinstance(value, Mapping):
         return {str(key): _plain(element) for key, element in value.items()}
     if isinstance(value, tuple | list):

@@ -1,4 +1,4 @@
-"""A run whose signals are in memory, with all that a recorded run offers but its bag."""
+"""Run with its signals in memory and the interface of a recorded run, but without a bag."""
 
 import functools
 from collections.abc import Iterable, Mapping
@@ -19,23 +19,23 @@ PATH = Path('run in memory')
 
 class RunInMemory(RecordedRun):
     """
-    A run that was computed and not recorded.
+    Run that was computed but not recorded.
 
     Parameters
     ----------
     rows
-        Its signals, from tick 0 on.
+        Signals from tick 0 on.
     description
-        What ``run.yaml`` would hold.
+        Content that ``run.yaml`` would have.
     changes
-        Parameters that were changed during the run.
+        Parameter changes during the run.
     """
 
-    # Its arrays are there, however long it is.
+    # The arrays of a run of any length are in memory already.
     is_long = False
 
     def __init__(self, rows: SignalRows, description: Mapping[str, Any], changes: Iterable[ParameterChange]) -> None:
-        # An empty bag: whoever asks for a message gets the error of a topic that is not there.
+        # An empty bag, so that access to messages raises the error of a missing topic.
         nothing = SimpleNamespace(path=PATH, types={}, counts={}, custom_data={})
         super().__init__(PATH, cast(Bag, nothing), dict(description), dict(description['topics']))
         self._rows_in_memory = rows
@@ -43,16 +43,16 @@ class RunInMemory(RecordedRun):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of messages that every topic of the loop would have."""
+        """Number of messages that every loop topic would have."""
         return {name: len(self._rows_in_memory) for name in self._topics}
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
-        """The ticks from 0 on, shape (n,)."""
+        """Ticks from 0 on, shape (n,)."""
         return self._rows_in_memory.ticks
 
     def __getitem__(self, topic: str) -> NDArray[Any]:
-        """Return a topic by its name, with one row per tick; raises KeyError if the run has no such topic."""
+        """Return a topic by its name, with one row per tick; raise KeyError if the run lacks the topic."""
         try:
             return self._rows_in_memory[topic]
         except KeyError:

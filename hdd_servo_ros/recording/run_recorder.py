@@ -1,4 +1,4 @@
-"""One run going to disk: its folder, its bag, and how it ended."""
+"""Recorder of one run: directory, bag and outcome."""
 
 import contextlib
 import itertools
@@ -26,7 +26,7 @@ _ATTEMPTS = 100
 
 
 class _Faults:
-    """Whether the writer has failed once: what was handed over then need not be in the bag, and nothing may follow."""
+    """Record of a writer failure: later messages must not be written, and earlier ones may be missing in the bag."""
 
     def __init__(self) -> None:
         self.has_failed = False
@@ -42,33 +42,33 @@ class _Faults:
 
 class RunRecorder:
     """
-    Write a run's messages into its bag.
+    Writer of a run's messages into its bag.
 
     Parameters
     ----------
     run_dir
-        Folder of the run; empty for ``runs/<date-time>-<controller>``.
+        Run directory; empty for ``runs/<date-time>-<controller>``.
     storage
         ``mcap`` or ``sqlite3``.
     topics
-        For every topic that has one message a tick: the loop topic, and the full name that it goes by.
+        For every topic with one message per tick: the loop topic and its full name.
     recorded
-        Names of those to record; all if empty.
+        Names of the topics to record; all if empty.
     options
         Compression and splitting of the bag.
     description
-        What ``run.yaml`` says of the run; its ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.RunPlan`.
+        Entries of ``run.yaml``; ``nodes`` are those of :class:`hdd_servo_ros.ros.run_plan.RunPlan`.
     separate_process
-        Whether a second process writes the bag: worth it where the loop keeps one core busy by itself.
+        Whether a second process writes the bag; faster if the loop alone keeps one core busy.
     process
-        That process, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; started here if not given.
+        This process, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; started here if not given.
 
     Raises
     ------
     FileExistsError
-        If the folder exists.
+        If the directory exists.
     ParameterError
-        If no topic is left to record.
+        If none of the topics is recorded.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class RunRecorder:
         self._chosen = _chosen(topics, recorded)
         published, topics = topics, [topics[index] for index in self._chosen]
         self.topics: list[LoopTopic] = [topic for topic, _ in topics]
-        """The loop topics that are recorded."""
+        """Loop topics that are recorded."""
         controller = controller_name(description['nodes'])
         names = self._names = {topic.name: full_name for topic, full_name in topics}
-        said = {'controller': controller, 'storage': storage, 'topics': names, **description}
+        entries = {'controller': controller, 'storage': storage, 'topics': names, **description}
         left_out = {topic.name: full_name for topic, full_name in published if topic.name not in names}
         if left_out:
-            said['topics_left_out'] = left_out
-        self._folder = RunFolder(Path(run_dir), said) if run_dir else _default_folder(controller, said)
+            entries['topics_left_out'] = left_out
+        self._folder = RunFolder(Path(run_dir), entries) if run_dir else _default_folder(controller, entries)
         listed = [(full_name, topic.type_name, queue_depth(full_name)) for topic, full_name in topics]
         listed.append((PARAMETER_EVENTS, PARAMETER_EVENT_TYPE, queue_depth(PARAMETER_EVENTS)))
         metadata = bag_metadata(description)
@@ -117,16 +117,16 @@ class RunRecorder:
 
     @property
     def directory(self) -> Path:
-        """Folder of the run."""
+        """Run directory."""
         return self._folder.directory
 
     @property
     def is_open(self) -> bool:
-        """Whether the bag still takes messages: it is not complete, and its writer has not failed."""
+        """Whether the bag accepts messages: it is not closed, and its writer has not failed."""
         return self._writer is not None and not self._noting_faults.has_failed
 
     def write_tick(self, tick: int, stamp_ns: int, messages: Sequence[bytes]) -> None:
-        """Take the messages of one tick, of all topics of the run; their receive time is the tick's time [ns]."""
+        """Write the messages of one tick, one per topic of the run; their receive time is the time of the tick [ns]."""
         assert self._writer is not None
         if len(self._chosen) < len(messages):
             messages = [messages[index] for index in self._chosen]
@@ -136,16 +136,16 @@ class RunRecorder:
 
     def write_columns(self, first_tick: int, stamps_ns: Sequence[int], columns: Sequence[Sequence[bytes]]) -> None:
         """
-        Take the messages of consecutive ticks; does what :meth:`write_tick` does tick by tick.
+        Write the messages of consecutive ticks; equivalent to :meth:`write_tick` for each tick.
 
         Parameters
         ----------
         first_tick
-            The first of the ticks.
+            First tick.
         stamps_ns
             Time of each tick [ns].
         columns
-            For every topic of the run its messages, one per tick.
+            Messages of each topic of the run, one per tick.
         """
         assert self._writer is not None
         chosen = [columns[index] for index in self._chosen]
@@ -160,7 +160,7 @@ class RunRecorder:
         if tick == 0:
             self._first_tick_at = time.monotonic()
         elif tick == self._last_tick_planned:
-            # The bag is closed later, when the processes of the run have taken leave: that is no part of its speed.
+            # The bag is closed after all processes have shut down, which does not count towards the real-time factor.
             self._last_tick_at = time.monotonic()
         self._last_tick = tick
 
@@ -172,13 +172,13 @@ class RunRecorder:
         self._last_tick = last_tick
 
     def write_parameter_event(self, stamp_ns: int, message: bytes) -> None:
-        """Write a parameter event at the tick's time [ns] at which it took effect."""
+        """Write a parameter event with the time [ns] of the tick at which it took effect."""
         assert self._writer is not None
         with self._noting_faults:
             self._writer.write((self._parameter_events,), (stamp_ns,), (message,))
 
     def close_bag(self) -> None:
-        """Complete the bag; does nothing the second time."""
+        """Close the bag; a second call has no effect."""
         writer, self._writer = self._writer, None
         if writer is not None:
             if self._last_tick_at is None:
@@ -187,15 +187,14 @@ class RunRecorder:
 
     def finish(self, status: str, reason: str) -> None:
         """
-        Complete the bag if that has not been done, and write into ``run.yaml`` how the run ended.
+        Close the bag if it is still open, and record in ``run.yaml`` how the run ended.
 
-        After a fault of the writer the last tick is that of what is on the disk, not of what was handed over, and a run
-        that was finished has failed.
+        After a writer failure, the last tick is the last one on the disk, and a finished run counts as failed.
 
         Raises
         ------
         RunError
-            If the bag cannot be completed; ``run.yaml`` says so then.
+            If the bag cannot be closed; ``run.yaml`` then records this.
         OSError
             If ``run.yaml`` cannot be written.
         """
@@ -221,20 +220,20 @@ class RunRecorder:
             raise fault
 
     def flush(self) -> None:
-        """Hand over what waits in this process, so that its end does not lose it."""
+        """Hand over all messages queued in this process, so that they survive its end."""
         if self._writer is not None and self.is_open:
             with self._noting_faults:
                 self._writer.flush()
 
     def _last_tick_on_disk(self) -> int:
-        """Return the last tick that is complete in the bag after a fault of its writer, -1 if none is."""
+        """Return the last complete tick in the bag after a writer failure; -1 if there is none."""
         from hdd_servo_ros.recording.salvage import last_tick_of
 
         step = sample_time_to_nanoseconds(self._sample_time)
         topics = [self._names[topic.name] for topic in self.topics]
         try:
             if (self._folder.bag / 'metadata.yaml').is_file():
-                # It is complete as far as it goes.
+                # The bag was closed with all messages written before the failure.
                 counts = Bag(self._folder.bag).counts
                 return min(counts[topic] for topic in topics) - 1
             return last_tick_of(self._folder.bag, topics, step)
@@ -246,24 +245,24 @@ def _chosen(topics: Sequence[tuple[LoopTopic, str]], recorded: Sequence[str]) ->
     """Return the indices of the topics to record."""
     chosen = [index for index, (topic, _) in enumerate(topics) if not recorded or topic.name in recorded]
     if recorded and not chosen:
-        there = ', '.join(topic.name for topic, _ in topics)
-        raise ParameterError('bag_recorder:topics', tuple(recorded), f'topics of this run: {there}')
+        present = ', '.join(topic.name for topic, _ in topics)
+        raise ParameterError('bag_recorder:topics', tuple(recorded), f'names of topics of this run: {present}')
     return chosen
 
 
 def queue_depth(topic: str) -> int:
-    """Return the depth of the queue that a topic's publishers offer, by its full name."""
+    """Return the queue depth offered by the publishers of a topic, given by its full name."""
     return _PARAMETER_EVENT_DEPTH if topic == PARAMETER_EVENTS else QUEUE_DEPTH
 
 
 def bag_metadata(description: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a bag shall say of its run, for those who have the bag alone."""
+    """Return the metadata stored in the bag, for readers without ``run.yaml``."""
     keys = ('sample_time', 'duration', 'frame_id', 'length_unit', 'control_unit')
     return {key: str(description[key]) for key in keys if key in description}
 
 
 def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the short name of the controller among ``nodes``: what publishes the control topic."""
+    """Return the short name of the controller: the node among ``nodes`` that publishes the control topic."""
     for full_name, node in nodes.items():
         if any(topic.rsplit('/', 1)[-1] == CONTROL.name for topic in node['outputs']):
             name = full_name.rsplit('/', 1)[-1]
@@ -272,8 +271,8 @@ def controller_name(nodes: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _default_folder(controller: str, description: Mapping[str, Any]) -> RunFolder:
-    """Make a folder with a name of its own, also when two runs start in the same second."""
+    """Create a directory with a unique name, even if two runs start in the same second."""
     for _ in range(_ATTEMPTS):
         with contextlib.suppress(FileExistsError):
             return RunFolder(default_run_directory(controller), description)
-    raise FileExistsError(f'no free name for a run folder below {Path("runs").absolute()}')
+    raise FileExistsError(f'no free name for a run directory in {Path("runs").absolute()}')

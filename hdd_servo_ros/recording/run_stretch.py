@@ -1,4 +1,4 @@
-"""Consecutive ticks of a long run as a run of its own, in memory."""
+"""Last part of a long run, as a run in memory."""
 
 import functools
 from typing import Any
@@ -14,19 +14,19 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 
 class RunStretch(RecordedRun):
     """
-    The last ticks of a run, whose rows are those of these ticks; parameters and ``run.yaml`` are those of the run.
+    Last ticks of a run, with one row per tick; parameters and ``run.yaml`` are those of the whole run.
 
     Parameters
     ----------
     run
         A long run.
     first_tick
-        The first of its ticks.
+        First tick of the part.
 
     Raises
     ------
     BagError
-        As :meth:`RecordedRun.pieces`.
+        See :meth:`RecordedRun.pieces`.
     """
 
     is_long = False
@@ -39,11 +39,11 @@ class RunStretch(RecordedRun):
 
     @functools.cached_property
     def ticks(self) -> NDArray[np.int64]:
-        """The ticks, shape (n,)."""
+        """Ticks, shape (n,)."""
         return self._signals.ticks
 
     def __getitem__(self, topic: str) -> NDArray[Any]:
-        """Return a topic by its name, with one row per tick; raises KeyError if the stretch has no such topic."""
+        """Return a topic by its name, with one row per tick; raise KeyError if the topic is missing."""
         try:
             return self._signals[topic]
         except KeyError:
@@ -64,7 +64,7 @@ class RunStretch(RecordedRun):
 
 
 def joined(pieces: list[Signals]) -> SignalRows:
-    """Return pieces of consecutive ticks, of the same topics each, as one."""
+    """Return pieces of consecutive ticks with the same topics as a single one."""
     first = pieces[0]
     if len(pieces) == 1 and isinstance(first, SignalRows):
         return first

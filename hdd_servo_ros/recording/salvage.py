@@ -64,7 +64,7 @@ class Salvage:
         Content that this package cannot read although it may be intact, such as an unsupported compression; empty if
         everything can be read.
     is_checked
-        Whether a checksum covers every message: of its chunk (MCAP) or of its block (sqlite3).
+        Whether a checksum covers every message, that of its chunk (MCAP) or its block (sqlite3).
     """
 
     types: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -275,11 +275,11 @@ class _McapSalvage:
 
     @staticmethod
     def _decompressed(records: memoryview, compression: str, start: int, *, is_whole: bool) -> memoryview:
-        """Return the records of the compressed chunk at byte ``start``; of a truncated one, those that can be recovered."""
+        """Return the records of the compressed chunk at byte ``start`` that can be recovered."""
         try:
             if is_whole:
                 return memoryview(DECOMPRESS[compression](records))
-            # A disk that lost power leaves zeros. They are removed, so that the block in which they begin counts as incomplete.
+            # Zeros left by a power failure are removed, so that the block in which they begin is incomplete.
             return memoryview(DECOMPRESS_BEGINNING[compression](bytes(records).rstrip(b'\x00')))
         except ValueError as error:
             raise _Fault(f'the chunk at byte {start} is damaged: {error}') from None

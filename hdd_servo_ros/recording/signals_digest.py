@@ -1,4 +1,4 @@
-"""A digest of all signals of a run, the same for a run in memory and for its recording."""
+"""Digest of all signals of a run, identical for a run in memory and its recording."""
 
 import hashlib
 
@@ -12,8 +12,8 @@ def signals_digest(signals: Signals) -> str:
     """
     Return the BLAKE2b digest of a run's signals, 32 hexadecimal digits.
 
-    It covers the name, the shape and every bit of each topic of the compiled loop that the run has, the ground truth
-    and the estimates among them, in the order of :data:`~hdd_servo_ros.messages.topics.SIGNAL_TOPICS`.
+    The digest covers name, shape and every bit of each signal topic of the run, including the ground truth and the
+    estimates, in the order of :data:`~hdd_servo_ros.messages.topics.SIGNAL_TOPICS`.
     """
     digest = hashlib.blake2b(digest_size=16)
     for topic in SIGNAL_TOPICS:

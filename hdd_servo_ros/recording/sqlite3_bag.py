@@ -1,4 +1,4 @@
-"""A rosbag2 bag of an sqlite3 database, written with `rosbags`, carrying what `ros2 bag info` of Jazzy reads."""
+"""Writer of rosbag2 bags in sqlite3, based on `rosbags`, with the metadata that `ros2 bag info` of Jazzy reads."""
 
 import contextlib
 import copy
@@ -26,14 +26,14 @@ from hdd_servo_ros.recording.sqlite_checksums import BLOCK_TICKS, INSERT, SCHEMA
 _WRITTEN_BY = 'ros_distro: rosbags'
 _DISTRIBUTION = 'ros_distro: jazzy'
 _RESERVE = 2**20
-"""Room on the disk that is kept for closing a bag: its metadata, twice, and pages of the database [bytes]."""
+"""Disk space reserved for closing a bag: the metadata, twice, and pages of the database [bytes]."""
 _FOREVER = QosTime(9223372036, 854775807)
 
 
 class _JazzySqlite3Writer(Sqlite3Writer):
     SQLITE_SCHEMA = (
-        # A commit survives the end of this process at once, and a power failure when the system has written it: waiting
-        # for the disk at every commit would take longer than writing the rows.
+        # A commit survives the end of this process at once, and a power failure as soon as the system has written it.
+        # Waiting for the disk at every commit would take longer than writing the rows.
         'PRAGMA synchronous = OFF;' + Sqlite3Writer.SQLITE_SCHEMA.replace("'rosbags'", "'jazzy'") + SCHEMA
     )
 
@@ -42,7 +42,7 @@ class _JazzySqlite3Writer(Sqlite3Writer):
 
 
 class _JazzyWriter(Writer):
-    """`rosbags` names itself as the distribution; the message definitions and hashes here are Jazzy's."""
+    """Writer of `rosbags` with Jazzy as the distribution, because message definitions and hashes are those of Jazzy."""
 
     STORAGE_PLUGINS = MappingProxyType({StoragePlugin.SQLITE3: _JazzySqlite3Writer})
 
@@ -54,7 +54,7 @@ class _JazzyWriter(Writer):
 
     @property
     def database(self) -> sqlite3.Connection:
-        """The database."""
+        """Connection to the database."""
         assert isinstance(self.storage, _JazzySqlite3Writer)
         return self.storage.conn
 
@@ -67,7 +67,7 @@ class _JazzyWriter(Writer):
 
 @dataclasses.dataclass(frozen=True)
 class _Committed:
-    """What the bag says of its messages: counts by topic, first and last time [ns], and digests."""
+    """State of the bag at a commit: counts by topic, first and last time [ns], and digests."""
 
     counts: dict[int, int]
     times: tuple[int, int]
@@ -89,13 +89,13 @@ def _offered_qos(depth: int) -> Qos:
 
 
 class Sqlite3Bag:
-    """Write a bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
+    """Writer of an sqlite3 bag; see :class:`hdd_servo_ros.recording.bag_writer.BagWriter` for the parameters."""
 
     def __init__(
         self, path: Path, topics: Sequence[tuple[str, str, int]], metadata: dict[str, str], options: BagOptions
     ) -> None:
         if options != BagOptions():
-            raise ValueError(f'{options} with storage = sqlite3: only MCAP can do that')
+            raise ValueError(f'storage = sqlite3 does not support {options}; use storage = mcap')
         self._file = path / f'{path.name}.db3'
         self._committed: _Committed | None = None
         self._writer = _JazzyWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
@@ -125,26 +125,26 @@ class Sqlite3Bag:
 
     @contextlib.contextmanager
     def _os_errors(self) -> Iterator[None]:
-        """Turn an error of SQLite into one of the operating system, as those of other files are."""
+        """Convert an error of SQLite to an OSError."""
         try:
             yield
         except sqlite3.OperationalError as error:
-            # Of Python 3.10 it carries no number.
+            # In Python 3.10 the error has no number.
             full = 'full' in str(error)
-            # SQLite may have taken the whole transaction back already.
+            # SQLite may have rolled back the transaction already.
             with contextlib.suppress(sqlite3.Error):
                 self._roll_back()
             number = errno.ENOSPC if full else errno.EIO
             raise OSError(number, os.strerror(number) if full else str(error), str(self._file)) from None
 
     def flush(self) -> None:
-        """Commit what was written, so that it survives the end of this process."""
+        """Commit all messages, so that they survive the end of this process."""
         with self._os_errors():
             self._writer.database.commit()
         self._committed = self._state()
 
     def _roll_back(self) -> None:
-        """Go back to what was committed last."""
+        """Return to the state of the last commit."""
         if self._committed is None:
             return
         self._writer.database.rollback()
@@ -183,7 +183,7 @@ class Sqlite3Bag:
     def write_messages(
         self, topics: NDArray[np.int64], times: NDArray[np.int64], sizes: NDArray[np.int64], payloads: memoryview
     ) -> None:
-        """Write messages: topic, time [ns] and size [bytes] of each, and all of them one after the other."""
+        """Write messages, given by topic, time [ns] and size [bytes] of each, and by their concatenation."""
         ends = np.cumsum(sizes)
         numbers = (topics.tolist(), times.tolist(), (ends - sizes).tolist(), ends.tolist())
         with self._os_errors():

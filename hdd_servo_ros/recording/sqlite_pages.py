@@ -1,8 +1,8 @@
 """
-Rows of an sqlite3 bag read page by page, where SQLite finds no way to them because the file is cut off.
+Rows of an sqlite3 bag read page by page, for a truncated or damaged file that SQLite cannot read.
 
-A table is a tree of pages whose leaves hold the rows; of a file that grew by a row at a time, the leaves of the first
-rows lie in front of the pages that point at them. See https://sqlite.org/fileformat.html, 1.6 and 2.
+A table is a tree of pages whose leaves contain the rows. In a file that grew row by row, the leaves of the first rows
+come before the pages that point to them. See https://sqlite.org/fileformat.html, sections 1.6 and 2.
 """
 
 import contextlib
@@ -21,11 +21,11 @@ _LEAF_HEAD = 8
 _INTEGER_SIZES = {0: 0, 1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8, 8: 0, 9: 0}
 _FIRST_BLOB = 12
 _GROUP = 256
-"""Pages that are read at once."""
+"""Number of pages that are read at once."""
 
 
 def page_size(head: bytes) -> int:
-    """Return how many bytes a page has, by the head of the file; 0 if it is no head of an sqlite3 file."""
+    """Return the page size [bytes] in the header of a file; 0 if it is not the header of an sqlite3 file."""
     if len(head) < HEAD_SIZE or not head.startswith(MAGIC):
         return 0
     (size,) = struct.unpack_from('>H', head, 16)
@@ -34,17 +34,17 @@ def page_size(head: bytes) -> int:
 
 class MessagePages:
     """
-    The leaves with messages of a bag's file, in the order of the messages' ids; a few pages are in memory at once.
+    Leaf pages with messages in a bag file, ordered by message id; only a few pages are in memory at once.
 
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,7 +55,7 @@ class MessagePages:
         self._usable = self._size - head[20] if self._size else 0
 
     def groups(self) -> Iterator[list[int]]:
-        """Iterate over the numbers of the leaves, some at a time, such that all ids of a group are below the next's."""
+        """Iterate over groups of leaf page numbers; all ids of a group are below those of the next group."""
         pages, firsts, lasts = array('q'), array('q'), array('q')
         for number, first, last in self._leaves():
             pages.append(number)
@@ -73,10 +73,10 @@ class MessagePages:
             yield group
 
     def rows(self, group: Iterable[int]) -> list[Row]:
-        """Return the messages on the leaves of a group, ordered by id."""
+        """Return the messages on the leaf pages of a group, ordered by id."""
         rows: dict[int, Row] = {}
         with self._path.open('rb') as file:
-            # Of a row that is there twice, the one further behind in the file counts.
+            # If a row occurs twice, the later one in the file counts.
             for number in sorted(group):
                 rows.update(_rows(self._page(file, number), self._usable, functools.partial(self._page, file)))
         return [rows[number] for number in sorted(rows)]
@@ -88,16 +88,16 @@ class MessagePages:
         with self._path.open('rb') as file, self._path.open('rb') as others:
             other = functools.partial(self._page, others)
             while page := file.read(self._size):
-                # The first page begins with the head of the file.
+                # The first page begins with the header of the file.
                 if len(page) == self._size and page[0] == _LEAF and self._holds_checkpoints(memoryview(page), other):
                     yield from _checkpoints(memoryview(page), self._usable, other)
 
     def _holds_checkpoints(self, page: memoryview, other: Callable[[int], memoryview]) -> bool:
-        """Return whether the first or the last row of a leaf that can be read is a checkpoint."""
+        """Return whether the first or the last readable row of a leaf page is a checkpoint."""
         return any(next(_checkpoints(page, self._usable, other, step), None) for step in (1, -1))
 
     def _page(self, file: BinaryIO, number: int) -> memoryview:
-        """Return a page by its number, which counts from 1; raises IndexError if the file does not hold it whole."""
+        """Return a page by its number, counted from 1; raise IndexError if the file does not contain all of it."""
         file.seek((number - 1) * self._size)
         page = file.read(self._size)
         if number < 1 or len(page) < self._size:
@@ -105,7 +105,7 @@ class MessagePages:
         return memoryview(page)
 
     def _leaves(self) -> Iterator[tuple[int, int, int]]:
-        """Iterate over the leaves with messages: number of the page, its lowest and its highest id."""
+        """Iterate over the leaf pages with messages: page number, lowest and highest id."""
         if not self._size:
             return
         with self._path.open('rb') as file, self._path.open('rb') as others:
@@ -120,7 +120,7 @@ class MessagePages:
                         next(_rows(page, self._usable, functools.partial(self._page, others), step), None)
                         for step in (1, -1)
                     ]
-                    # They are in the order of their ids.
+                    # Rows are ordered by id.
                     ids = [end[0] for end in ends if end is not None]
                     if ids:
                         yield number, min(ids), max(ids)
@@ -129,7 +129,7 @@ class MessagePages:
 def _records(
     page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
 ) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the rows on a leaf, each its id and its record, from the last one on if ``step`` is -1."""
+    """Iterate over ids and records of the rows on a leaf page, in reverse order if ``step`` is -1."""
     (count,) = struct.unpack_from('>H', page, 3)
     for offset in range(_LEAF_HEAD, min(_LEAF_HEAD + 2 * count, usable), 2)[::step]:
         # A row that cannot be read is damaged.
@@ -143,7 +143,7 @@ def _records(
 def _rows(
     page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
 ) -> Iterator[tuple[int, Row]]:
-    """Iterate over the messages on a leaf with their ids, from the last one on if ``step`` is -1."""
+    """Iterate over the messages on a leaf page with their ids, in reverse order if ``step`` is -1."""
     for number, record in _records(page, usable, other, step):
         # A row with other columns is of another table, or damaged.
         with contextlib.suppress(IndexError, KeyError):
@@ -156,7 +156,7 @@ def _rows(
 def _checkpoints(
     page: memoryview, usable: int, other: Callable[[int], memoryview], step: int = 1
 ) -> Iterator[Checkpoint]:
-    """Iterate over the checkpoints on a leaf, from the last one on if ``step`` is -1."""
+    """Iterate over the checkpoints on a leaf page, in reverse order if ``step`` is -1."""
     for number, record in _records(page, usable, other, step):
         with contextlib.suppress(IndexError, KeyError):
             values = _values(record, 2)
@@ -199,7 +199,7 @@ def _values(record: bytes, columns: int) -> tuple[Any, ...] | None:
 
 
 def _varint(data: bytes | memoryview, offset: int) -> tuple[int, int]:
-    """Return the number at a place, and the place behind it."""
+    """Return the variable-length integer at an offset, and the offset after it."""
     value = 0
     for count in range(8):
         byte = data[offset + count]

@@ -1,4 +1,4 @@
-"""An sqlite3 file opened so that reading changes nothing, and needs no right to write beside it."""
+"""Opening of an sqlite3 file for reading, without changes to the file and without write access to its directory."""
 
 import contextlib
 import shutil
@@ -7,28 +7,27 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _WRITE_AHEAD = 2
-"""What the head of a file says whose changes go to a log first, the mode WAL: bytes 18 and 19."""
+"""Value of bytes 18 and 19 in the header of a file in WAL mode, whose changes go to a log first."""
 _READ_VERSION = 19
 
 
 @contextlib.contextmanager
 def database_to_read(path: Path) -> Iterator[str]:
     """
-    Yield the address by which `sqlite3.connect` opens a database for reading.
+    Yield the URI with which `sqlite3.connect` opens a database for reading.
 
-    In the mode WAL, SQLite makes files beside the database even to read it, which fails on a read-only mount. Where
-    there is no log, the database is all there is, and is opened as one that nobody changes; where there is one, a copy
-    of both is opened.
+    In WAL mode, SQLite creates files next to the database even for reading, which fails on a read-only mount. Without a
+    log, the database is complete and is opened as immutable. With a log, a copy of both is opened.
 
     Parameters
     ----------
     path
-        The database.
+        Path of the database.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If the database cannot be read.
     """
     with path.open('rb') as file:
         head = file.read(_READ_VERSION + 1)

@@ -1,4 +1,4 @@
-"""The topics of an sqlite3 bag whose table of topics may be damaged."""
+"""Topics of an sqlite3 bag whose table of topics may be damaged."""
 
 import sqlite3
 from pathlib import Path
@@ -6,22 +6,22 @@ from pathlib import Path
 from hdd_servo_ros.recording.bag_metadata import MetadataError, read_metadata
 
 Topics = dict[int, tuple[str, str]]
-"""Full name and type of each topic, by the number that its messages have."""
+"""Full name and type of each topic, by topic id."""
 
 
 def topics_of(connection: sqlite3.Connection, bag: Path) -> Topics:
     """
     Return the topics of a database.
 
-    A row that the table lacks is known from ``metadata.yaml``, where topics are in the order of their numbers, if the
-    messages without a topic are as many as the metadata say of those that the table lacks.
+    A row missing in the table is restored from ``metadata.yaml``, which lists topics in the order of their ids, if the
+    numbers of messages of the missing topics match those in the metadata.
 
     Parameters
     ----------
     connection
-        The database.
+        Connection to the database.
     bag
-        Folder of the bag.
+        Directory of the bag.
 
     Raises
     ------
@@ -46,5 +46,5 @@ def topics_of(connection: sqlite3.Connection, bag: Path) -> Topics:
 
 
 def is_message(time: object, payload: object) -> bool:
-    """Return whether a row has a receive time and a payload: SQLite keeps values of any type in any column."""
+    """Return whether a row has a valid receive time and payload; SQLite accepts values of any type in any column."""
     return isinstance(time, int) and isinstance(payload, bytes)

@@ -1,7 +1,8 @@
 """
-Definitions and hashes of the message types that runs are recorded in, as `rosbags` gives them for Jazzy.
+Definitions and hashes of the recorded message types, identical to those of `rosbags` for Jazzy.
 
-Written down, because `rosbags` takes as long to load its types as 10,000 ticks take to record. A test compares them.
+They are copied here because loading the types of `rosbags` takes as long as recording 10,000 ticks. A test compares
+both.
 """
 
 _RULE = '=' * 80
@@ -38,7 +39,7 @@ string[] string_array_value
     'std_msgs/MultiArrayDimension': 'string label\nuint32 size\nuint32 stride\n',
     'std_msgs/MultiArrayLayout': 'std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n',
 }
-"""Each type alone, by its name in definitions."""
+"""Definition of each type without those of its members, by its name in definitions."""
 
 _HASHES = {
     'geometry_msgs/AccelStamped': 'ef1df9eabae0a708cc049a061ebcddc4e2a5f745730100ba680e086a9698b165',
@@ -50,12 +51,12 @@ _HASHES = {
 }
 
 KNOWN = tuple(name.replace('/', '/msg/') for name in _HASHES)
-"""The types whose definitions are here."""
+"""Types defined in this module."""
 
 
 def known_definition(type_name: str) -> tuple[str, str]:
     """
-    Return the definition of a known type, with those of all types that it is made of, and its hash.
+    Return the definition of a known type, including those of its member types, and its hash.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def known_definition(type_name: str) -> tuple[str, str]:
     Raises
     ------
     KeyError
-        If it is not.
+        If the type is unknown.
     """
     name = type_name.replace('/msg/', '/')
     found: dict[str, str] = {}
@@ -76,7 +77,7 @@ def known_definition(type_name: str) -> tuple[str, str]:
 
 
 def _collect(name: str, found: dict[str, str]) -> None:
-    """Collect a type and, in the order of its fields, the types that it is made of."""
+    """Collect a type and, in the order of its fields, its member types."""
     if name not in found:
         found[name] = _TEXTS[name]
         for line in _TEXTS[name].splitlines():

@@ -1,8 +1,8 @@
 """
-A bag writer in a process of its own, fed through a pipe.
+Bag writer in a separate process, fed through a pipe.
 
-The loop's process hands over batches of bytes and goes on; the pipe's bounded buffer holds the loop back when the
-writer is slower. When the loop's process dies, the pipe ends and the bag is closed all the same: a killed rig leaves a
+The process of the loop hands over batches of bytes and continues. The bounded buffer of the pipe blocks the loop if the
+writer is slower. If the process of the loop dies, the pipe ends and the bag is still closed, so a killed rig leaves a
 readable bag.
 """
 
@@ -30,42 +30,42 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 _BATCH = struct.Struct('<I')
 _CLOSE = 0
 _PIPE_SIZE = 2**19
-"""Several batches, where the usual 64 KiB hold half of one: the loop would wait for this process at each [bytes]."""
+"""Pipe size for several batches [bytes]; the default of 64 KiB is half a batch and would block the loop each time."""
 BATCH_MESSAGES = 1024
 _BATCH_TICKS = 256
-"""Ticks that are handed over at once where a tick has few messages."""
+"""Largest number of ticks that are handed over at once."""
 STALL_TIMEOUT = 4.0
-"""How long the pipe may stay full before the run fails [s]."""
+"""Time for which the pipe may stay full before the run fails [s]."""
 OPEN_TIMEOUT = 60.0
-"""How long the writer may take to start and to open the bag [s]."""
+"""Time limit for starting the writer and opening the bag [s]."""
 CLOSE_TIMEOUT = 60.0
-"""How long the writer may take to write what it has and close the bag [s]."""
+"""Time limit for writing the remaining messages and closing the bag [s]."""
 
 
 def launch_writer() -> 'subprocess.Popen[bytes]':
     """
-    Start a process that can write a bag, for :class:`WriterProcess`: its imports then run beside those of the caller.
+    Start a writer process for :class:`WriterProcess`, so that its imports run in parallel to those of the caller.
 
-    It ends silently when its pipe is closed before a bag was opened.
+    The process exits silently if its pipe is closed before a bag is opened.
     """
     return subprocess.Popen(
         [sys.executable, '-m', 'hdd_servo_ros.recording.writer_process'],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        # What a terminal sends to its foreground group, Ctrl-C or its closing, is for the loop's process alone.
+        # Only the process of the loop shall receive the signals of a terminal (Ctrl-C, closing).
         start_new_session=True,
     )
 
 
 class WriterProcess:
     """
-    The same interface as :class:`BagWriter`, in another process: ``process`` of :func:`launch_writer`, or a new one.
+    Interface of :class:`BagWriter` to a writer in another process: ``process`` of :func:`launch_writer`, or a new one.
 
     Raises
     ------
     WriterError
-        From any method, when the writing process has failed; carries its error text.
+        From any method, if the writing process has failed; the text is its error message.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class WriterProcess:
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         os.set_blocking(self._pipe.fileno(), False)
-        with contextlib.suppress(OSError):  # a user with many pipes may not have one more of this size
+        with contextlib.suppress(OSError):  # a user with many pipes may have exceeded the limit
             fcntl.fcntl(self._pipe.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
         self._topics: list[int] = []
         self._stamps: list[int] = []
@@ -96,18 +96,18 @@ class WriterProcess:
             'options': dataclasses.asdict(options),
         }
         self._send(json.dumps(opening).encode() + b'\n')
-        answer = self._process.stdout
-        assert answer is not None
-        if not select.select((answer,), (), (), OPEN_TIMEOUT)[0]:
+        replies = self._process.stdout
+        assert replies is not None
+        if not select.select((replies,), (), (), OPEN_TIMEOUT)[0]:
             self._process.kill()
             self._fault = f'the bag writer did not open the bag within {OPEN_TIMEOUT:g} s'
             raise WriterError(self._fault)
-        if answer.readline() != b'open\n':
+        if replies.readline() != b'open\n':
             self._raise()
 
     def write(self, topics: Sequence[int], stamps: Sequence[int], messages: Sequence[bytes | memoryview]) -> None:
         """Queue messages, and hand them over once there are enough for a batch."""
-        # Lists, which take a tick's numbers sooner than arrays do.
+        # For the few numbers of a tick, lists are faster than arrays.
         self._topics += topics
         self._stamps += stamps
         self._messages += messages
@@ -115,7 +115,7 @@ class WriterProcess:
             self._hand_over()
 
     def flush(self) -> None:
-        """Hand over what is queued: it survives the end of this process."""
+        """Hand over all queued messages, so that they survive the end of this process."""
         if self._messages:
             self._hand_over()
 
@@ -138,11 +138,11 @@ class WriterProcess:
         descriptor = self._pipe.fileno()
         left = memoryview(data)
         while left:
-            # A full pipe holds the loop back, but not for ever: a disk may hang, and nothing else here would end it.
+            # A full pipe blocks the loop only for a limited time, because the disk may hang.
             _, writable, _ = select.select((), (descriptor,), (), STALL_TIMEOUT)
             if not writable:
                 self._process.kill()
-                self._fault = f'the bag writer took nothing for {STALL_TIMEOUT:g} s'
+                self._fault = f'the bag writer accepted no data for {STALL_TIMEOUT:g} s'
                 raise WriterError(self._fault)
             try:
                 left = left[os.write(descriptor, left) :]
@@ -159,7 +159,7 @@ class WriterProcess:
         raise WriterError(self._fault)
 
     def close(self) -> None:
-        """Hand over what is queued, and wait until the bag is complete; what has failed before fails again."""
+        """Hand over all queued messages and wait until the bag is closed; raise an earlier failure again."""
         if self._fault:
             raise WriterError(self._fault)
         if self._messages:
@@ -178,7 +178,7 @@ class WriterProcess:
 
 
 def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:
-    """Write batches until the closing mark (return True) or until the pipe ends without one (return False)."""
+    """Write batches; return True at the closing mark, False if the pipe ends without it."""
     while True:
         head = pipe.read(_BATCH.size)
         if len(head) < _BATCH.size:
@@ -196,13 +196,13 @@ def _write_batches(pipe: BinaryIO, writer: BagWriter) -> bool:
 
 
 def main() -> int:
-    """Read the opening line and the batches from standard input; the exit code is 0 for a properly closed bag."""
-    # Ctrl-C reaches the whole foreground group; this process ends with its pipe, after everything is written.
+    """Read the opening line and the batches from standard input; return 0 for a properly closed bag."""
+    # Ctrl-C reaches the whole foreground group. This process exits when its pipe ends and all data are written.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     pipe = sys.stdin.buffer
     line = pipe.readline()
-    if not line:  # the run never began
+    if not line:  # the run was never started
         return 2
     opening = json.loads(line)
     try:

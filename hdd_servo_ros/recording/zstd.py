@@ -1,12 +1,12 @@
-"""Zstandard, by the library that `rosbags` depends on for it; imported only where a bag is compressed."""
+"""Zstandard, with the library that `rosbags` depends on; imported only for compressed bags."""
 
 from types import ModuleType
 from typing import Any
 
 LEVEL = 3
-"""Compression level, the library's own default."""
+"""Compression level, the default of the library."""
 _PIECE = 4096
-"""Bytes of a frame that are decompressed at once where the frame may be damaged."""
+"""Number of bytes decompressed at once from a frame that may be damaged."""
 
 
 def require_zstd() -> None:
@@ -23,30 +23,30 @@ def _library() -> ModuleType:
 
 
 def compress(data: Any) -> bytes:
-    """Return the bytes of a buffer as one Zstandard frame."""
+    """Return the content of a buffer as one Zstandard frame."""
     frame: bytes = _library().compress(data, level=LEVEL)
     return frame
 
 
 def decompress(frame: Any) -> bytes:
     """
-    Return the content of a whole frame.
+    Return the content of a complete frame.
 
     Raises
     ------
     ValueError
-        If it is damaged or cut off.
+        If the frame is damaged or truncated.
     """
     library = _library()
     try:
         content: bytes = library.decompress(frame)
     except library.ZstdError as error:
-        raise ValueError(f'not a whole Zstandard frame: {error}') from None
+        raise ValueError(f'invalid Zstandard frame: {error}') from None
     return content
 
 
 def decompress_beginning(frame: Any) -> bytes:
-    """Return the content of the first complete blocks of a frame that may be cut off or damaged."""
+    """Return the content of the first complete blocks of a frame that may be truncated or damaged."""
     library = _library()
     decompressor = library.ZstdDecompressor()
     content = b''

@@ -118,7 +118,7 @@ class Recording:
         """Reject nodes whose names a replay cannot restore, because they would run with default parameters."""
         own = set(NODES)
         if 'controller_class' in self.metadata:
-            # The name of a custom controller is known only after loading its class; it is the node that publishes /control.
+            # The name of a custom controller, the node that publishes /control, is known only after loading its class.
             own |= {self.kinds[name] for name, node in self.nodes.items() if self._topics['control'] in node['outputs']}
         for name in self.nodes:
             if self.kinds[name] not in own:
@@ -272,7 +272,8 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='replay',
-        description='Replay a recorded run from its run.yaml and the parameter changes in its bag, and compare the two byte by byte.',
+        description='Replay a recorded run from its run.yaml and the parameter changes in its bag, and compare the '
+        'results byte by byte.',
         epilog='Exit code: 0 bit-identical, 1 different, 2 wrong arguments, 3 the run cannot be read or replayed.',
     )
     parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')

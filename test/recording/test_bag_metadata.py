@@ -41,23 +41,23 @@ def change(run, keys, value):
 
 TOPIC = ('topics_with_message_count', 2)
 WRONG = [
-    (('storage_identifier',), ['mcap'], r"storage_identifier is \['mcap'\], and is to be a text"),
+    (('storage_identifier',), ['mcap'], r"storage_identifier is \['mcap'\]; expected a string"),
     (('storage_identifier',), None, 'storage_identifier is missing'),
-    (('compression_mode',), 7, 'compression_mode is 7, and is to be a text'),
-    (('relative_file_paths',), 'bag.mcap', "relative_file_paths is 'bag.mcap', and is to be a list"),
-    (('relative_file_paths',), [3], 'relative_file_paths is 3, and is to be a text'),
-    (('topics_with_message_count',), {'a': 1}, 'and is to be a list'),
-    (TOPIC, '/head', r"topics_with_message_count\[2\] is '/head', and is to be a mapping"),
-    ((*TOPIC, 'message_count'), '201', r"\[2\].message_count is '201', and is to be an integer"),
+    (('compression_mode',), 7, 'compression_mode is 7; expected a string'),
+    (('relative_file_paths',), 'bag.mcap', "relative_file_paths is 'bag.mcap'; expected a list"),
+    (('relative_file_paths',), [3], 'relative_file_paths is 3; expected a string'),
+    (('topics_with_message_count',), {'a': 1}, '; expected a list'),
+    (TOPIC, '/head', r"topics_with_message_count\[2\] is '/head'; expected a mapping"),
+    ((*TOPIC, 'message_count'), '201', r"\[2\].message_count is '201'; expected a non-negative integer"),
     ((*TOPIC, 'message_count'), True, 'message_count is True'),
     ((*TOPIC, 'message_count'), -1, 'message_count is -1'),
     ((*TOPIC, 'message_count'), 2.5, 'message_count is 2.5'),
     ((*TOPIC, 'topic_metadata'), [], 'topic_metadata is'),
-    ((*TOPIC, 'topic_metadata', 'name'), 5, 'topic_metadata.name is 5, and is to be a text'),
+    ((*TOPIC, 'topic_metadata', 'name'), 5, 'topic_metadata.name is 5; expected a string'),
     ((*TOPIC, 'topic_metadata', 'type'), ['x'], 'topic_metadata.type is'),
     (('custom_data',), ['x'], 'custom_data is'),
-    (('custom_data', 'frame_id'), ['x'], r"custom_data.'frame_id' is \['x'\], and is to be a text"),
-    (('custom_data', 'sample_time'), 'short', "custom_data.sample_time is 'short', and is to be a time"),
+    (('custom_data', 'frame_id'), ['x'], r"custom_data.'frame_id' is \['x'\]; expected a string"),
+    (('custom_data', 'sample_time'), 'short', "custom_data.sample_time is 'short'; expected a time"),
     (('custom_data', 'sample_time'), '-1.0', 'custom_data.sample_time is'),
 ]
 

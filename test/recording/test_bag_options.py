@@ -140,7 +140,10 @@ def test_a_crash_of_a_run_of_some_topics(runs, tmp_path):
             'bag_recorder:max_bag_duration: -1.0; expected a finite number at least 0 [s]',
         ),
         (('topics:=[heads]',), "bag_recorder:topics: ('heads',); expected a list, each element one of clock, ref"),
-        (('topics:=[disturbance]',), "bag_recorder:topics: ('disturbance',); expected topics of this run: clock, ref"),
+        (
+            ('topics:=[disturbance]',),
+            "bag_recorder:topics: ('disturbance',); expected names of topics of this run: clock, ref",
+        ),
     ],
 )
 def test_what_is_rejected(tmp_path, capsys, arguments, reason):

@@ -101,9 +101,9 @@ def test_the_other_process_writes_the_same_bytes(tmp_path):
 
 def test_nothing_is_overwritten(tmp_path):
     write(BagWriter, tmp_path / 'bag')
-    with pytest.raises(FileExistsError, match='exists already'):
+    with pytest.raises(FileExistsError, match='already exists'):
         BagWriter(tmp_path / 'bag', 'mcap', TOPICS, {})
-    with pytest.raises(RuntimeError, match='exists already'):
+    with pytest.raises(RuntimeError, match='already exists'):
         WriterProcess(tmp_path / 'bag', 'mcap', TOPICS, {})
 
 

@@ -148,7 +148,9 @@ def test_run_yaml_has_its_room_from_the_start(small_disk):
 def test_run_yaml_that_cannot_be_written_is_reported(tmp_path, monkeypatch):
     folder = RunFolder(tmp_path / 'run', {'nodes': {}})
     monkeypatch.setattr(os, 'fsync', fail)
-    with pytest.raises(OSError, match=r'run/run\.yaml still says running, for it cannot be written: No space left'):
+    with pytest.raises(
+        OSError, match=r'run/run\.yaml cannot be written, so its status is still running: No space left'
+    ):
         folder.close('finished', '', 7)
     assert read_run_yaml(tmp_path / 'run')['status'] == 'running'
 

@@ -185,11 +185,11 @@ def longer_frame(topic, number, payload):
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
-        (longer, '/head: message 3 has 60 bytes, and a geometry_msgs/msg/Vector3Stamped of its content has 52'),
+        (longer, '/head: message 3 has 60 bytes; expected 52 for a geometry_msgs/msg/Vector3Stamped'),
         (shorter, '/head: message 3 has 44 bytes'),
         (big_endian, '/head: message 3 is big-endian; only little-endian CDR'),
         (other_encoding, '/head: message 3 is of encapsulation 0x0007'),
-        (renamed, '/estimates: message 3 is laid out in another way than the first'),
+        (renamed, '/estimates: message 3 has another layout than the first'),
         (no_names, '/estimates: '),
         (tiny, '/control: message 3 has 3 bytes, too few for CDR'),
         (longer_frame, '/head: message 3 has 52 bytes'),

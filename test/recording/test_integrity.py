@@ -70,7 +70,9 @@ def test_any_changed_byte_of_an_mcap_file_is_found_on_opening(runs, tmp_path, ki
     assert check_mcap(file_of(run))
     for offset, changed in flips(content, 1):
         file_of(run).write_bytes(changed)
-        with pytest.raises(BagError, match=r'checksum is wrong|does not begin and end|the footer says|does not end'):
+        with pytest.raises(
+            BagError, match=r'checksum is wrong|does not begin and end|invalid summary offset|does not end'
+        ):
             Run.open(run)
         assert Recovery(run).finding.faults, offset
 
@@ -138,7 +140,7 @@ def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, c
     run = copy_of(runs['sqlite3'], tmp_path / 'run')
     without_checksums(run)
     change_value(run, topic)
-    with pytest.raises(BagError, match=f'/{topic} is damaged: its messages are not those that were written'):
+    with pytest.raises(BagError, match=f'/{topic} is damaged: the messages do not match their checksum'):
         Run.open(run)[topic]
     assert report([str(run), '--output', str(tmp_path / 'out')]) == 3
     before = sorted(path.name for path in run.iterdir())
@@ -237,7 +239,7 @@ def without_topic(run, name):
 def test_a_topic_missing_in_the_metadata_is_brought_back(runs, tmp_path, kind):
     run = copy_of(runs[kind], tmp_path / 'run')
     without_topic(run, '/control')
-    with pytest.raises(BagError, match='run.yaml lists /control, but metadata.yaml of the bag does not'):
+    with pytest.raises(BagError, match=r'run\.yaml lists /control, but metadata\.yaml of the bag does not'):
         Run.open(run)
     assert recover([str(run)]) == 0
     assert first_difference(runs[kind], run) is None

@@ -136,7 +136,7 @@ def test_a_changed_value_is_found_as_a_long_sqlite3_bag_is_read(tmp_path, long):
         (number, data), *_ = connection.execute('SELECT id, data FROM messages ORDER BY id DESC LIMIT 1')
         connection.execute('UPDATE messages SET data = ? WHERE id = ?', (data[:-1] + bytes([data[-1] ^ 1]), number))
         connection.commit()
-    with pytest.raises(BagError, match='not those that were written'):
+    with pytest.raises(BagError, match='do not match their checksum'):
         RecordedRun.open(run).verify()
 
 

@@ -427,5 +427,5 @@ def test_what_is_written_is_in_the_file_chunk_by_chunk(tmp_path):
 
 def test_numbers_of_messages_that_differ(tmp_path):
     writer = BagWriter(tmp_path / 'bag', 'mcap', TOPICS, {})
-    with pytest.raises(ValueError, match='1 topics and 2 stamps of 1 messages'):
+    with pytest.raises(ValueError, match='1 topics and 2 stamps for 1 messages'):
         writer.write([0], [1, 2], [b'abc'])

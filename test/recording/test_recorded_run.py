@@ -343,9 +343,7 @@ def test_a_run_whose_bag_was_not_closed_names_its_cure(tmp_path):
     (tmp_path / 'bag').mkdir()
     (tmp_path / 'run.yaml').write_text(yaml.safe_dump({'status': 'failed', 'topics': {}}))
     (tmp_path / 'bag' / 'bag.mcap').write_bytes(b'')
-    with pytest.raises(
-        FileNotFoundError, match=f'{tmp_path}: its bag was not closed: .*; `recover {tmp_path}` repairs'
-    ):
+    with pytest.raises(FileNotFoundError, match=f'{tmp_path}: the bag was not closed .*; `recover {tmp_path}` repairs'):
         Run.open(tmp_path)
 
 

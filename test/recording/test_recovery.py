@@ -18,8 +18,8 @@ from hdd_servo_ros.recording.bag_writer import BagWriter
 from hdd_servo_ros.recording.compare_bags import first_difference
 from hdd_servo_ros.recording.recovery import Recovery, RecoveryError
 from hdd_servo_ros.recording.run_folder import read_run_yaml
-from hdd_servo_ros.recording.sqlite_checksums import BLOCK_TICKS
 from hdd_servo_ros.recording.salvage import salvage
+from hdd_servo_ros.recording.sqlite_checksums import BLOCK_TICKS
 from hdd_servo_ros.simulation.simulate import main as simulate
 from hdd_servo_ros.tools.recover import main as recover
 from hdd_servo_ros.tools.replay import main as replay
@@ -290,7 +290,7 @@ def test_random_bytes_are_no_bag(tmp_path):
 @pytest.mark.parametrize(
     ('change', 'fault'),
     [
-        ({'status': 'frob'}, "run.yaml: status is 'frob', none of running, finished"),
+        ({'status': 'frob'}, "run.yaml: status is 'frob'; expected one of running, finished"),
         ({}, 'run.yaml has no status'),
         ({'status': 'running'}, 'status in run.yaml is still running'),
     ],

@@ -153,9 +153,9 @@ def test_missing_and_different_messages_are_found(shaken, tmp_path):
     ('recorded', 'arguments', 'reason'),
     [
         ('nowhere', (), "recorded_run: 'nowhere'; expected a recorded run: nowhere is neither"),
-        ('plain', (), "recorded_run: 'plain'; expected a run that holds one of /disturbance"),
-        ('shaken', ('-p', 'duration:=0.04'), 'a run that holds the ticks 0 to 400; that one holds 0 to 300'),
-        ('shaken', ('-p', 'deterministic_timer:sample_time:=5.0e-5'), 'that one has 0.0001 s'),
+        ('plain', (), "recorded_run: 'plain'; expected a run that contains one of /disturbance"),
+        ('shaken', ('-p', 'duration:=0.04'), 'a run with ticks 0 to 400, but this run has 0 to 300'),
+        ('shaken', ('-p', 'deterministic_timer:sample_time:=5.0e-5'), 'but this run has 0.0001 s'),
     ],
 )
 def test_a_run_that_cannot_be_played_back(shaken, tmp_path, monkeypatch, capsys, recorded, arguments, reason):

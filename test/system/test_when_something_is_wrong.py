@@ -99,7 +99,7 @@ def test_a_writer_that_takes_nothing_ends_the_run(bench):
     (writer,) = Path(f'/proc/{process.popen.pid}/task/{process.popen.pid}/children').read_text().split()
     os.kill(int(writer), signal.SIGSTOP)
     assert process.wait() == 1
-    assert 'the bag writer took nothing for' in process.output
+    assert 'the bag writer accepted no data for' in process.output
     assert bench.run_yaml('run')['status'] == 'failed'
 
 
