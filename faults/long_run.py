@@ -93,7 +93,7 @@ class _Recordings:
         for name, ticks in ((left, left_ticks), (right, right_ticks)):
             last_tick = read_run_yaml(self._folder / name)['last_tick']
             if last_tick != ticks:
-                self.faults.append(Fault(WRONG, f'{name}: last tick {last_tick}, not {ticks}'))
+                self.faults.append(Fault(WRONG, f'{name}: last tick {last_tick}, expected {ticks}'))
         difference = first_difference(self._folder / right, self._folder / left, right_ticks)
         if difference is not None:
             self.faults.append(Fault(WRONG, f'{left} and {right} differ: {difference}'))

@@ -84,7 +84,7 @@ def allocate(file: int, start: int, size: int) -> None:
 
 def write_durably(path: Path, text: str, temporary: Path) -> None:
     """
-    Write a text file that contains either the old or the new text after a crash or a power failure.
+    Write a file so that it contains either the old or the new text after a crash or a power failure.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ class McapWriter:
 
     @property
     def times(self) -> tuple[int, int] | None:
-        """First and last log time [ns]; None if there is no message."""
+        """First and last log time [ns]; None without messages."""
         first, last = self._chunk.times
         return (min(self._first, first), max(self._last, last)) if self._counts.any() else None
 

@@ -77,7 +77,7 @@ class RecordedRun(Signals):
         Raises
         ------
         FileNotFoundError
-            If there is no closed bag.
+            If a closed bag does not exist.
         BagError
             If the bag cannot be read, is damaged, contradicts ``run.yaml``, or contains the same topic in several
             namespaces and none is given.
@@ -391,7 +391,7 @@ class RecordedRun(Signals):
         Raises
         ------
         BagError
-            If there are no ticks, a stamp does not fall on a tick, or the stamps of a topic go back or repeat, as in a
+            If no tick exists, a stamp does not fall on a tick, or the stamps of a topic go back or repeat, as in a
             bag that contains several runs.
         """
         present = [name for name, count in self.counts.items() if count]

@@ -138,7 +138,7 @@ class RunFolder:
         reason
             Reason in one line; empty for a finished run.
         last_tick
-            Last tick that the bag contains on every loop topic; -1 if there is none.
+            Last tick that the bag contains on every loop topic; -1 if no tick is complete.
         measured
             Further entries, such as the wall time.
 

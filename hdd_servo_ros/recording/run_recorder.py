@@ -226,7 +226,7 @@ class RunRecorder:
                 self._writer.flush()
 
     def _last_tick_on_disk(self) -> int:
-        """Return the last complete tick in the bag after a writer failure; -1 if there is none."""
+        """Return the last complete tick in the bag after a writer failure; -1 if no tick is complete."""
         from hdd_servo_ros.recording.salvage import last_tick_of
 
         step = sample_time_to_nanoseconds(self._sample_time)
