@@ -121,7 +121,7 @@ def last_tick_of(bag: Path, topics: Sequence[str], step: int) -> int:
     Parameters
     ----------
     bag
-        The bag's folder.
+        Directory of the bag.
     topics, step
         See :func:`complete_ticks`.
 
@@ -170,11 +170,11 @@ class _McapSalvage:
         Parameters
         ----------
         data
-            The records: those of the file, or of a chunk.
+            Records of the file or of a chunk.
         first
-            The byte of the file at which they begin.
+            Byte of the file at which they begin.
         in_chunk
-            Whether they are those of a chunk.
+            Whether the records are those of a chunk.
         """
         offset = 0
         while offset < len(data):
@@ -416,15 +416,12 @@ class _SqliteSalvage:
             for part in parts:
                 check.add([row for row in part if is_message(*row[2:])])
         check.finish()
-        if check.wrong:
-            blocks = f'{len(check.wrong)} block{"s" if len(check.wrong) > 1 else ""}'
-            first, last = check.wrong[0][0], check.wrong[-1][1]
-            where = (
-                f'{blocks} of messages, rows {first} to {last}'
-                if len(check.wrong) == 1
-                else (f'{blocks} of messages between rows {first} and {last}')
-            )
-            self._faults.append(f'{where}, do not match their checksums and are left out')
+        if len(check.wrong) == 1:
+            first, last = check.wrong[0]
+            self._faults.append(f'rows {first} to {last} do not match their checksum and are left out')
+        elif check.wrong:
+            blocks = f'{len(check.wrong)} blocks between rows {check.wrong[0][0]} and {check.wrong[-1][1]}'
+            self._faults.append(f'{blocks} do not match their checksums and are left out')
         return check.wrong
 
     def _closing_digests(self) -> tuple[tuple[int, int], ...] | None:

@@ -33,7 +33,7 @@ _PIPE_SIZE = 2**19
 """Pipe size for several batches [bytes]; the default of 64 KiB is half a batch and would block the loop each time."""
 BATCH_MESSAGES = 1024
 _BATCH_TICKS = 256
-"""Largest number of ticks that are handed over at once."""
+"""Largest number of ticks per batch, which limits a batch if a tick has few messages."""
 STALL_TIMEOUT = 4.0
 """Time for which the pipe may stay full before the run fails [s]."""
 OPEN_TIMEOUT = 60.0
