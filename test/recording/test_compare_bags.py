@@ -108,7 +108,7 @@ def test_signals(tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'match'),
     [
-        ({'leave_out': 'ldv'}, 'holds no topic ldv'),
+        ({'leave_out': 'ldv'}, 'does not contain topic ldv'),
         ({'count': 0}, 'contains no tick'),
         (
             {'changes': {('/ldv', 4): VECTOR.pack(TICKS.stamp(3), 4.0, 2.0, 3.0)}},

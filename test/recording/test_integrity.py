@@ -149,7 +149,7 @@ def test_a_changed_value_in_an_sqlite3_file_is_rejected_by_all(runs, tmp_path, c
 
 
 @pytest.mark.parametrize('topic', ['clock', 'control', 'estimates'])
-@pytest.mark.parametrize('lost', ['', 'last_id < 100', 'last_id BETWEEN 3000 AND 4000', 'last_id > 5000'])
+@pytest.mark.parametrize('lost', ['', 'last_id < 100', 'last_id BETWEEN 2000 AND 3500', 'last_id > 5000'])
 def test_the_messages_before_a_changed_value_are_recovered(runs, tmp_path, capsys, topic, lost):
     """Checkpoints that are lost elsewhere cost nothing."""
     whole = runs['sqlite3']
