@@ -187,7 +187,7 @@ def longer_frame(topic, number, payload):
     [
         (longer, '/head: message 3 has 60 bytes; expected 52 for a geometry_msgs/msg/Vector3Stamped'),
         (shorter, '/head: message 3 has 44 bytes'),
-        (big_endian, '/head: message 3 is big-endian; only little-endian CDR'),
+        (big_endian, '/head: message 3 is big-endian; expected little-endian CDR'),
         (other_encoding, '/head: message 3 is of encapsulation 0x0007'),
         (renamed, '/estimates: message 3 has another layout than the first'),
         (no_names, '/estimates: '),

@@ -117,7 +117,12 @@ def test_checking_a_long_run_reads_no_topic_of_the_loop_as_a_whole(run, long, mo
     """As `recover` checks it: the bag alone, whose time of tick 0 is not known from run.yaml."""
     read = []
     column = Bag.column
-    monkeypatch.setattr(Bag, 'column', lambda self, topic: read.append(topic) or column(self, topic))
+
+    def noted(self, topic):
+        read.append(topic)
+        return column(self, topic)
+
+    monkeypatch.setattr(Bag, 'column', noted)
     RecordedRun.open_bag(run / 'bag').verify()
     assert read == ['/parameter_events']
 
