@@ -114,9 +114,9 @@ def test_a_parameter_that_there_is_not(directory, arguments, match):
 
 
 def test_a_topic_that_there_is_not(directory):
-    with pytest.raises(KeyError, match='holds no topic disturbance; it holds'):
+    with pytest.raises(KeyError, match='does not contain topic disturbance; it contains'):
         Run.open(directory)['disturbance']
-    with pytest.raises(KeyError, match='holds no topic /tf'):
+    with pytest.raises(KeyError, match='does not contain topic /tf'):
         Run.open(directory).messages('/tf')
     assert 'disturbance' not in Run.open(directory)
 
