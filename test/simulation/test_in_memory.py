@@ -76,7 +76,7 @@ def test_it_has_no_messages():
     run = run_in_memory(
         Simulation(parse_ros_arguments(['--ros-args', '-p', 'duration:=0.01', '-p', 'controller:=pid']))
     )
-    with pytest.raises(KeyError, match='no topic pes'):
+    with pytest.raises(KeyError, match='not contain topic pes'):
         run['pes']
     with pytest.raises(BagError, match='run in memory: the bag does not contain topic head'):
         run.column('head')

@@ -124,7 +124,7 @@ def test_a_live_tuning_session_is_replayed(bench):
     code, text = replay(bench, 'run', '--without-ros')
     assert code == 1, text
     assert 'different: control differs first at tick' in text
-    assert 'numpy: recorded with 0.1, here' in text
+    assert 'numpy: recorded with 0.1, now' in text
 
 
 def test_what_cannot_be_replayed(bench):
