@@ -151,7 +151,7 @@ def test_help(example):
     for command in (['my_controller.py'], ['-m', 'hdd_servo_ros.nodes.outside_controller', PATH]):
         answer = example.python(*command, '--help')
         assert answer.returncode == 0, answer.stderr
-        assert 'State feedback with a feedforward' in answer.stdout
+        assert 'State feedback with feedforward' in answer.stdout
         assert 'spring (default 0.0)' in answer.stdout
         assert 'at least 0 and at most 0.1 [V/um]' in answer.stdout
         assert example.python(*command, '--nonsense').returncode == 2
