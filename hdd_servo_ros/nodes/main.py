@@ -1,5 +1,6 @@
-"""What every node's ``main`` does: arguments, a context, the lockstep, an exit code."""
+"""Body of the ``main`` function of every node: arguments, ROS context, lockstep and exit code."""
 
+import atexit
 import contextlib
 import dataclasses
 import os
@@ -15,6 +16,7 @@ from hdd_servo_ros.graph.catalog import names_with_parameters
 from hdd_servo_ros.graph.help import COMPILING, parse_help
 from hdd_servo_ros.graph.known_parameters import reject_unknown
 from hdd_servo_ros.graph.known_sections import doubtful_sections
+from hdd_servo_ros.messages.exit_codes import FAILED as FAILED_CODE
 from hdd_servo_ros.messages.exit_codes import guard, one_line
 from hdd_servo_ros.messages.outcome import FAILED, Outcome, failed
 from hdd_servo_ros.numerics.kernel_folder import first_compilation
@@ -22,6 +24,7 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.parameters.files import ArgumentError, RosArguments, parse_ros_arguments, with_node
 from hdd_servo_ros.parameters.run_parameters import TimerParameters
 from hdd_servo_ros.parameters.schedule import reject_unknown_nodes
+from hdd_servo_ros.ros.exit_deadline import SHUTDOWN_TIMEOUT, exit_deadline, start_deadline
 from hdd_servo_ros.ros.lockstep import SIGNALS, Lockstep
 from hdd_servo_ros.ros.log_folder import find_log_folder
 from hdd_servo_ros.ros.loop_node import LoopNode
@@ -75,8 +78,12 @@ class Composition:
 
 
 def run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None = None) -> int:
-    """Run several loop nodes in this process; ``make`` gets the command line. See :func:`run_node`."""
-    return guard(name, lambda: _run_nodes(name, make, arguments))
+    """Run several loop nodes in this process; ``make`` receives the command line. See :func:`run_node`."""
+    exit_code = guard(name, lambda: _run_nodes(name, make, arguments))
+    if arguments is None:
+        # Python and Fast DDS destroy the remaining nodes while the process exits.
+        atexit.register(start_deadline, SHUTDOWN_TIMEOUT, exit_code)
+    return exit_code
 
 
 def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments: Sequence[str] | None) -> int:
@@ -98,6 +105,7 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
     if first_compilation():
         print(f'{name}: {COMPILING}', file=sys.stderr, flush=True)
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    exit_code = FAILED_CODE
     try:
         lookout = None if keeps_to_this_machine(os.environ) else Lookout()
         with given.naming_files():
@@ -115,14 +123,17 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
             _check_schedule(nodes)
         for doubt in doubtful_sections(given):
             print(f'{name}: warning: {doubt}', file=sys.stderr, flush=True)
-        return _run(composition, lookout)
-    except KeyboardInterrupt:  # before the lockstep listens to signals
-        return 128 + signal.SIGINT
+        exit_code = _run(composition, lookout)
+    except KeyboardInterrupt:  # before the lockstep handles signals
+        exit_code = 128 + signal.SIGINT
     finally:
-        rclpy.utilities.try_shutdown()
+        # A caller in this process, such as a replay, still has work to do: its exit code must not be 0.
+        with exit_deadline(exit_code if arguments is None else exit_code or FAILED_CODE):
+            rclpy.utilities.try_shutdown()
         for number, handler in handlers.items():
             if signal.getsignal(number) is not handler:
                 signal.signal(number, handler)
+    return exit_code
 
 
 def _run(composition: Composition, lookout: Lookout | None) -> int:
@@ -142,9 +153,10 @@ def _run(composition: Composition, lookout: Lookout | None) -> int:
                 return _leave(nodes, failed(why_not))
         outcome = Lockstep(nodes, composition.others, intra_process=composition.intra_process).run()
     if outcome.status == FAILED:
-        # Others may go on: they shall not have to wait until DDS finds out that this process is gone.
-        for node in nodes:
-            node.destroy_node()
+        # Other processes may continue: without this, DDS would remember the endpoints until their lease expires.
+        with exit_deadline(outcome.exit_code):
+            for node in nodes:
+                node.destroy_node()
     return outcome.exit_code
 
 

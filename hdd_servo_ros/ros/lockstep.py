@@ -22,9 +22,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 from hdd_servo_ros.messages.errors import RunError, StopRequest
+from hdd_servo_ros.messages.exit_codes import FAILED
 from hdd_servo_ros.messages.outcome import FINISHED_OUTCOME, Outcome, failed, interrupted
 from hdd_servo_ros.ros.diagnostics import DiagnosticsPublisher
 from hdd_servo_ros.ros.ending import Ending
+from hdd_servo_ros.ros.exit_deadline import exit_deadline
 from hdd_servo_ros.ros.gathering import Gathering
 from hdd_servo_ros.ros.intra_process import IntraProcess
 from hdd_servo_ros.ros.loop_node import LoopNode
@@ -120,7 +122,8 @@ class Lockstep:
         with contextlib.suppress(Exception):
             self._serve()
         # The others first: they stop waiting while this process closes its bag.
-        self._ending.announce_outcome(outcome)
+        with exit_deadline(outcome.exit_code or FAILED):
+            self._ending.announce_outcome(outcome)
         self._member.ignored.report()
         for node in self._nodes:
             try:
