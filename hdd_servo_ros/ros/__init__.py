@@ -1,1 +1,1 @@
-"""The lockstep over rclpy: nodes, handshake, executor; knows topics and ticks, no physics."""
+"""Lockstep over rclpy: nodes, start and end of a run, supervision; independent of the physics."""

@@ -1,7 +1,7 @@
 """
-What a process of a run announces on the topic ``lockstep`` (``std_msgs/String`` holding JSON).
+Announcements of the processes of a run on the topic ``lockstep`` (``std_msgs/String`` holding JSON).
 
-Several times a second it announces who it is, what state it is in and how far its nodes are. States of a process::
+Several times per second, each process announces its identity, its state and the progress of its nodes. States::
 
     waiting -> ready -> running -> done -> finished
         any of these -> failed, interrupted
@@ -67,16 +67,16 @@ class AnnouncementError(ValueError):
 @dataclasses.dataclass(frozen=True)
 class TimerAnnouncement:
     """
-    What the timer's process announces of the run to come.
+    Announcement of the coming run by the process of the timer.
 
     Attributes
     ----------
     sample_time
         T [s].
     last_tick
-        N as far as the timer's own parameters say it.
+        N according to the parameters of the timer.
     rate
-        Pace as a multiple of real time, 0 for as fast as the graph goes.
+        Pace as a multiple of real time; 0 for as fast as possible.
     schedule
         The timer's parameter of that name; None once the run has started.
     """
@@ -90,30 +90,30 @@ class TimerAnnouncement:
 @dataclasses.dataclass(frozen=True)
 class Announcement:
     """
-    One announcement of a process; what is None is left out of the JSON, whose keys are the attributes.
+    Announcement of a process. The keys of the JSON object are the attributes; null values are omitted.
 
     Attributes
     ----------
     process
         Identifier of the process.
     state
-        Its state: one of this module's, or the status of an outcome.
+        Its state: a state of this module, or the status of an outcome.
     reason
-        Why it ended.
+        Reason of its end.
     ticks
         The next tick of each of its nodes, by full name.
     changes
-        How often parameters of each of its nodes were changed after tick 0, by full name.
+        Number of parameter changes of each of its nodes after tick 0, by full name.
     nodes
-        Metadata of its nodes, by full name; until the run has started. By them a process shows that it may take part.
-    hears
-        Identifiers of the processes whose announcements it has received; until the run has started.
+        Metadata of its nodes, by full name, until the run has started. A process must announce nodes to participate.
+    receives
+        Identifiers of the processes whose announcements it has received, until the run has started.
     directory
-        Directory of the run, from the process that records it.
+        Directory of the run; only from the process that records it.
     timer
-        From the timer's process.
+        Only from the process of the timer.
     run
-        The fields of the :class:`RunPlan`; from the timer's process, while it is running.
+        The fields of the :class:`RunPlan`; only from the process of the timer, while it is running.
     """
 
     process: str = checked(string)
@@ -122,13 +122,13 @@ class Announcement:
     ticks: dict[str, int] = checked(mapping(count), default_factory=dict)
     changes: dict[str, int] = checked(mapping(count), default_factory=dict)
     nodes: dict[str, dict[str, Any]] | None = checked(mapping(_NODE), default=None)
-    hears: list[str] | None = checked(sequence(string), default=None)
+    receives: list[str] | None = checked(sequence(string), default=None)
     directory: str | None = checked(string, default=None)
     timer: TimerAnnouncement | None = checked(instance(TimerAnnouncement), default=None)
     run: dict[str, Any] | None = checked(_RUN, default=None)
 
     def encode(self) -> str:
-        """Return it as JSON."""
+        """Return the announcement as JSON."""
         content = _without_none(vars(self))
         if self.timer is not None:
             content['timer'] = _without_none(vars(self.timer))
@@ -137,12 +137,12 @@ class Announcement:
 
 def decode(text: str) -> Announcement:
     """
-    Return the announcement of a JSON text; keys that it does not know are ignored.
+    Return the announcement in a JSON string; unknown keys are ignored.
 
     Raises
     ------
     AnnouncementError
-        If the text is not an announcement.
+        If the string is not an announcement.
     """
     try:
         return parse(Announcement, text)

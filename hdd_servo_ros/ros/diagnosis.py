@@ -1,4 +1,4 @@
-"""One diagnosis of a node, as a value."""
+"""Diagnosis of a node."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -20,9 +20,9 @@ class Diagnosis:
     level
         ``OK``, ``WARN`` or ``ERROR``.
     message
-        In a few words.
+        Short message.
     values
-        Values that support it, by name with unit.
+        Supporting values, by name with unit.
     """
 
     what: str

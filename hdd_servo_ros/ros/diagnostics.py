@@ -1,4 +1,4 @@
-"""Diagnostics of the loop's nodes on `/diagnostics`, once a second of wall time, from the housekeeping."""
+"""Diagnostics of the loop nodes on `/diagnostics`, published once per second of wall time by the housekeeping."""
 
 import time
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ PERIOD = 1.0
 
 class DiagnosticsPublisher:
     """
-    Publisher of the diagnoses of a process's nodes; it publishes only while `/diagnostics` has a subscriber.
+    Publisher of the diagnoses of the nodes of a process; it publishes only while `/diagnostics` has a subscriber.
 
     Parameters
     ----------
     nodes
-        The nodes; the first one lends its publisher.
+        The nodes; the first one owns the publisher.
     """
 
     def __init__(self, nodes: Sequence[LoopNode]) -> None:
         self._nodes = nodes
-        # Absolute, as every diagnostics tool expects it.
+        # Absolute, as diagnostics tools expect it.
         self._publisher = nodes[0].create_publisher(DiagnosticArray, '/diagnostics', 10)
         # The values describe the node; the header stamp is wall time, so that viewers show when they were reported.
         self._clock = Clock(clock_type=ClockType.SYSTEM_TIME)
         self._due = time.monotonic()
 
     def publish_when_due(self) -> None:
-        """Publish, if a second has passed since the last time."""
+        """Publish if a second has passed since the last time."""
         now = time.monotonic()
         if now < self._due:
             return

@@ -1,4 +1,4 @@
-"""What this process has not discovered yet of the graph before a run, and what must not be in it."""
+"""Discovery of the graph before a run: missing nodes and conflicting publishers."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,12 +15,12 @@ from hdd_servo_ros.ros.publishers import UNDISCOVERED_NODE, publishers_of
 
 _EXTERNAL_AFTER = 5.0
 """
-How long a publisher may go unannounced before it counts as an external, ordinary ROS node that keeps to the stamps [s].
+Time after which an unannounced publisher counts as an external node, which must publish the stamp of each tick [s].
 
-DDS repeats a lost announcement after 3 s, so that one topic of a node may be known that much before another.
+DDS repeats a lost discovery message after 3 s; one topic of a node may be known that much earlier than another.
 """
 _LEASE = 25.0
-"""Longer than DDS remembers a participant that was killed: 20 s unless configured otherwise [s]."""
+"""Longer than the lease of a killed DDS participant: 20 s unless configured otherwise [s]."""
 
 NamedMetadata = Sequence[tuple[str, Mapping[str, Any]]]
 """Full names and metadata of nodes; a name may occur twice."""
@@ -28,7 +28,7 @@ NamedMetadata = Sequence[tuple[str, Mapping[str, Any]]]
 
 class Discovery:
     """
-    What this process still waits for before a run.
+    Missing nodes and topics for which this process waits before a run.
 
     Parameters
     ----------
@@ -43,13 +43,13 @@ class Discovery:
 
     def missing(self, now: float) -> Iterator[str]:
         """
-        Iterate over what is missing at a time of the monotonic clock [s].
+        Iterate over the missing nodes and topics at a time of the monotonic clock [s].
 
         Raises
         ------
         RunError
-            If the run cannot start: sample times differ, a topic has two publishers, or one is published beside the
-            topic that takes its place.
+            If the run cannot start: sample times differ, a topic has two publishers, or a topic is published together
+            with the topic that replaces it.
         """
         member = self._member
         timer = member.timer()
@@ -67,7 +67,7 @@ class Discovery:
                 if announced and port.subscription.get_publisher_count() == 0:
                     yield f'{announced[0]} (not yet discovered on {port.name})'
                 elif not announced and node.count_publishers(port.name):
-                    # One that does not introduce itself in time is no loop node, and only those are read here.
+                    # A node that does not announce itself in time is not a loop node; optional topics need one.
                     if self._is_external(port.name, now):
                         member.report_ignored_publisher(node, port.name)
                     else:
@@ -88,17 +88,17 @@ class Discovery:
         if port.subscription.get_publisher_count() == 0:
             yield f'{port.topic.writer} (nobody publishes {port.name})'
         elif announced:
-            # From now on it is not external, also while it is too busy to announce itself.
+            # From now on it is not external, even while it is too busy to announce itself.
             self._unannounced_since[port.name] = math.inf
         elif not self._is_external(port.name, now):
             yield f'the publisher of {port.name} to announce itself'
 
     def _unready(self) -> Iterator[str]:
         """
-        Iterate over what the timer waits for, including processes known only to others so far.
+        Iterate over the processes for which the timer waits, including those known only to others.
 
-        A process that does not know all others yet may be ready all the same, without having discovered their readers
-        of its topics: they would miss tick 0.
+        A process may be ready without knowing all others. It may then not have discovered all readers of its topics,
+        and those would not receive tick 0.
         """
         announcements = self._member.peers.announcements
         known = {self._member.identifier, *announcements}
@@ -106,15 +106,15 @@ class Discovery:
             names = ', '.join(announcement.nodes or ())
             if announcement.state != READY:
                 yield f'{names or process} to get ready'
-            unknown = set(announcement.hears or ()) - known
+            unknown = set(announcement.receives or ()) - known
             if unknown:
                 yield f'{len(unknown)} more processes known to {names}'
-            unheard = known - {process} - set(announcement.hears or ())
-            if unheard:
-                yield f'{names or process} to hear from {len(unheard)} more processes'
+            unreceived = known - {process} - set(announcement.receives or ())
+            if unreceived:
+                yield f'{names or process} to receive {len(unreceived)} more processes'
 
     def _is_external(self, topic: str, now: float) -> bool:
-        """Return whether a topic's publisher is external: it had time to announce itself and did not."""
+        """Return whether the publisher of a topic is external: it did not announce itself in time."""
         return now - self._unannounced_since.setdefault(topic, now) > _EXTERNAL_AFTER
 
     def _check_sample_time(self, sample_time: float) -> None:
@@ -125,46 +125,46 @@ class Discovery:
             if own not in (0.0, sample_time):
                 raise RunError(
                     f'{node.get_fully_qualified_name()}: invalid value for parameter sample_time: {own!r} s; expected '
-                    f'deterministic_timer has {sample_time!r} s'
+                    f'{sample_time!r} s, the sample time of deterministic_timer'
                 )
 
     def _second_publisher(self, node: LoopNode, topic: str, now: float) -> str:
         """
-        Judge a second publisher before the run: DDS remembers one that was killed until its lease has run out.
+        Check a second publisher before the run; DDS remembers a killed one until its lease expires.
 
         Returns
         -------
         str
-            What to wait for.
+            What this process waits for.
 
         Raises
         ------
         RunError
-            If two different nodes publish the topic, or one has done so for longer than any lease.
+            If two different nodes publish the topic, or the second publisher outlasts the lease.
         """
         names = publishers_of(node, topic)
         different = len(set(names.split(', '))) > 1 and UNDISCOVERED_NODE not in names
         if different or now - self._doubled_since.setdefault(topic, now) > _LEASE:
-            raise RunError(f'{topic}: 2 publishers, one is allowed: {names}')
+            raise RunError(f'{topic} has 2 publishers but must have exactly one: {names}')
         return f'one of two publishers of {topic} to disappear ({names})'
 
 
 def _announced_publishers(topic: str, known: NamedMetadata) -> list[str]:
-    """Return the names of the nodes that announce that they publish a topic; :class:`RunError` if there are several."""
+    """Return the names of the nodes that announce a topic as output; raises :class:`RunError` if there are several."""
     announced = [name for name, metadata in known if topic in metadata['outputs']]
     if len(announced) > 1:
-        raise RunError(f'{topic}: {len(announced)} publishers, one is allowed: {", ".join(announced)}')
+        raise RunError(f'{topic} has {len(announced)} publishers but must have exactly one: {", ".join(announced)}')
     return announced
 
 
 def _is_replaced(node: LoopNode, port: Input, known: NamedMetadata) -> bool:
-    """Return whether a node publishes what takes an input's place; :class:`RunError` if one publishes the input too."""
+    """Return whether the topic that replaces an input is published; :class:`RunError` if the input is published too."""
     for other in node.optional_inputs:
         if other.topic.name == port.topic.replaced_by:
             replacing, replaced = _announced_publishers(other.name, known), _announced_publishers(port.name, known)
             if replacing and replaced:
                 publishers = f'{other.name} is published by {replacing[0]} and {port.name} by {replaced[0]}'
-                raise RunError(f'{publishers}: a run has one of them')
+                raise RunError(f'{publishers}; a run must have only one of them')
             return bool(replacing)
     return False
 

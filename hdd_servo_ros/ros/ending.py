@@ -1,4 +1,4 @@
-"""After the last tick, or when the run cannot go on: end together with the other processes."""
+"""End of a run, after the last tick or a failure: end together with the other processes."""
 
 import time
 
@@ -10,7 +10,7 @@ from hdd_servo_ros.ros.member import PERIODS, Member
 
 _FINAL_ANNOUNCEMENTS = 5
 _ACKNOWLEDGED_WITHIN = Duration(nanoseconds=300_000_000)
-"""How long to wait until the final announcement has arrived; a peer that died never acknowledges it."""
+"""Longest wait for the final announcement to arrive; a dead peer never acknowledges it."""
 
 
 class Ending:
@@ -27,7 +27,7 @@ class Ending:
         self._member = member
 
     def final_changes(self) -> dict[str, int] | None:
-        """Return how often each node's parameters were changed; None while another process still runs."""
+        """Return the number of parameter changes of each node; None while another process is still running."""
         member = self._member
         assert member.run is not None
         if not member.others_are(DONE, FINISHED):
@@ -52,17 +52,17 @@ class Ending:
         return member.others_are(DONE, FINISHED)
 
     def announce_outcome(self, outcome: Outcome) -> None:
-        """Announce how the run ended for this process, and wait until the others have received it."""
+        """Announce the outcome of this process and wait until the others have received it."""
         member = self._member
         if outcome == FINISHED_OUTCOME:
             member.state = FINISHED
         elif member.outcome_of_peer is not None and member.run is not None:
-            return  # all processes of the run know already
+            return  # all processes of the run have received that end
         else:
             member.state = outcome.status
         member.announce(outcome.reason)
         if member.run is None:
-            # Some of those that wait may not have discovered this process yet, or not the one that failed first.
+            # Some waiting processes may not have discovered this process yet, or the one that failed first.
             for _ in range(_FINAL_ANNOUNCEMENTS):
                 time.sleep(PERIODS[WAITING])
                 member.announce(outcome.reason)

@@ -1,4 +1,4 @@
-"""Before a run: wait until all processes are ready, and start together."""
+"""Start of a run: wait until all processes are ready, then start together."""
 
 import time
 
@@ -13,9 +13,9 @@ from hdd_servo_ros.ros.run_plan import RunPlan, make_run_plan
 _LOG_PERIOD = 3.0
 """Wall time between two log lines on the same missing nodes [s]."""
 _LOG_PERIOD_OF_CHANGES = 1.0
-"""The same if what is missing has changed [s]."""
+"""The same if the missing nodes have changed [s]."""
 _NAMED = 4
-"""How many of the missing nodes and topics a line names."""
+"""Largest number of missing nodes and topics named in a log line."""
 
 
 class Gathering:
@@ -39,12 +39,12 @@ class Gathering:
 
     def gather(self) -> bool:
         """
-        Go on with finding the others; return whether the run has started.
+        Continue to discover the other processes; return whether the run has started.
 
         Raises
         ------
         RunError
-            If the run cannot start: a mismatch, two publishers of a topic, a peer that failed or never came.
+            If the run cannot start: parameters do not match, a topic has two publishers, a peer failed or is missing.
         """
         member = self._member
         now = time.monotonic()
@@ -55,14 +55,14 @@ class Gathering:
             self._wait_or_start(now)
             return False
         member.announce_when_due(now, PERIODS[READY])
-        # A node that has begun receives already; the timer alone must know that all the others have begun too.
+        # A node that has begun already receives messages; only the timer must wait until all others have begun.
         return member.timer_node is None or self._others_have_begun(member.run, now)
 
     def _others_have_begun(self, run: RunPlan, now: float) -> bool:
         member = self._member
         for process in run.processes:
             if process != member.identifier and member.peers.silence(process, now) > member.timeout:
-                raise RunError(f'lost a peer before tick 0: {process}; it was one of {", ".join(run.nodes)}')
+                raise RunError(f'lost a peer before tick 0: process {process}; it ran one of {", ".join(run.nodes)}')
         return member.others_are(RUNNING)
 
     def _wait_or_start(self, now: float) -> None:
@@ -78,8 +78,8 @@ class Gathering:
             member.start(self._make_run(now))
         elif self._timeout and now - member.peers.changed_at > self._timeout:
             raise RunError(
-                f'waited {self._timeout:g} s for {_short(self._missing) or self._unready_names()} '
-                '(parameter start_timeout)'
+                f'timed out after {self._timeout:g} s (start_timeout) waiting for '
+                f'{_short(self._missing) or self._unready_names()}; start the missing nodes, or increase start_timeout'
             )
         else:
             self._log_missing(now)
@@ -110,7 +110,7 @@ class Gathering:
 
 
 def _short(missing: list[str]) -> str:
-    """Return what is missing as one line that can be read at a glance: each thing once, and the first few of many."""
+    """Return the missing items as one short line, each once and only the first few."""
     each = list(dict.fromkeys(missing))
     more = f'; and {len(each) - _NAMED} more' if len(each) > _NAMED else ''
     return '; '.join(each[:_NAMED]) + more

@@ -1,4 +1,4 @@
-"""Messages that a run takes no notice of: counted, and reported once a topic with whoever may have sent them."""
+"""Messages that a run ignores: counted, and reported once per topic with the possible senders."""
 
 import collections
 from collections.abc import Collection
@@ -12,18 +12,18 @@ _REQUESTS = 'requests to services'
 
 class IgnoredMessages:
     """
-    Counts ignored messages.
+    Counter of ignored messages.
 
     Parameters
     ----------
     node
-        Lends its logger, and asks who publishes a topic.
+        Node whose logger is used; it also looks up the publishers of a topic.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self.counts: collections.Counter[str] = collections.Counter()
-        """How many messages were ignored, by topic."""
+        """Number of ignored messages, by topic."""
 
     def add(self, topic: str, why: str, expected: Collection[str]) -> None:
         """
@@ -34,28 +34,28 @@ class IgnoredMessages:
         topic
             Full name of its topic.
         why
-            Why it is ignored, in a few words.
+            Short reason why it is ignored.
         expected
-            Full names of the nodes that publish the topic by right; a message does not tell who sent it.
+            Full names of the legitimate publishers of the topic; a message does not contain its sender.
         """
         self.counts[topic] += 1
         if self.counts[topic] > 1:
             return
         publishers = publishers_of(self._node, topic).split(', ')
-        strangers = [name for name in publishers if name not in expected]
+        external = [name for name in publishers if name not in expected]
         self._node.get_logger().warning(
             f'{topic}: ignored a message ({why}), and will ignore further ones silently; '
-            f'published by {", ".join(strangers or publishers)}'
+            f'published by {", ".join(external or publishers)}'
         )
 
     def add_request(self, why: str) -> None:
-        """Count a request to a service, which tells neither its service nor its sender."""
+        """Count an invalid service request; neither its service nor its sender is known."""
         self.counts[_REQUESTS] += 1
         if self.counts[_REQUESTS] == 1:
             self._node.get_logger().warning(f'{_REQUESTS}: ignored one ({why[:200]})')
 
     def report(self) -> None:
-        """Say how many there were, if there were more than the one that was reported."""
+        """Log the number of ignored messages of each topic with more than the one reported."""
         for topic, count in self.counts.items():
             if count > 1:
                 self._node.get_logger().warning(f'{topic}: ignored {count} messages in all')

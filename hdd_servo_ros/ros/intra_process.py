@@ -1,9 +1,9 @@
 """
-Messages handed from node to node inside a process, as rclcpp's intra-process communication does; rclpy has none.
+Intra-process communication between loop nodes, as in rclcpp; rclpy provides none.
 
-A topic that is published and read in this process needs no middleware in between. Its publisher and subscriptions stay,
-so that the graph looks as ever, and the messages are published over DDS as well while a subscription of another process
-is matched: a subscriber that joins receives every message from then on.
+A topic that is published and read in this process needs no middleware. Its publisher and subscriptions remain, so that
+the ROS graph is unchanged. While a subscription of another process is matched, the messages are also published over
+DDS: a subscriber that joins receives every message from then on.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,19 +18,21 @@ Publish = Callable[[bytes], None]
 
 class IntraProcess:
     """
-    The topics of a run that nodes of this process publish.
+    Topics of a run that nodes of this process publish.
 
     Parameters
     ----------
     nodes
-        The loop nodes of this process, which have begun the run.
+        The loop nodes of this process; they have begun the run.
     run
         The run.
     """
 
     def __init__(self, nodes: Sequence[LoopNode], run: RunPlan) -> None:
         own = {node.get_fully_qualified_name() for node in nodes}
-        read_elsewhere = {name for node, said in run.nodes.items() if node not in own for name in said['inputs']}
+        read_elsewhere = {
+            name for node, metadata in run.nodes.items() if node not in own for name in metadata['inputs']
+        }
         self._topics = [
             _LocalTopic(node, output, publisher, nodes, publisher.topic_name in read_elsewhere)
             for node in nodes
@@ -39,13 +41,13 @@ class IntraProcess:
         self.follow_subscriptions()
 
     def follow_subscriptions(self) -> None:
-        """Publish over DDS those topics alone that have a subscription outside; called between two ticks."""
+        """Publish over DDS only topics with a subscription in another process; called between two ticks."""
         for topic in self._topics:
             topic.follow_subscriptions()
 
 
 class _LocalTopic:
-    """A topic that a node of this process publishes."""
+    """Topic that a node of this process publishes."""
 
     def __init__(
         self, node: LoopNode, output: int, publisher: Publisher, nodes: Sequence[LoopNode], is_read_elsewhere: bool
@@ -53,7 +55,7 @@ class _LocalTopic:
         self._node = node
         self._output = output
         self._publisher = publisher
-        # A count is not enough for readers of the run, which need tick 0: another subscription may be counted for one.
+        # Readers in the run need tick 0, and a count of subscriptions could mistake another subscription for a reader.
         self._is_read_elsewhere = is_read_elsewhere
         inputs = dict.fromkeys(port for reader in nodes for port in (*reader.inputs, *reader.optional_inputs))
         readers = [port for port in inputs if port.name == publisher.topic_name]
@@ -63,13 +65,13 @@ class _LocalTopic:
         self._local_and_dds = _to_all([*(queue.append for queue in queues), publisher.handle.publish_raw])
 
     def follow_subscriptions(self) -> None:
-        """Choose how the node publishes the topic from now on."""
+        """Select how the node publishes the topic from now on."""
         is_outside = self._is_read_elsewhere or self._publisher.get_subscription_count() > self._own_subscriptions
         self._node.publish_by(self._output, self._local_and_dds if is_outside else self._local)
 
 
 def _to_all(receivers: Sequence[Publish]) -> Publish:
-    """Return what gives a message to each receiver, in their order."""
+    """Return a function that passes a message to each receiver, in their order."""
     if len(receivers) == 1:
         return receivers[0]
     receivers = tuple(receivers)

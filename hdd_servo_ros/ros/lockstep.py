@@ -1,12 +1,12 @@
 """
-The lockstep: one loop that drives the loop nodes of a process, be it one node or all of them.
+Lockstep: the loop that drives the loop nodes of a process, whether one or all.
 
-A pass asks every node to fire; a node fires when all its inputs of its next tick have arrived. If none could, the
-process sleeps until a missing message comes. Which process a node lives in, how fast messages travel and when the
-operating system runs which process therefore never affects what is computed.
+A pass calls every node; a node fires when all its inputs of its next tick have arrived. If no node fired, the process
+sleeps until a missing message arrives. The results therefore depend neither on the distribution of the nodes over
+processes nor on message latency or scheduling.
 
-Everything else that a ROS 2 node does (services, events, diagnostics, announcements to the other processes) is done
-between two passes, ten times a second: in the same thread, hence at a tick boundary and without locks.
+All other duties of a ROS 2 node (services, events, diagnostics, announcements to the other processes) are done between
+two passes, ten times per second, in the same thread: at a tick boundary and without locks.
 """
 
 import contextlib
@@ -39,12 +39,12 @@ RCLError: type[Exception] = _rclpy.RCLError
 HOUSEKEEPING_PERIOD = 0.1
 """Wall time between two rounds of housekeeping while the loop runs [s]."""
 LONGEST_SLEEP = 0.05
-"""Longest wait for a message before signals and housekeeping are checked again [s]."""
+"""Longest wait for a message before signals and housekeeping are checked [s]."""
 POLLING_PERIOD = 0.02
-"""Wall time between two checks on the other processes before and after the loop [s]."""
-_CALLBACKS_A_ROUND = 20
+"""Wall time between two checks of the other processes before and after the loop [s]."""
+_CALLBACKS_PER_ROUND = 20
 _PATIENCE = 2.0
-"""A signal within this time after the first is the same request: `ros2 launch` repeats what the terminal sent [s]."""
+"""A signal within this time after the first is the same request: `ros2 launch` repeats that of the terminal [s]."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that interrupt a run."""
 
@@ -56,11 +56,11 @@ class Lockstep:
     Parameters
     ----------
     nodes
-        The nodes, ideally in the order in which data flows through a tick: one pass is then one tick.
+        The nodes, preferably in the order of the data flow within a tick: one pass is then one tick.
     others
-        Nodes of this process that are not in the loop, but whose services must be served too.
+        Nodes of this process outside the loop whose services must be served too.
     intra_process
-        Whether the nodes hand each other their messages, instead of publishing and taking them over DDS.
+        Whether the nodes pass messages to each other directly instead of over DDS.
     """
 
     def __init__(self, nodes: Sequence[LoopNode], others: Sequence[Node] = (), *, intra_process: bool = False) -> None:
@@ -85,9 +85,9 @@ class Lockstep:
 
     def run(self) -> Outcome:
         """
-        Wait for the peers, run all ticks, end together; return how the run ended. Never raises for a bad run.
+        Wait for the peers, run all ticks and end together; return the outcome. A failed run raises no error.
 
-        The handlers of :data:`SIGNALS` stay installed, and the caller restores its own when the process has shut down.
+        The handlers of :data:`SIGNALS` stay installed, and the caller restores its own after the process has shut down.
         Until then the outcome is known, and a signal cannot change it; only a second one ends the process.
         """
         for number in SIGNALS:
@@ -118,10 +118,10 @@ class Lockstep:
             outcome = failed(str(error))
         except Exception as error:
             outcome = failed(f'{type(error).__name__}: {error} {self._where()}')
-        # Parameters changed in the last round belong in the bag too.
+        # The bag must also contain the parameter changes of the last round.
         with contextlib.suppress(Exception):
             self._serve()
-        # The others first: they stop waiting while this process closes its bag.
+        # Before closing the bag, which takes time, so that the other processes stop waiting.
         with exit_deadline(outcome.exit_code or FAILED):
             self._ending.announce_outcome(outcome)
         self._member.ignored.report()
@@ -129,7 +129,7 @@ class Lockstep:
             try:
                 node.finish(outcome)
             except Exception as error:
-                if outcome == FINISHED_OUTCOME:  # else the first error is the one to report
+                if outcome == FINISHED_OUTCOME:  # otherwise the first error is reported
                     outcome = failed(f'{node.get_name()}: {error}')
         return outcome
 
@@ -144,7 +144,7 @@ class Lockstep:
         if not self._signal:
             self._signal, self._signal_at = number, time.monotonic()
         elif time.monotonic() - self._signal_at > _PATIENCE:
-            # Second request: a step that never returns keeps the first from being checked.
+            # Second request: while a step does not return, the first is not checked.
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
 
@@ -157,30 +157,30 @@ class Lockstep:
         self._check_signal()
 
     def _serve(self) -> None:
-        """Serve services, events and announcements of the other processes; publish diagnostics."""
+        """Process services, events and announcements of other processes; publish diagnostics."""
         self._diagnostics.publish_when_due()
         for node in self._nodes:
             node.housekeep()
         for node in self._nodes:
             node.show_time()
-        waited_afresh = True
-        for _ in range(_CALLBACKS_A_ROUND * len(self._nodes)):
+        is_fresh_wait = True
+        for _ in range(_CALLBACKS_PER_ROUND * len(self._nodes)):
             if self._spin_once():
-                waited_afresh = False
-            elif waited_afresh:
+                is_fresh_wait = False
+            elif is_fresh_wait:
                 break
             else:
-                # One wait of the executor gives one callback of each subscription, however many messages there are.
-                waited_afresh = True
+                # A wait of the executor yields one callback per subscription, however many messages have arrived.
+                is_fresh_wait = True
 
     def _spin_once(self) -> bool:
-        """Run one waiting callback; return whether there was one."""
+        """Run one ready callback; return whether there was one."""
         try:
             handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
         except (rclpy.executors.TimeoutException, rclpy.executors.ConditionReachedException):
             return False
         except RCLError as error:
-            # Bytes that are not even a request of their service's type; of which service, nothing tells.
+            # Bytes that are not a request of the type of their service; the error does not name the service.
             self._member.ignored.add_request(str(error))
             return True
         handler()
@@ -224,7 +224,7 @@ class Lockstep:
                     self._sleep(pending)
 
     def _sleep(self, pending: Sequence[LoopNode]) -> None:
-        """Wait until a missing message comes, a node becomes due, or housekeeping is due."""
+        """Wait until a missing message arrives, a node is due, or housekeeping is due."""
         self._check_signal()
         seconds = LONGEST_SLEEP
         missing = []
@@ -232,7 +232,7 @@ class Lockstep:
             port = node.missing()
             if port is None:
                 seconds = min(seconds, node.seconds_until_due())
-            elif port.queue is None:  # else it comes from a node that waits for something itself
+            elif port.queue is None:  # otherwise a node of this process publishes it, and is waiting itself
                 missing.append(port)
         if not missing:
             time.sleep(max(seconds, 0.0))
@@ -251,8 +251,8 @@ class Lockstep:
                 if time.monotonic() > deadline:
                     received = next(filter(None, (node.changes_received() for node in self._nodes)), {})
                     raise RunError(
-                        'the recorder has not received one parameter event for each change, or somebody else publishes '
-                        f'events in the name of a node: changes {changes}, events {dict(received)}'
+                        'the recorder has not received one parameter event for each change, or an external node '
+                        f'publishes events in the name of a node: changes {changes}, events {dict(received)}'
                     )
             time.sleep(POLLING_PERIOD)
             self._housekeeping()

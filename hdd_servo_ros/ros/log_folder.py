@@ -1,4 +1,4 @@
-"""Where ROS writes its logs: elsewhere if it cannot write where it would, for without a log it does not start."""
+"""Log directory of ROS: a temporary one if the default is not writable, because ROS does not start without a log."""
 
 import os
 import tempfile
@@ -8,12 +8,12 @@ from pathlib import Path
 
 def find_log_folder(environment: MutableMapping[str, str]) -> None:
     """
-    Have ROS log into a folder for temporary files if there is no home directory that it can write to.
+    Let ROS write its log to a temporary directory if it cannot write to the home directory.
 
     Parameters
     ----------
     environment
-        Environment variables of this process, changed. They stay as they are if they name a folder.
+        Environment variables of this process, modified in place unless they already name a log directory.
     """
     if environment.get('ROS_LOG_DIR') or environment.get('ROS_HOME'):
         return

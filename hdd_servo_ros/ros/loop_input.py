@@ -1,4 +1,4 @@
-"""An input of a loop node: the topic it reads, message by message in tick order."""
+"""Input of a loop node: a subscription whose messages are read in tick order."""
 
 import collections
 from collections.abc import Callable
@@ -18,30 +18,30 @@ from hdd_servo_ros.ros.publishers import publishers_of
 
 
 class TakenByLockstep(CallbackGroup):
-    """Keeps executors away from loop subscriptions: the lockstep takes their messages itself, in tick order."""
+    """Callback group of loop subscriptions: executors leave their messages to the lockstep."""
 
     def can_execute(self, entity: object) -> bool:
         """Return that no executor may take a message."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
-        """Return that no executor may begin to."""
+        """Return that no executor may begin to execute a callback."""
         return False
 
     def ending_execution(self, entity: object) -> None:
-        """Do nothing: no execution has begun."""
+        """Do nothing, because no execution has begun."""
 
 
 class Input:
     """
-    A loop topic that a node reads.
+    Loop topic that a node reads.
 
     Parameters
     ----------
     topic
         The topic.
     delay
-        At tick k the message of tick k - ``delay`` is needed; none before that tick exists.
+        The node needs the message of tick k - ``delay`` at tick k, and no message while k < ``delay``.
     """
 
     def __init__(self, topic: LoopTopic, delay: int = 0) -> None:
@@ -54,23 +54,23 @@ class Input:
         self._type: type
         self._ticks: Ticks
         self.queue: collections.deque[bytes] | None = None
-        """Where a node of this process puts the messages; None if they come over DDS."""
+        """Queue that a node of this process fills with the messages; None if they arrive over DDS."""
         self.take: Callable[[], bytes | None] = self._take_message
-        """Return the next message as bytes, None if there is none."""
+        """Return the next message as bytes; None if no message has arrived."""
         self.take_for: Callable[[int, bytes], bytes | None] = self._take_checked
         """
-        Return the message that the reader's tick needs, None if it has not arrived yet, empty if there is none to be.
+        Return the message needed for a tick of the reader: None if it has not arrived, empty if none is needed.
 
-        It is given the reader's tick and its eight stamp bytes, and raises :class:`RunError` if the next message is
-        not that of the tick, or no message of the topic at all.
+        The arguments are the tick and its eight stamp bytes. It raises :class:`RunError` if the next message belongs
+        to another tick or is not a message of the topic.
         """
         self._is_array = not topic.codec.is_stamped
         self._array_stamp: slice | None = None
-        """Where an array message, which has no header, holds its element t; known from its first message on."""
+        """Slice of the element t of an array message, which has no header; known from the first message on."""
         self._size = 0
-        """Bytes of a message that was found to be one of the topic."""
+        """Size of the last message that was checked to be valid [bytes]."""
         self._begin = LITTLE_ENDIAN
-        """How a message of that size must begin so as not to be examined again."""
+        """First bytes of a message of that size that needs no further check."""
 
     def connect(self, node: Node, group: CallbackGroup) -> None:
         """Subscribe."""
@@ -83,21 +83,21 @@ class Input:
         self._take = self.subscription.handle.take_message
 
     def begin(self, ticks: Ticks) -> None:
-        """Receive the time line of the run."""
+        """Receive the ticks of the run."""
         self._ticks = ticks
 
     def read_locally(self) -> collections.deque[bytes]:
         """
-        Take the messages from a queue from now on, not from DDS; called before tick 0.
+        Read the messages from a queue from now on instead of over DDS; called before tick 0.
 
         Returns
         -------
         deque
-            Where the publisher, a node of this process, puts its message of every tick.
+            Queue to which the publisher, a node of this process, appends its message of every tick.
         """
         queue = self.queue = collections.deque([b''] * self.delay)
         self.take = lambda: queue.popleft() if queue else None
-        # Nothing to check: the publisher is a node of this run, and a queue loses and repeats nothing.
+        # No check: the publisher is a node of this run, and a queue neither loses nor repeats messages.
         self.take_for = lambda tick, stamp: queue.popleft() if queue else None
         return queue
 
@@ -123,7 +123,7 @@ class Input:
         return message
 
     def _examine(self, message: bytes, expected: int) -> None:
-        """Reject what is no message of the topic; the next message of this size and kind needs no examination."""
+        """Reject an invalid message; the next message with this size and beginning is not checked again."""
         try:
             check_message(self.topic.codec, message)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""A node of the loop: it fires for tick k when all its inputs of tick k have arrived."""
+"""Base class of the loop nodes: a node fires for tick k when all its inputs of tick k have arrived."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ _TRIAL_SAMPLE_TIME = 1e-4
 
 class LoopNode(ParameterNode):
     """
-    Base of the loop's nodes: it connects one block to topics and ROS parameters.
+    Base class of the loop nodes: it connects one block to topics and ROS parameters.
 
     A subclass declares its inputs, outputs and parameters, builds its block in :meth:`prepare`, and publishes in
     :meth:`step`.
@@ -35,14 +35,14 @@ class LoopNode(ParameterNode):
     Parameters
     ----------
     name
-        Node name; equals the executable's.
+        Name of the node and of its executable.
     kinds
         Parameter dataclasses of the block.
     inputs, outputs
-        Loop topics that it reads and writes.
+        Loop topics that the node reads and writes.
     optional_inputs
-        Loop topics that it also reads in a run in which some node publishes them; decided when the run starts. One
-        that replaces an input is then read in place of it.
+        Loop topics that the node also reads if a node of the run publishes them; decided when the run starts. An
+        optional input that replaces an input is then read instead of it.
 
     Raises
     ------
@@ -69,17 +69,17 @@ class LoopNode(ParameterNode):
         self.loop_publishers: list[Publisher] = []
         self._publish: list[Callable[[bytes], None]] = []
         self.tick = 0
-        """The next tick that this node fires for."""
+        """Next tick for which this node fires."""
         self.run_directory: Path | None = None
-        """Directory of the run on the recorder's machine, once that is known."""
+        """Directory of the run on the machine of the recorder, once it is known."""
         self.last_tick = -1
         self.paced = False
         """Whether :meth:`seconds_until_due` may delay a tick."""
         self.changes = 0
-        """How often parameters were changed after tick 0."""
+        """Number of parameter changes after tick 0."""
         self._run: RunPlan | None = None
         self._scheduled: Sets = {}
-        """What the schedule is about to set."""
+        """Parameter sets that the schedule is about to apply."""
         self._halt = 0
         self._schedule: list[Step] = []
         self._ticks: Any = None
@@ -92,16 +92,16 @@ class LoopNode(ParameterNode):
         self._time_source._associated_clocks.clear()
         self._ros_clock._set_ros_time_is_active(True)  # type: ignore[attr-defined,unused-ignore]
 
-    # What a subclass provides.
+    # To be provided by a subclass.
 
     patience = 0.0
-    """For how long the process may sleep on when a message has come, if no node in it is less patient [s]."""
+    """Time for which the process may sleep on after a message has arrived; the smallest of its nodes counts [s]."""
 
     def attempt(
         self, sets: Sets, sample_time: float, nodes: Mapping[str, Mapping[str, Any]], *, is_change: bool
     ) -> Attempt | None:
         """
-        Return how to try parameters of this node before they are accepted; None if there is nothing to try.
+        Return a trial of parameters of this node before they are accepted; None if no trial is needed.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class LoopNode(ParameterNode):
         nodes
             The participating nodes by their full names, each with its ``parameters``.
         is_change
-            Whether they are to change in the run.
+            Whether the parameters are to be changed during the run.
         """
         return None
 
@@ -131,9 +131,9 @@ class LoopNode(ParameterNode):
         Parameters
         ----------
         sets, sample_time, nodes, is_change
-            As of :meth:`attempt`.
+            See :meth:`attempt`.
         accepted
-            Parameters with which it can: the defaults, or those before a change.
+            Parameters with which the node can run: the defaults, or those before a change.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class LoopNode(ParameterNode):
     def check_schedule(
         self, changes: Sequence[Change], sample_time: float, nodes: Mapping[str, Mapping[str, Any]]
     ) -> None:
-        """Reject a schedule after one of whose changes this node cannot run; raises :class:`ParameterError`."""
+        """Reject a schedule if this node cannot run after one of its changes; raises :class:`ParameterError`."""
         accepted: Sets = self.parameters.sets
         for step in self.plan(changes):
             try:
@@ -162,26 +162,26 @@ class LoopNode(ParameterNode):
             accepted = step.sets
 
     def _check_change(self, sets: Sets) -> None:
-        """Reject a change with which this node cannot run on; one of the schedule has been tried before the run."""
+        """Reject a change with which this node cannot continue; scheduled changes were tried before the run."""
         if sets == self._scheduled:
             return
         assert self._run is not None
         self.check(sets, self.parameters.sets, self._run.sample_time, self._run.nodes, is_change=True)
 
     def offers(self) -> dict[str, str]:
-        """Return strings that concern the whole run, such as the drive's name."""
+        """Return strings that apply to the whole run, such as the name of the drive."""
         return {}
 
     def last_tick_needed(self, sample_time: float) -> int:
-        """Return the last tick of this node's plan at a sample time [s], 0 if it has none and any number will do."""
+        """Return the last tick of this node's plan at a sample time [s]; 0 if the node has no plan."""
         return 0
 
     def prepare(self, run: RunPlan) -> None:
-        """Build the block for the run's sample time; called once, before tick 0."""
+        """Build the block for the sample time of the run; called once, before tick 0."""
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         """
-        Do the work of one tick and publish the outputs.
+        Execute one tick and publish the outputs.
 
         Parameters
         ----------
@@ -190,8 +190,8 @@ class LoopNode(ParameterNode):
         stamp
             Its eight stamp bytes.
         messages
-            The inputs' messages, in the inputs' order, then those of the optional inputs of this run; empty for a
-            delayed input that has none yet.
+            The messages of the inputs, in their order, then those of the optional inputs of this run; empty for a
+            delayed input without a message yet.
         """
         raise NotImplementedError
 
@@ -199,17 +199,17 @@ class LoopNode(ParameterNode):
         """Apply changed parameters; called between two ticks."""
 
     def housekeep(self) -> None:
-        """Do what needs no exact tick; called between two ticks, ten times per second of wall time."""
+        """Do work that needs no exact tick; called between two ticks, ten times per second of wall time."""
 
     def diagnose(self) -> Iterable[Diagnosis]:
         """Iterate over the diagnoses of this node; called once per second of wall time, between two ticks."""
         return ()
 
     def take_changes_from(self, nodes: Sequence['LoopNode']) -> None:
-        """Receive the loop nodes of this process, whose parameter changes need not come over DDS."""
+        """Receive parameter changes of the loop nodes of this process directly, not over DDS."""
 
     def report_changes_to(self, take: Callable[[NodeChange], None]) -> None:
-        """Give every change of this node's parameters to ``take``, with the time of the parameter event."""
+        """Call ``take`` with every change of this node's parameters and the time of the parameter event."""
         name = self.get_fully_qualified_name()
         self.parameters.report_to(
             lambda values: take(NodeChange(name, self._ros_clock.now().nanoseconds, values)),
@@ -221,55 +221,56 @@ class LoopNode(ParameterNode):
 
     @property
     def directory(self) -> str:
-        """Directory where this node records the run; empty for one that does not."""
+        """Directory where this node records the run; empty if it does not record."""
         return ''
 
     def seconds_until_due(self) -> float:
-        """Return for how long this node must not fire yet although its inputs are there [s of wall time]."""
+        """Return the wall time [s] for which this node must not fire yet although its inputs have arrived."""
         return 0.0
 
     def complete(self) -> None:
-        """Complete the work after the last tick, such as closing a bag; the run counts as finished after it."""
+        """Complete the work after the last tick, such as closing a bag; the run is finished afterward."""
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
-        """Return whether :meth:`complete` may be called, given the number of changes per node, if that is known."""
+        """Return whether :meth:`complete` may be called, given the number of changes of each node if it is known."""
         return True
 
     def changes_received(self) -> Mapping[str, int] | None:
-        """Return how many parameter events of each node this one has received, by full name; None if it reads none."""
+        """Return the number of received parameter events of each node, by full name; None if this node reads none."""
         return None
 
     def finish(self, outcome: Outcome) -> None:
-        """Receive how the run ended; called once, at the very end."""
+        """Receive the outcome of the run; called once, at the very end."""
 
     @property
     def trial_sample_time(self) -> float:
-        """T for a block that is made before that of the run is known [s]."""
+        """Sample time T of a block that is built before that of the run is known [s]."""
         return _TRIAL_SAMPLE_TIME
 
     def trial(self, make: Callable[[Any, float], Any], kind: type[ParameterSet]) -> Any:
         """
-        Make a block before the run's sample time is known.
+        Build a block before the sample time of the run is known.
 
-        It rejects bad parameters while the node starts, and a step of it compiles its kernel: both before others wait.
+        This rejects invalid parameters while the node starts, and a step of the block compiles its kernel: both before
+        other nodes wait.
         """
         try:
             return make(self.parameters[kind], self.trial_sample_time)
         except ParameterError:
             raise
         except Exception:
-            # Names the parameter; if none is to blame, what was raised says more.
+            # This raises an error that names the parameter; if no parameter is the cause, the first error is raised.
             self.check_start(self.trial_sample_time, {})
             raise
 
-    # What the lockstep calls.
+    # Called by the lockstep.
 
     def connect(self) -> None:
         """
-        Create the loop's publishers and subscriptions.
+        Create the publishers and subscriptions of the loop.
 
-        Not before the block exists and this process is about to announce itself: a publisher that stays unannounced
-        counts as external, and compiling a block takes long the first time.
+        Call it only when the block exists and this process is about to announce itself: an unannounced publisher
+        counts as external, and the first compilation of a block takes long.
         """
         group = TakenByLockstep()
         for port in (*self.inputs, *self.optional_inputs):
@@ -280,7 +281,7 @@ class LoopNode(ParameterNode):
         self._publish = [publisher.handle.publish_raw for publisher in self.loop_publishers]
 
     def begin(self, run: RunPlan) -> None:
-        """Prepare for tick 0 of ``run``."""
+        """Prepare for tick 0 of a run."""
         self.last_tick = run.last_tick
         self._ticks = run.ticks
         self._stamps = run.ticks.stamps
@@ -303,7 +304,7 @@ class LoopNode(ParameterNode):
         self._set_halt()
 
     def _why_not_prepared(self, error: Exception, run: RunPlan) -> str:
-        """Return why the block cannot be built for a run, with the parameter if one is to blame."""
+        """Return why the block cannot be built for a run, with the parameter if one is the cause."""
         if not isinstance(error, ParameterError):
             try:
                 self.check_start(run.sample_time, run.nodes)
@@ -320,12 +321,12 @@ class LoopNode(ParameterNode):
 
     def try_fire(self) -> bool:
         """
-        Fire for the next tick if all its inputs are there.
+        Fire for the next tick if all its inputs have arrived.
 
         Raises
         ------
         StampError
-            If an input's message is not the one of the expected tick.
+            If the message of an input is not that of the expected tick.
         """
         tick = self.tick
         if tick >= self._halt and not self._passes():
@@ -350,19 +351,19 @@ class LoopNode(ParameterNode):
         return True
 
     def plan(self, changes: Sequence[Change]) -> tuple[Step, ...]:
-        """Return this node's steps of a run's schedule; raises :class:`ParameterError` if it cannot do them."""
+        """Return the steps of this node in a schedule; raises :class:`ParameterError` if it cannot do them."""
         parameters = self.parameters
         return plan(changes, self.get_fully_qualified_name(), parameters.kinds, parameters.as_mapping())
 
     def _next_halt(self) -> int:
-        """Return the tick for which :meth:`try_fire` must check more than its inputs."""
+        """Return the tick from which :meth:`try_fire` must check more than its inputs."""
         return min(self.last_tick + 1, self._schedule[0].tick if self._schedule else self.last_tick + 1)
 
     def _set_halt(self) -> None:
         self._halt = self._next_halt()
 
     def _passes(self) -> bool:
-        """Do what is due before the next tick, such as scheduled changes; return whether the node may fire for it."""
+        """Apply scheduled changes that are due before the next tick; return whether the node may fire for it."""
         while self._schedule and self._schedule[0].tick <= self.tick:
             step = self._schedule.pop(0)
             self.show_time()
@@ -376,24 +377,24 @@ class LoopNode(ParameterNode):
 
     @property
     def is_held(self) -> bool:
-        """Whether this node is to wait: somebody, or the wall time, holds up its next tick."""
+        """Whether the next tick of this node is delayed, by a user or by pacing."""
         return not self.done and self.seconds_until_due() > 0.0
 
     def missing(self) -> Input | None:
-        """Return the input that the next tick waits for, None if it waits for none."""
+        """Return the input for which the next tick waits; None if it waits for none."""
         return self.inputs[self._arrived] if not self.done and self._arrived < len(self.inputs) else None
 
     def show_time(self) -> None:
-        """Set this node's ROS clock to its next tick, so that parameter events carry it."""
+        """Set the ROS clock of this node to its next tick, so that parameter events carry its time."""
         if self._ticks is not None:
             self._ros_clock.set_ros_time_override(Time(nanoseconds=self._ticks.nanoseconds(max(self.tick, 0))))
 
     def publish_by(self, output: int, publish: Callable[[bytes], None]) -> None:
-        """Publish on one of the outputs by a function from now on, not by its publisher."""
+        """Publish on an output by a function from now on instead of by its publisher."""
         self._publish[output] = publish
 
     def publish_bytes(self, output: int, message: bytes) -> None:
-        """Publish on one of the outputs."""
+        """Publish a message on an output."""
         self._publish[output](message)
 
     def publish_vector(self, output: int, tick: int, message: bytes, x: float, y: float, z: float) -> None:
@@ -403,9 +404,9 @@ class LoopNode(ParameterNode):
         Raises
         ------
         NotFiniteError
-            If one is not.
+            If a value is not finite.
         """
-        # The sum first, which is quicker; that of finite numbers may overflow.
+        # The sum is the faster check; the sum of finite numbers may overflow.
         if not math.isfinite(x + y + z) and not all(map(math.isfinite, (x, y, z))):
             raise NotFiniteError(self.loop_publishers[output].topic_name, tick, (x, y, z), self.get_name())
         self._publish[output](message)

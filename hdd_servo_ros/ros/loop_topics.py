@@ -1,4 +1,4 @@
-"""How the loop's topics are carried by ROS 2: the message classes and the quality of service."""
+"""Message classes and quality of service of the loop topics."""
 
 import importlib
 from typing import Any

@@ -1,4 +1,4 @@
-"""Membership of this process in a run: what it announces to the others, and what it receives from them."""
+"""Membership of this process in a run: sending its announcements and receiving those of other processes."""
 
 import dataclasses
 import os
@@ -39,26 +39,26 @@ from hdd_servo_ros.ros.untrusted import MessageError, message_of
 PERIODS = {WAITING: 0.1, READY: 0.1, RUNNING: 0.4, DONE: 0.1}
 """Wall time between two announcements in each state [s]."""
 CURE = 'wait for its end, or choose another namespace (--ros-args -r __ns:=/bench2) or another ROS_DOMAIN_ID'
-"""What to do about a graph that is there already."""
+"""Advice when another graph is already running."""
 LOCKSTEP = 'lockstep'
 """Topic of the announcements."""
 LOCKSTEP_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-_MOST_UNHEARD = 100
-"""Of how many processes that have shown no nodes the last announcement is kept until a run starts."""
+_MOST_UNKNOWN = 100
+"""Largest number of processes without known nodes whose last announcement is kept until a run starts."""
 _LONGEST_REASON = 1000
-"""Characters of a peer's reason that are repeated."""
+"""Characters of a peer's reason that are reported."""
 
 
 class Member:
     """
-    Membership of this process in a run: its state, its announcements, and what the others have announced.
+    Membership of this process in a run: its state, its announcements and those of other processes.
 
-    Nothing here carries loop data, and nothing here decides when a node fires.
+    It neither carries loop data nor decides when a node fires.
 
     Parameters
     ----------
     nodes
-        The loop nodes of this process, connected; the first one lends its publisher and subscription.
+        The connected loop nodes of this process; the first one owns the publisher and the subscription.
     """
 
     def __init__(self, nodes: Sequence[LoopNode]) -> None:
@@ -71,25 +71,25 @@ class Member:
         self.timeout = max(node.parameters[PeerParameters].peer_timeout for node in nodes)
         """Parameter ``peer_timeout`` [s]."""
         self.outcome_of_peer: Outcome | None = None
-        """How the run has ended for the first peer that has announced an end other than a finished run."""
+        """Outcome of the first peer that announced a failed or interrupted run."""
         self.ignored = IgnoredMessages(nodes[0])
-        self.latecomers: dict[str, float] = {}
-        """Inputs that a process publishes too which has come after the start, and when it was heard of last [s]."""
-        self._unheard: dict[str, Announcement] = {}
-        """Before a run, the last announcement of each process whose nodes were never announced; a run may name it."""
+        self.late_outputs: dict[str, float] = {}
+        """Inputs of this process that a process that joined after the start publishes too, and when it last did [s]."""
+        self._unknown: dict[str, Announcement] = {}
+        """Before a run: the last announcement of each process without known nodes, in case the run includes it."""
         self._reported: set[str] = set()
         self._announced_at = 0.0
         self._publisher = nodes[0].create_publisher(String, LOCKSTEP, LOCKSTEP_QOS)
-        # Raw: what is not even a string must not reach the deserializer of an executor, which would raise.
+        # Raw, because the deserializer of the executor would raise on bytes that are not a string message.
         self._subscription = nodes[0].create_subscription(String, LOCKSTEP, self._receive, LOCKSTEP_QOS, raw=True)
 
     def report_ignored_publisher(self, node: LoopNode, topic: str) -> None:
-        """Say, once, that an optional topic of the loop is published by who is no loop node of this run."""
+        """Warn once that the publisher of an optional loop topic is not a loop node of this run."""
         if topic not in self._reported:
             self._reported.add(topic)
             node.get_logger().warning(
-                f'{topic} is ignored: {publishers_of(node, topic)} publishes it and is no loop node of this run; such '
-                'a node is a LoopNode that starts together with the others, as examples/disturbance_node.py is'
+                f'{topic} is ignored: its publisher {publishers_of(node, topic)} is not a loop node of this run; '
+                'derive it from LoopNode and start it with the other nodes, as in examples/disturbance_node.py'
             )
 
     # Sending.
@@ -107,7 +107,7 @@ class Member:
             ticks={node.get_fully_qualified_name(): node.tick for node in self.nodes},
             changes={node.get_fully_qualified_name(): node.changes for node in self.nodes},
             nodes=self._own_nodes() if self.run is None else None,
-            hears=list(self.peers.announcements) if gathering else None,
+            receives=list(self.peers.announcements) if gathering else None,
             directory=directory or None,
             timer=self._own_timer(),
             run=self._own_run(),
@@ -118,12 +118,12 @@ class Member:
         self._announced_at = time.monotonic()
 
     def announce_when_due(self, now: float, period: float) -> None:
-        """Send an announcement, if a period [s] has passed since the last one."""
+        """Send an announcement if a period [s] has passed since the last one."""
         if now - self._announced_at > period:
             self.announce()
 
     def wait_for_acknowledgments(self, timeout: Duration) -> None:
-        """Wait until all processes that are left have received what was sent."""
+        """Wait until all remaining processes have received the announcements."""
         self._publisher.wait_for_all_acked(timeout)
 
     def _own_timer(self) -> TimerAnnouncement | None:
@@ -165,29 +165,29 @@ class Member:
             self._receive_start(announcement)
 
     def _may_take_part(self, announcement: Announcement) -> bool:
-        """Return whether the sender has a part in the run, or before it may have one; report a stranger."""
+        """Return whether the sender participates in the run, or may do so before the run; report any other."""
         process = announcement.process
         if self.run is not None:
             if process in self.run.processes:
                 return True
             if not announcement.nodes:
-                self._ignore(f'process {shown(process)} has no part in this run')
-            else:  # it has come too late, and will leave by itself
+                self._ignore(f'process {shown(process)} does not participate in this run')
+            else:  # it joined after the start, and will end by itself
                 outputs = {topic for node in announcement.nodes.values() for topic in node['outputs']}
                 read = {port.name for node in self.nodes for port in node.inputs}
-                self.latecomers.update(dict.fromkeys(outputs & read, time.monotonic()))
+                self.late_outputs.update(dict.fromkeys(outputs & read, time.monotonic()))
             return False
         if announcement.nodes or process in self.peers.announcements:
             return True
         if announcement.run:
             return self._starts_its_own_run(announcement)
-        # Without nodes: of another run, or of one that starts and that this process has not heard of yet.
+        # Without nodes: a process of another run, or of a run whose start this process has not received yet.
         if not announcement.ticks or announcement.state in (WAITING, READY):
             self._ignore(f'process {shown(process)} announces no nodes')
         elif announcement.state in (FAILED, INTERRUPTED):
-            self._ignore(f'process {shown(process)} has {announcement.state}, and no node of it was ever announced')
-        if announcement.ticks and (process in self._unheard or len(self._unheard) < _MOST_UNHEARD):
-            self._unheard[process] = announcement
+            self._ignore(f'process {shown(process)} has {announcement.state} and never announced a node')
+        if announcement.ticks and (process in self._unknown or len(self._unknown) < _MOST_UNKNOWN):
+            self._unknown[process] = announcement
         return False
 
     def _ignore(self, why: str) -> None:
@@ -201,7 +201,7 @@ class Member:
     def _receive_end(self, announcement: Announcement) -> None:
         process = announcement.process
         if self.run is None and announcement.state == INTERRUPTED:
-            # Before a run, a node that a person stops may be started again.
+            # Before a run, a user may stop a node and start it again.
             self.peers.remove(process, time.monotonic())
         elif self.outcome_of_peer is None and (self.run is None or process in self.run.processes):
             self.outcome_of_peer = Outcome(announcement.state, _reason_of(announcement))
@@ -217,33 +217,33 @@ class Member:
         self.start(RunPlan(**run))
 
     def _starts_its_own_run(self, announcement: Announcement) -> bool:
-        """Return whether the run that a process announces is one of its own timer; report another."""
+        """Return whether a process announces a run of its own timer; report it if not."""
         run = announcement.run
         assert run is not None
         is_own = announcement.process in run['processes'] and run['timer'] in announcement.ticks
         if not is_own:
-            self._ignore(f'process {shown(announcement.process)} starts a run that is not its own')
+            self._ignore(f'process {shown(announcement.process)} starts a run that belongs to another timer')
         return is_own
 
-    # What this process and the others know together.
+    # State shared by this process and the others.
 
     def start(self, run: RunPlan) -> None:
-        """Start the run in this process, and announce that."""
+        """Start the run in this process and announce it."""
         for node in self.nodes:
             node.begin(run)
-        # To begin may take long on a busy machine, and what the others have announced meanwhile is not read yet.
+        # Preparing may take long on a busy machine; announcements received meanwhile are still unread.
         self.peers.expect(run.processes, time.monotonic())
         self.run = run
         self.state = RUNNING
-        for process, announcement in self._unheard.items():
-            is_taken = process in run.processes and self.peers.receive(announcement, time.monotonic())
-            if is_taken and announcement.state in (FAILED, INTERRUPTED):
+        for process, announcement in self._unknown.items():
+            is_peer = process in run.processes and self.peers.receive(announcement, time.monotonic())
+            if is_peer and announcement.state in (FAILED, INTERRUPTED):
                 self._receive_end(announcement)
-        self._unheard.clear()
+        self._unknown.clear()
         self.announce()
 
     def timer(self) -> TimerAnnouncement | None:
-        """Return what the timer announces, be it in this process or another; None as long as it is unknown."""
+        """Return the announcement of the timer, in this process or another; None while it is unknown."""
         return self.peers.timer() if self.timer_node is None else self._own_timer()
 
     def known_nodes(self, now: float) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -252,7 +252,7 @@ class Member:
         yield from self.peers.nodes(now)
 
     def others_are(self, *states: str) -> bool:
-        """Return whether all other processes are in one of some states; one that is still unknown is in none."""
+        """Return whether all other processes are known and in one of the given states."""
         announcements = self.peers.announcements
         processes = announcements if self.run is None else self.run.processes
         return all(
@@ -263,7 +263,7 @@ class Member:
 
 
 def _reason_of(announcement: Announcement) -> str:
-    """Return why a peer has ended, in one line that is never empty."""
+    """Return the reason why a peer ended, as one non-empty line."""
     reason = ' '.join(announcement.reason.split())[:_LONGEST_REASON]
     names = ', '.join(announcement.ticks) or announcement.process
     return reason or f'{shown(names)} has {announcement.state} and gave no reason'

@@ -1,4 +1,4 @@
-"""Wait for messages of the loop without an executor."""
+"""Wait for loop messages without an executor."""
 
 from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -8,12 +8,12 @@ from hdd_servo_ros.ros.loop_input import Input
 
 class MessageWait:
     """
-    Wait for a message on one of some inputs.
+    Wait for a message on any of several inputs.
 
     Parameters
     ----------
     context
-        The context of the nodes that the inputs belong to.
+        ROS context of the nodes of the inputs.
     """
 
     def __init__(self, context: Context) -> None:
@@ -22,8 +22,8 @@ class MessageWait:
         self._inputs: tuple[Input, ...] = ()
 
     def wait(self, inputs: tuple[Input, ...], seconds: float) -> None:
-        """Wait until one of the inputs has a message, at most for a time [s]."""
-        # A wait set forgets every subscription that was not ready; with one, which was, it can be kept as it is.
+        """Wait until one of the inputs has a message, at most for ``seconds`` [s]."""
+        # After a wait, a wait set keeps only the subscriptions that were ready: it can be reused if its only one was.
         wait_set = self._wait_set
         if wait_set is None or inputs != self._inputs:
             wait_set = self._wait_set = _rclpy.WaitSet(len(inputs), 0, 0, 0, 0, 0, self._context.handle)

@@ -1,4 +1,4 @@
-"""What a process announces of its nodes before the run, and what ``run.yaml`` holds of them."""
+"""Metadata of nodes, which a process announces before the run and ``run.yaml`` records."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -19,18 +19,18 @@ def metadata_of(nodes: Sequence[LoopNode], timer: TimerAnnouncement | None) -> d
     nodes
         The nodes of this process.
     timer
-        What the timer announces, None as long as it is unknown.
+        Announcement of the timer; None while it is unknown.
 
     Returns
     -------
     dict
-        By full name: inputs, outputs, offers and parameters; where it applies the last tick needed, and why the node
-        rejects the timer's schedule.
+        By full name: inputs, outputs, offers and parameters; where applicable, the last tick needed and the reason
+        why the node rejects the schedule.
 
     Raises
     ------
     RunError
-        If a node's plan does not go with the timer's sample time.
+        If the plan of a node does not match the sample time of the timer.
     """
     metadata = {node.get_fully_qualified_name(): _metadata_of_node(node) for node in nodes}
     if timer is not None:
@@ -56,9 +56,9 @@ def _metadata_of_node(node: LoopNode) -> dict[str, Any]:
 
 def _schedule_rejections(nodes: Iterable[LoopNode], timer: TimerAnnouncement) -> Iterator[tuple[str, str]]:
     """
-    Iterate over the nodes that cannot do what the timer's schedule says of them, and why.
+    Iterate over the nodes that cannot follow the schedule of the timer, with the reasons.
 
-    They only announce it. The timer ends the run for it when all are ready, so that every process receives the reason.
+    They only announce the reason. The timer ends the run when all are ready, so that every process receives it.
     """
     if timer.schedule:
         changes = parse_schedule(timer.schedule, timer.sample_time, timer.last_tick)

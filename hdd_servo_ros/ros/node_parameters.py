@@ -1,4 +1,4 @@
-"""Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of whole sets, live changes."""
+"""Parameter dataclasses as ROS 2 parameters of a node: descriptors, checks of complete sets, changes during a run."""
 
 import array
 import copy
@@ -42,7 +42,9 @@ _ARRAY_TYPES = {
     str: Parameter.Type.STRING_ARRAY,
 }
 _USE_SIM_TIME = 'use_sim_time'
-_CLOCK_OF_NODE = 'of every ROS node: whether its clock is /clock; a node of the loop has its tick as its time anyway'
+_CLOCK_OF_NODE = (
+    'use /clock as the clock of the node, as in every ROS node; a loop node always uses the time of its tick'
+)
 
 
 def descriptor(declaration: Declaration) -> ParameterDescriptor:
@@ -66,19 +68,19 @@ def descriptor(declaration: Declaration) -> ParameterDescriptor:
 
 def with_soft_range(message: ParameterDescriptor, declaration: Declaration, value: Any) -> ParameterDescriptor:
     """
-    Return a descriptor in which every number has a range, for rqt_reconfigure, which shows a slider where there is one.
+    Return a descriptor in which every number has a range, so that rqt_reconfigure shows a slider.
 
-    Where the declaration has no bound, the range goes to ten times the default or the value, whichever is larger. rclpy
-    rejects what lies outside of a range that it knows, so it is not to know this one.
+    Where the declaration has no bound, the range extends to ten times the default or the value, whichever is larger.
+    rclpy must not receive this range, because it rejects values outside a range.
 
     Parameters
     ----------
     message
-        The descriptor that rclpy has.
+        Descriptor from rclpy.
     declaration
-        What is declared.
+        Declaration of the parameter.
     value
-        The present value.
+        Present value.
     """
     if declaration.is_sequence or declaration.element_type not in (int, float):
         return message
@@ -101,7 +103,7 @@ def with_soft_range(message: ParameterDescriptor, declaration: Declaration, valu
 
 class ParameterNode(Node):
     """
-    A node that rejects unknown parameters by name; rclpy's own services would return an empty list.
+    ROS node that rejects unknown parameters by name; the services of rclpy would return an empty list.
 
     Parameters
     ----------
@@ -116,11 +118,11 @@ class ParameterNode(Node):
 
     def __init__(self, name: str) -> None:
         self.declared: dict[str, Declaration] = {}
-        """What is declared of each parameter, by its ROS name."""
+        """Declaration of each parameter, by its ROS name."""
         try:
             super().__init__(name, start_parameter_services=False)
         except InvalidParameterTypeException as error:
-            # Its text is all that it keeps.
+            # The error provides name and value only in its message.
             found = re.search(r"parameter '(\w+)' to '(.*)' of type", str(error))
             given, value = found.groups() if found else ('use_sim_time', '')
             raise ParameterError(given, read_value(value), 'true or false') from None
@@ -129,14 +131,14 @@ class ParameterNode(Node):
         self._parameter_service = ParameterRequests(self)
 
     def describe_parameter(self, name: str) -> ParameterDescriptor:
-        """Return the descriptor of a parameter, as other processes see it."""
+        """Return the descriptor of a parameter as other processes receive it."""
         message = super().describe_parameter(name)
         if name not in self.declared:
             return message
         return with_soft_range(message, self.declared[name], self.get_parameter(name).value)
 
     def _as_declared(self, parameter: Parameter) -> Parameter:
-        """Return a parameter with doubles for integers where doubles are declared, as a command line takes them."""
+        """Return a parameter with integers converted to doubles where doubles are declared, as on a command line."""
         declaration = self.declared.get(parameter.name)
         if declaration is None or declaration.element_type is not float:
             return parameter
@@ -155,7 +157,7 @@ class ParameterNode(Node):
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Change parameters together, or none if one is rejected."""
         if not parameter_list:
-            return SetParametersResult(successful=True)  # no change, of which no event would tell either
+            return SetParametersResult(successful=True)  # no change, hence no event
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 similar = difflib.get_close_matches(parameter.name, self._parameters, n=1)
@@ -165,7 +167,7 @@ class ParameterNode(Node):
         given = [self._as_declared(parameter) for parameter in parameter_list]
         for parameter in given:
             declaration = self.declared.get(parameter.name)
-            # rclpy rejects another type too, and names neither the parameter nor what is allowed.
+            # rclpy rejects another type too, but names neither the parameter nor the allowed values.
             if declaration is not None and parameter.type_ != _type_of(declaration):
                 rejection = ParameterError(parameter.name, _as_list(parameter.value), declaration.allowed)
                 return SetParametersResult(successful=False, reason=str(rejection))
@@ -174,7 +176,7 @@ class ParameterNode(Node):
 
 class NodeParameters:
     """
-    Parameters of one node, declared from dataclasses; they are always checked as a whole.
+    Parameters of a node, declared from dataclasses and always checked as complete sets.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ class NodeParameters:
     Raises
     ------
     ParameterError
-        If a value given from outside is not allowed.
+        If a given value is invalid.
     """
 
     def __init__(self, node: Node, kinds: Sequence[type[ParameterSet]]) -> None:
@@ -204,7 +206,7 @@ class NodeParameters:
         }
         known = set().union(*self._names.values())
         self.unknown = {name: value for name, value in given.items() if name not in known}
-        """Given values of parameters that this node does not have; they may have been given for all nodes."""
+        """Given values of parameters that this node does not have; they may be intended for other nodes."""
         try:
             self._declare({name: value for name, value in given.items() if name in known})
         except ParameterError as error:
@@ -231,12 +233,12 @@ class NodeParameters:
         }
 
     def __getitem__(self, kind: type[Any]) -> Any:
-        """Return the present values as an instance of one of the dataclasses."""
+        """Return the present values as an instance of a parameter dataclass."""
         return self._sets[kind]
 
     @property
     def sets(self) -> dict[type[ParameterSet], ParameterSet]:
-        """The present values, an instance of each of the dataclasses."""
+        """The present values: an instance of each parameter dataclass."""
         return dict(self._sets)
 
     def as_mapping(self) -> dict[str, Value]:
@@ -251,15 +253,15 @@ class NodeParameters:
         self._on_change = callback
 
     def report_to(self, report: Callable[[dict[str, Value]], None]) -> None:
-        """Call ``report`` with the new values of every accepted change, by their names."""
+        """Call ``report`` with the new values of every accepted change, by name."""
         self._report = report
 
     def check_further(self, check: Callable[[Mapping[type[ParameterSet], ParameterSet]], None]) -> None:
-        """Reject changes for which ``check``, given all parameter sets after the change, raises ParameterError."""
+        """Reject changes for which ``check`` raises ParameterError; it receives all parameter sets after the change."""
         self._further_check = check
 
     def set(self, values: Mapping[str, Value]) -> str:
-        """Change parameters together as `ros2 param set` does it; return why that is rejected, else an empty text."""
+        """Change parameters together, as `ros2 param set` does; return why they are rejected, or an empty string."""
         declared = {declaration.name: declaration for kind in self.kinds for declaration in declarations(kind)}
         changes = []
         for name, value in values.items():
@@ -293,7 +295,7 @@ class NodeParameters:
 
 
 def _as_list(value: Any) -> Any:
-    """Return arrays as lists, as a user writes them, and all other values as they are."""
+    """Return an array as a list, as users write it, and any other value unchanged."""
     return list(value) if isinstance(value, array.array) else value
 
 
@@ -302,7 +304,7 @@ def _type_of(declaration: Declaration) -> Parameter.Type:
 
 
 def _plain(value: Any) -> Any:
-    """Return a ROS value as this package holds it: lists and arrays as tuples, an unset list as an empty tuple."""
+    """Return a ROS value as this package represents it: a list, array or unset list becomes a tuple."""
     if value is None:
         return ()
     return tuple(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
@@ -311,8 +313,8 @@ def _plain(value: Any) -> Any:
 def _declare(node: Node, declaration: Declaration, value: Value) -> None:
     name, message = declaration.name, descriptor(declaration)
     if value == ():
-        # rclpy takes an empty list for bytes, so the type is declared first; left unset, one such parameter makes
-        # the node answer a request for all of them (`ros2 param dump`) with none.
+        # rclpy interprets an empty list as bytes, so the type is declared first. If one such parameter stayed unset,
+        # the node would respond to a request for all parameters (`ros2 param dump`) with an empty list.
         element_type = _ARRAY_TYPES[declaration.element_type]
         node.declare_parameter(name, element_type, ignore_override=True)
         node.set_parameters([Parameter(name, element_type, [])])

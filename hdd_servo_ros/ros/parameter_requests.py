@@ -1,4 +1,4 @@
-"""The parameter services of a node, whatever a request holds."""
+"""Parameter services of a node that accept any request."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,7 +13,7 @@ _LARGEST_TYPE = ParameterType.PARAMETER_STRING_ARRAY
 
 class ParameterRequests(ParameterService):
     """
-    rclpy's parameter services, which reject a value of a type that there is not, where rclpy's own raise.
+    Parameter services of rclpy that reject a value of an unknown type; those of rclpy itself would raise.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class ParameterRequests(ParameterService):
             if not 0 < kind <= _LARGEST_TYPE:
                 return SetParametersResult(
                     successful=False,
-                    reason=f'parameter {message.name[:80]} is rejected: type {kind}; 1 to {_LARGEST_TYPE} hold a value',
+                    reason=f'invalid type of parameter {message.name[:80]}: {kind}; expected 1 to {_LARGEST_TYPE}',
                 )
         result: SetParametersResult = self._get_node().set_parameters_atomically(
             [Parameter.from_parameter_msg(message) for message in messages]

@@ -1,4 +1,4 @@
-"""What this process knows of the other processes: the last announcement of each, and when it was received."""
+"""Table of the other processes: the last announcement of each, and when it was received."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
@@ -8,12 +8,12 @@ from hdd_servo_ros.messages.outcome import FINISHED, INTERRUPTED
 from hdd_servo_ros.ros.announcement import DONE, Announcement, TimerAnnouncement
 
 _FRESH = 1.0
-"""For how long the announcement of a waiting process holds; it announces itself ten times as often [s]."""
+"""Time for which the announcement of a waiting process is valid; the process sends one every 0.1 s [s]."""
 
 
 class PeerTable:
     """
-    The other processes that announce themselves, by their identifiers; all times are those of a monotonic clock [s].
+    Announcements of the other processes, by process identifier; all times are of a monotonic clock [s].
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class PeerTable:
         self._announcements: dict[str, Announcement] = {}
         self._received_at: dict[str, float] = {}
         self.changed_at = now
-        """When a process was last added or removed."""
+        """Time at which a process was last added or removed."""
 
     @property
     def announcements(self) -> Mapping[str, Announcement]:
@@ -33,7 +33,7 @@ class PeerTable:
         return self._announcements
 
     def receive(self, announcement: Announcement, now: float) -> bool:
-        """Take an announcement into the table; return False if it is of a process that took part in an earlier run."""
+        """Enter an announcement; return False if its process belonged to an earlier run."""
         process = announcement.process
         known = self._announcements.get(process)
         if known is None:
@@ -41,7 +41,7 @@ class PeerTable:
                 return False
             self.changed_at = now
         if announcement.nodes is None:
-            # Metadata is announced only until the run starts.
+            # Metadata is announced only before the run starts.
             nodes = None if known is None else known.nodes
             announcement = dataclasses.replace(announcement, nodes=nodes or {})
         self._announcements[process] = announcement
@@ -50,29 +50,29 @@ class PeerTable:
 
     def expect(self, processes: Iterable[str], now: float) -> None:
         """
-        Count the silence of the processes of a run from now on.
+        Measure the silence of the processes of a run from now on.
 
-        One of them may still be unknown: only a process whose nodes share a topic with it waits for it before a run.
+        A process may still be unknown: before a run, only processes that share a topic with it wait for it.
         """
         self._received_at.update(dict.fromkeys(processes, now))
 
     def remove(self, process: str, now: float) -> None:
-        """Remove a process, if it is in the table."""
+        """Remove a process if it is in the table."""
         self._announcements.pop(process, None)
         self._received_at.pop(process, None)
         self.changed_at = now
 
     def remove_silent(self, timeout: float, now: float) -> None:
-        """Remove the processes that have announced nothing for longer than a time [s]."""
+        """Remove the processes without an announcement for longer than a time [s]."""
         for process in [process for process in self._announcements if self.silence(process, now) > timeout]:
             self.remove(process, now)
 
     def silence(self, process: str, now: float) -> float:
-        """Return how long a process has announced nothing [s]; 0 for one that is neither known nor expected."""
+        """Return the time since the last announcement of a process [s]; 0 if it is neither known nor expected."""
         return now - self._received_at.get(process, now)
 
     def nodes(self, now: float) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Iterate over names and metadata of all nodes; a process that has become silent may have been killed."""
+        """Iterate over names and metadata of the nodes of all processes that are not silent."""
         for process, announcement in self._announcements.items():
             if self.silence(process, now) < _FRESH:
                 yield from (announcement.nodes or {}).items()
@@ -82,15 +82,15 @@ class PeerTable:
         return {name: tick for each in self._announcements.values() for name, tick in each.ticks.items()}
 
     def timer(self) -> TimerAnnouncement | None:
-        """Return what the timer's process has announced, None if it is not in the table."""
+        """Return the announcement of the timer; None if its process is not in the table."""
         return next((each.timer for each in self._announcements.values() if each.timer is not None), None)
 
     def timer_has_finished(self) -> bool:
-        """Return whether the timer's process has announced that the run is finished."""
+        """Return whether the process of the timer has announced that the run is finished."""
         return any(each.timer is not None and each.state == FINISHED for each in self._announcements.values())
 
     def timer_is_gone(self, timeout: float, now: float) -> bool:
-        """Return whether the timer became silent after it was done: its final announcement was lost."""
+        """Return whether the timer has been silent since it was done: its final announcement was lost."""
         return any(
             each.timer is not None and each.state in (DONE, FINISHED) and self.silence(process, now) > timeout
             for process, each in self._announcements.items()

@@ -1,4 +1,4 @@
-"""Who publishes a topic, as DDS has discovered it."""
+"""Publishers of a topic as discovered by DDS."""
 
 from rclpy.node import Node
 
@@ -11,4 +11,4 @@ def publishers_of(node: Node, topic: str) -> str:
         UNDISCOVERED_NODE if 'UNKNOWN' in info.node_name else f'{info.node_namespace.rstrip("/")}/{info.node_name}'
         for info in node.get_publishers_info_by_topic(topic)
     ]
-    return ', '.join(sorted(names)) or 'nobody now'
+    return ', '.join(sorted(names)) or 'no node at present'

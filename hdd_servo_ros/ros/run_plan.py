@@ -1,4 +1,4 @@
-"""What all processes of a run agree on."""
+"""Run plan: the properties of a run that all its processes share."""
 
 import dataclasses
 import functools
@@ -14,26 +14,26 @@ from hdd_servo_ros.parameters.schedule import Change, parse_schedule, reject_unk
 @dataclasses.dataclass(frozen=True)
 class RunPlan:
     """
-    A run that is about to begin; made by the timer's process and handed to all others.
+    Plan of a run, made by the process of the timer and announced to all others.
 
     Attributes
     ----------
     sample_time
         T [s].
     last_tick
-        N; the run has the ticks 0 to N.
+        N; the run consists of the ticks 0 to N.
     rate
-        Pace as a multiple of real time, 0 for as fast as the graph goes.
+        Pace as a multiple of real time; 0 for as fast as possible.
     frame_id
         Name of the drive.
     timer
-        Full name of the timer's node.
+        Full name of the timer node.
     nodes
-        The metadata of each participating node by its full name: inputs, outputs, parameters and more.
+        Metadata of each participating node by its full name: inputs, outputs, parameters and more.
     processes
-        Identifiers of the participating processes, that of the timer first.
+        Identifiers of the participating processes; that of the timer is the first.
     schedule
-        The timer's parameter of that name.
+        Parameter ``schedule`` of the timer.
     """
 
     sample_time: float
@@ -47,12 +47,12 @@ class RunPlan:
 
     @functools.cached_property
     def ticks(self) -> Ticks:
-        """The time line, one for all nodes of a process."""
+        """Ticks and their stamps, shared by all nodes of a process."""
         return Ticks(self.sample_time)
 
     @property
     def identifier(self) -> str:
-        """Identifier of the run: that of the process of its timer, the first of the processes; empty without one."""
+        """Identifier of the run: that of the first process, which runs the timer; empty without processes."""
         return self.processes[0] if self.processes else ''
 
     @functools.cached_property
@@ -61,11 +61,11 @@ class RunPlan:
         return parse_schedule(self.schedule, self.sample_time, self.last_tick)
 
     def publisher_of(self, topic: str) -> str | None:
-        """Return the full name of the participating node that publishes a topic, None if none does."""
+        """Return the full name of the participating node that publishes a topic; None if no node does."""
         return next((name for name, node in self.nodes.items() if topic in node['outputs']), None)
 
     def description(self) -> dict[str, Any]:
-        """Return what ``run.yaml`` says of the run before it has ended."""
+        """Return the entries of ``run.yaml`` that are known before the run ends."""
         offers = {key: text for node in self.nodes.values() for key, text in node['offers'].items()}
         return {
             'sample_time': self.sample_time,
@@ -81,16 +81,16 @@ def make_run_plan(
     timer_name: str, timer: TimerParameters, nodes: dict[str, dict[str, Any]], processes: Sequence[str]
 ) -> RunPlan:
     """
-    Return the plan of a run that all nodes are ready for.
+    Return the plan of a run for which all nodes are ready.
 
     Parameters
     ----------
     timer_name
-        Full name of the timer's node.
+        Full name of the timer node.
     timer
         Its parameters.
     nodes
-        The metadata of each participating node by its full name.
+        Metadata of each participating node by its full name.
     processes
         Identifiers of the participating processes.
 
@@ -99,7 +99,7 @@ def make_run_plan(
     RunError
         If a node rejects the schedule.
     ParameterError
-        If the schedule names an unknown node, or the duration does not go with the nodes' plans.
+        If the schedule names an unknown node, or the duration does not match the plans of the nodes.
     """
     frame_id = next((node['offers']['frame_id'] for node in nodes.values() if 'frame_id' in node['offers']), '')
     for node in nodes.values():

@@ -1,10 +1,10 @@
 """
-Which process of this machine publishes a topic of the loop, known at once and to all.
+Claims of loop topics by the processes of this machine, to detect a second publisher immediately.
 
-DDS takes a tenth of a second to find a publisher, and some seconds on a busy machine: too long for one that is about to
-become the second. So each process claims the topics that it publishes by binding a Unix socket of the abstract
-namespace a topic. It has no file, goes with its process however that ends, and is as far-reaching as this machine's
-network, over which the processes would meet.
+DDS takes 0.1 s to discover a publisher, and seconds on a busy machine: too long for a process that is about to become
+the second publisher. Each process therefore claims the topics that it publishes by binding one Unix socket per topic in
+the abstract namespace. Such a socket has no file, disappears with its process however that ends, and is visible in the
+same network namespace as the DDS traffic of the processes.
 """
 
 import contextlib
@@ -17,12 +17,12 @@ _CREDENTIALS = struct.Struct('3i')
 
 
 class ClaimError(Exception):
-    """A topic is claimed by another process; says by which."""
+    """A topic is claimed by another process, which the message names."""
 
 
 class TopicClaims:
     """
-    The topics that this process publishes, claimed until :meth:`close`.
+    Claims of the topics that this process publishes, held until :meth:`close`.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class TopicClaims:
     Raises
     ------
     ClaimError
-        If another process has claimed one of them; then none is claimed.
+        If another process has claimed one of them; this process then claims no topic.
     """
 
     def __init__(self, topics: Iterable[str], domain: int) -> None:
@@ -44,13 +44,13 @@ class TopicClaims:
             self._sockets.append(made)
             try:
                 made.bind(_address(topic, domain))
-                made.listen(1)  # only then does it tell its process
+                made.listen(1)  # required for SO_PEERCRED to return its process
             except OSError:
                 self.close()
                 raise ClaimError(f'{topic} is published by {_holder(topic, domain)} already') from None
 
     def close(self) -> None:
-        """Give the topics free."""
+        """Release the topics."""
         for made in self._sockets:
             made.close()
 

@@ -1,15 +1,15 @@
 """
-How DDS carries messages between processes: over UDP alone, unless the user has configured something else.
+Transport of DDS messages between processes: only UDP, unless the user has configured another transport.
 
-Fast DDS would also use shared memory, which suffers from processes that are killed:
+By default, Fast DDS also uses shared memory, which is not robust against killed processes:
 
-- a process that dies while it creates a segment leaves it incomplete, and the next process that gets this participant's
-  number in this ROS domain waits forever to open it;
+- a process that dies while it creates a segment leaves it incomplete, and the next process with this participant number
+  in this ROS domain waits forever to open it;
 - the port of a vanished subscriber is reopened at every sample until the lease of its participant ends, which slows a
   run ten times.
 
-Between processes UDP is no slower for messages this small. Lost datagrams are sent again within 0.1 s, where Fast DDS
-by default takes up to 3 s; a loop that waits for one stands still that long.
+For messages this small, UDP is not slower between processes. Lost datagrams are resent within 0.1 s instead of the 3 s
+that Fast DDS takes by default; a loop that waits for one is stalled for that time.
 """
 
 from collections.abc import Mapping, MutableMapping
@@ -39,17 +39,17 @@ _REACHING = (
     'ROS_DISCOVERY_SERVER',
     'ROS_STATIC_PEERS',
 )
-"""Settings of a user by which DDS may reach other machines."""
+"""User settings through which DDS may reach other machines."""
 
 
 def who_can_reach(environment: Mapping[str, str]) -> str:
     """
-    Return a warning if other machines may find this process, and so change and end its run; else an empty text.
+    Return a warning if other machines may discover this process, and so change and end its run; otherwise empty.
 
     Parameters
     ----------
     environment
-        Environment variables as the user gave them, before :func:`use_udp_alone`.
+        Environment variables as set by the user, before :func:`use_udp_alone`.
     """
     if environment.get('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE):
         return ''  # From a process of this package that started this one.
@@ -68,7 +68,7 @@ def who_can_reach(environment: Mapping[str, str]) -> str:
 
 
 def check_domain(environment: Mapping[str, str]) -> None:
-    """Reject a ROS domain that has no ports: Fast DDS would end the process. Raises ArgumentError."""
+    """Raise ArgumentError for a ROS domain without ports, for which Fast DDS would terminate the process."""
     given = environment.get('ROS_DOMAIN_ID')
     if given and not (given.isascii() and given.isdigit() and int(given[:9]) <= _LARGEST_DOMAIN):
         raise ArgumentError(f'ROS_DOMAIN_ID: {shown(given)}; expected an integer from 0 to {_LARGEST_DOMAIN}')
@@ -76,13 +76,13 @@ def check_domain(environment: Mapping[str, str]) -> None:
 
 def use_udp_alone(environment: MutableMapping[str, str]) -> None:
     """
-    Have Fast DDS use UDP alone; called before the ROS context is made.
+    Configure Fast DDS to use only UDP; called before the ROS context is created.
 
     Parameters
     ----------
     environment
-        Environment variables of this process, changed. They stay as they are if one of them sets transports,
-        profiles or peers. Other middlewares read none of them. Without a discovery range it is set to LOCALHOST.
+        Environment variables of this process, modified in place unless one of them sets transports, profiles or
+        peers. Other middlewares do not read them. A missing discovery range is set to LOCALHOST.
     """
     if any(environment.get(name) for name in _USER_SETTINGS):
         return
@@ -93,18 +93,18 @@ def use_udp_alone(environment: MutableMapping[str, str]) -> None:
         return
     profile = ANY_RANGE_PROFILE
     if environment[_RANGE].upper() == _LOCALHOST:
-        # For this range rmw_fastrtps sets up shared memory regardless of that variable; this profile does not.
+        # For this range, rmw_fastrtps enables shared memory regardless of that variable; this profile does not.
         profile = LOCALHOST_PROFILE
         environment[_RANGE] = 'SYSTEM_DEFAULT'
     environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
 
 
 def keeps_to_this_machine(environment: Mapping[str, str]) -> bool:
-    """Return whether DDS finds processes of this machine alone; before or after :func:`use_udp_alone`."""
+    """Return whether DDS discovers only processes of this machine; before or after :func:`use_udp_alone`."""
     is_local = environment.get(_RANGE, '').upper() in ('LOCALHOST', 'OFF')
     return is_local or environment.get('FASTRTPS_DEFAULT_PROFILES_FILE') == str(LOCALHOST_PROFILE)
 
 
 def keeps_to_this_process(environment: Mapping[str, str]) -> bool:
-    """Return whether DDS finds no other process at all, as during a replay."""
+    """Return whether DDS discovers no other process, as during a replay."""
     return environment.get(_RANGE, '').upper() == 'OFF'

@@ -1,4 +1,4 @@
-"""Messages that anybody may have sent, whatever their bytes are."""
+"""Deserialization of messages from untrusted publishers."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ class MessageError(ValueError):
 
 def message_of(kind: Any, message: bytes) -> Any:
     """
-    Return the message of a type that some bytes hold.
+    Deserialize a message of a type.
 
     Raises
     ------
     MessageError
-        If they hold none.
+        If the bytes are not a message of the type.
     """
     try:
         return deserialize_message(message, kind)
-    except Exception as error:  # its class differs with what is wrong, and none is documented
-        raise MessageError(f'{len(message)} bytes that are no {kind.__name__}: {type(error).__name__}') from None
+    except Exception as error:  # the class depends on the fault, and is not documented
+        raise MessageError(f'{len(message)} bytes that are not a {kind.__name__}: {type(error).__name__}') from None

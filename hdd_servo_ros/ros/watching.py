@@ -1,4 +1,4 @@
-"""During a run: detect peers that are gone, messages that were lost and second publishers."""
+"""Supervision during a run: detect lost peers, lost messages and second publishers."""
 
 import math
 import time
@@ -11,27 +11,27 @@ from hdd_servo_ros.ros.member import PERIODS, Member
 from hdd_servo_ros.ros.publishers import publishers_of
 
 _STALLED = 1.0
-"""A loop that fires no node for this long stands still [s]."""
+"""A loop in which no node fires for this long is stalled [s]."""
 _PATIENCE_WHILE_RUNNING = 3.0
-"""How many times the timeout a peer may be silent as long as ticks go on."""
+"""Multiple of ``peer_timeout`` for which a peer may be silent while ticks continue."""
 _UNDER_WAY = 0.5
-"""How long the first message after a pause may take [s]."""
+"""Longest transmission time of the first message after a pause [s]."""
 _REPEATED_WITHIN = 1.0
-"""Time beyond ``peer_timeout`` that a lost message is given; DDS repeats it within 3 s [s]."""
+"""Time after ``peer_timeout`` within which a lost message may still arrive; DDS repeats it within 3 s [s]."""
 _GRAPH_CHECK_PERIOD = 0.5
 """Wall time between two counts of each topic's publishers [s]."""
 _SECOND_PUBLISHER = 1.5
-"""How long a second publisher of a topic may be there: one that came too late by mistake introduces itself [s]."""
-_LATECOMER = 25.0
+"""How long a second publisher of a topic is accepted; a process that joins after the start announces itself [s]."""
+_LATE_PUBLISHER = 25.0
 """
-The same for the topics of a process that has introduced itself as one that has come too late, and ends [s].
+The same for the topics of a process that joined after the start, announced itself, and is about to end [s].
 
-Longer than DDS remembers it, should it be killed.
+Longer than the lease of its DDS participant, in case the process is killed.
 """
 
 
 class PeerEnded(Exception):
-    """A peer has announced that the run ends, and how."""
+    """A peer has announced the end of the run; ``outcome`` is how it ended."""
 
     def __init__(self, outcome: Outcome) -> None:
         super().__init__(outcome.reason)
@@ -63,12 +63,12 @@ class Watching:
         Parameters
         ----------
         stalled
-            For how long no node of this process has fired [s].
+            Time for which no node of this process has fired [s].
 
         Raises
         ------
         RunError
-            If a peer is silent for too long, or a topic has a second publisher.
+            If a peer is silent for too long or a topic has a second publisher.
         PeerEnded
             If a peer has announced that the run ends.
         """
@@ -78,8 +78,8 @@ class Watching:
         member.announce_when_due(now, PERIODS[member.state])
         if member.outcome_of_peer is not None:
             raise PeerEnded(member.outcome_of_peer)
-        # While ticks go on, most of the others must be alive, and only their announcements are late: DDS repeats what
-        # got lost after a while, and a busy machine loses much.
+        # While ticks continue, most other processes are alive and only their announcements are late: a busy machine
+        # loses many messages, and DDS repeats them only after a while.
         patience = member.timeout if stalled > _STALLED else _PATIENCE_WHILE_RUNNING * member.timeout
         for process in member.run.processes:
             silence = member.peers.silence(process, now)
@@ -87,7 +87,7 @@ class Watching:
                 self._reject_silent(process, silence)
         if now - self._graph_checked_at > _GRAPH_CHECK_PERIOD:
             self._graph_checked_at = now
-            # Nothing else would notice a second publisher of a topic that stays inside a process.
+            # No other check detects a second publisher of a topic whose messages do not leave this process.
             readers = {port.name: node for node in member.nodes for port in node.inputs}
             for topic, reader in readers.items():
                 self._check_publishers(reader, topic, now)
@@ -99,27 +99,27 @@ class Watching:
     def _reject_silent(self, process: str, silence: float) -> None:
         announcement = self._member.peers.announcements.get(process)
         if announcement is not None and announcement.state in (DONE, FINISHED):
-            return  # it had nothing left to do
+            return  # it had completed its work
         names = process if announcement is None else ', '.join(announcement.ticks)
         raise RunError(
-            f'lost a peer: nothing received for {silence:.1f} s from {names}; '
+            f'lost a peer: no message for {silence:.1f} s (peer_timeout) from {names}; '
             f'{", ".join(_progress(node) for node in self._member.nodes)}'
         )
 
     def check_stall(self, stalled: float) -> None:
         """
-        Find out why the loop stands still.
+        Determine why the loop is stalled.
 
         Parameters
         ----------
         stalled
-            For how long [s].
+            Time for which it has been stalled [s].
 
         Raises
         ------
         RunError
-            If a message was published and did not arrive, if its publisher is external and does not respond, or if
-            no node of the run has fired for ``peer_timeout`` although nothing holds it up.
+            If a published message did not arrive, if its external publisher does not respond, or if no node of the
+            run has fired for ``peer_timeout`` although the timer is not held.
         """
         member = self._member
         run = member.run
@@ -139,7 +139,7 @@ class Watching:
             if publisher is None:
                 if ticks[run.timer] > expected and self._is_overdue(port.name, expected):
                     raise RunError(
-                        f'{port.name}: nothing for tick {expected} in {stalled:.1f} s; '
+                        f'{port.name}: no message for tick {expected} in {stalled:.1f} s; '
                         f'published by {publishers_of(node, port.name)}'
                     )
             elif ticks[publisher] > expected and self._is_overdue(port.name, expected):
@@ -147,9 +147,10 @@ class Watching:
 
     def _check_standstill(self, stalled: float) -> None:
         """
-        End a run none of whose nodes fires any more, whatever the cause.
+        End a run in which no node fires any more, whatever the cause.
 
-        The process of the timer alone judges: no other knows whether the run is paused, or when the next tick is due.
+        Only the process of the timer decides: the others know neither whether the run is paused nor when the next tick
+        is due.
         """
         member = self._member
         timer = member.timer_node
@@ -171,22 +172,24 @@ class Watching:
 
     def _check_publishers(self, node: LoopNode, topic: str, now: float) -> None:
         """
-        End the run if a topic has a second publisher that stays.
+        End the run if a topic has a second publisher that persists.
 
-        One that has come too late by mistake is given the time to end: until its run begins it publishes nothing.
+        A process that joined after the start is given time to end: it publishes nothing before its own run begins.
         """
         count = node.count_publishers(topic)
         if count <= 1:
             self._doubled_since.pop(topic, None)
             return
         seconds = now - self._doubled_since.setdefault(topic, now)
-        is_latecomer = now - self._member.latecomers.get(topic, -math.inf) < _LATECOMER
-        if seconds > (_LATECOMER if is_latecomer else _SECOND_PUBLISHER):
+        is_late = now - self._member.late_outputs.get(topic, -math.inf) < _LATE_PUBLISHER
+        if seconds > (_LATE_PUBLISHER if is_late else _SECOND_PUBLISHER):
             publishers = publishers_of(node, topic)
-            raise RunError(f'{topic}: {count} publishers at tick {node.tick}, one is allowed: {publishers}')
+            raise RunError(
+                f'{topic} has {count} publishers at tick {node.tick} but must have exactly one: {publishers}'
+            )
 
     def _is_overdue(self, topic: str, tick: int) -> bool:
-        """Return whether a message has been overdue for a while: right after a pause, the first one is under way."""
+        """Return whether a message has been overdue for a while; right after a pause it may still be in transit."""
         now = time.monotonic()
         return now - self._overdue_since.setdefault((topic, tick), now) > _UNDER_WAY
 

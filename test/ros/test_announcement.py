@@ -19,7 +19,7 @@ OF_TIMER = Announcement(
     ticks={'/deterministic_timer': 0},
     changes={'/deterministic_timer': 0},
     nodes={'/deterministic_timer': {'inputs': ['/control'], 'outputs': ['/clock'], 'offers': {}, 'parameters': {}}},
-    hears=['host:2:b'],
+    receives=['host:2:b'],
     timer=TimerAnnouncement(1e-4, 100, 0.0, ['0.005 pid_controller k_p 1.0']),
 )
 
@@ -37,7 +37,7 @@ def test_the_keys_of_the_json():
         'ticks',
         'changes',
         'nodes',
-        'hears',
+        'receives',
         'timer',
     ]
 
@@ -45,7 +45,7 @@ def test_the_keys_of_the_json():
 def test_what_is_none_is_left_out():
     announcement = Announcement('host:1:a', RUNNING, timer=TimerAnnouncement(1e-4, 100, 0.0))
     content = json.loads(announcement.encode())
-    assert not {'nodes', 'hears', 'directory', 'run'} & set(content)
+    assert not {'nodes', 'receives', 'directory', 'run'} & set(content)
     assert content['timer'] == {'sample_time': 1e-4, 'last_tick': 100, 'rate': 0.0}
     assert decode(announcement.encode()) == announcement
 

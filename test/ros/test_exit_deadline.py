@@ -57,6 +57,6 @@ def test_a_node_whose_shutdown_hangs_ends_with_the_exit_code_of_its_run(stage, m
     start = time.monotonic()
     exit_code, printed = run(code)
     assert exit_code == 1, printed
-    assert 'run failed: waited 0.5 s' in printed
+    assert 'run failed: timed out after 0.5 s' in printed
     assert 'most recent call first' in printed
     assert time.monotonic() - start < 60.0

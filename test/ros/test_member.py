@@ -1,4 +1,4 @@
-"""One process among others whose announcements are made up here: before, during and after a run."""
+"""A process that receives forged announcements of others before, during and after a run."""
 
 import dataclasses
 import time
@@ -50,12 +50,12 @@ def start(member, *others):
 
 
 def gathered_reason(member):
-    """Return the reason of the end that a peer has announced, empty if none has."""
+    """Return the reason of the end announced by a peer; empty if no peer has announced one."""
     return '' if member.outcome_of_peer is None else member.outcome_of_peer.reason
 
 
 def clock_of(monkeypatch, member, seconds):
-    """Let the time that the checks see be so long after the timer's last announcement."""
+    """Set the monotonic clock to a time after the last announcement of the timer [s]."""
     now = member.peers._received_at['timer'] + seconds
     monkeypatch.setattr('time.monotonic', lambda: now)
 
@@ -88,7 +88,7 @@ STRAY = [
             '{"process": "x", "state": "ready", "ticks": {"/x": 1' + 400 * '0' + '}}',
             '{"process": "x", "state": "ready", "nodes": {"/x": {}}}',
             '{"process": "x", "state": "ready", "nodes": {"/x": {"inputs": 3}}}',
-            '{"process": "x", "state": "ready", "nodes": {}, "hears": 5}',
+            '{"process": "x", "state": "ready", "nodes": {}, "receives": 5}',
             '{"process": "x", "state": "ready", "nodes": {}, "timer": {"sample_time": 0, "last_tick": 1, "rate": 0}}',
             '{"process": "x", "state": "ready", "nodes": {}, "timer": {"sample_time": NaN, "last_tick": 1, "rate": 0}}',
             '{"process": "x", "state": "running", "ticks": {"/x": 0}, "run": {"processes": []}}',
@@ -97,12 +97,12 @@ STRAY = [
         )
     ),
 ]
-"""What one may find on `/lockstep` that no process of this package sends."""
+"""Messages on `/lockstep` that no process of this package sends."""
 
 
 @pytest.mark.parametrize('stray', STRAY)
 @pytest.mark.parametrize('is_running', [False, True])
-def test_what_no_process_of_a_run_sends_is_ignored(member, stray, is_running):
+def test_stray_messages_are_ignored(member, stray, is_running):
     if is_running:
         start(member)
     before = (dict(member.peers.announcements), member.state, member.outcome_of_peer)
@@ -112,26 +112,26 @@ def test_what_no_process_of_a_run_sends_is_ignored(member, stray, is_running):
     assert member.ignored.counts == {'/lockstep': 2}
 
 
-def test_ignored_messages_are_counted_and_reported_once_with_who_may_have_sent_them(member, monkeypatch):
-    said = []
-    monkeypatch.setattr(type(member.ignored._node.get_logger()), 'warning', lambda _, text: said.append(text))
-    stranger = rclpy.create_node('stranger')
-    stranger.create_publisher(String, '/lockstep', 10)
+def test_ignored_messages_are_counted_and_reported_once_with_their_possible_senders(member, monkeypatch):
+    logged = []
+    monkeypatch.setattr(type(member.ignored._node.get_logger()), 'warning', lambda _, text: logged.append(text))
+    external = rclpy.create_node('external')
+    external.create_publisher(String, '/lockstep', 10)
     deadline = time.monotonic() + 100.0
-    while stranger.count_publishers('/lockstep') < 2:
+    while external.count_publishers('/lockstep') < 2:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     for _ in range(300):
         send(member, '{"process": "x"}')
-    stranger.destroy_node()
-    assert said == [
-        '/lockstep: ignored a message (state is missing), and will ignore further ones silently; published by /stranger'
+    external.destroy_node()
+    assert logged == [
+        '/lockstep: ignored a message (state is missing), and will ignore further ones silently; published by /external'
     ]
     member.ignored.report()
-    assert said[1:] == ['/lockstep: ignored 300 messages in all']
+    assert logged[1:] == ['/lockstep: ignored 300 messages in all']
 
 
-def test_a_process_without_a_part_in_the_run_cannot_end_it(member):
+def test_a_process_that_does_not_participate_in_the_run_cannot_end_it(member):
     start(member)
     receive(member, Announcement('x', FAILED, 'for fun', ticks={'/x': 3}))
     receive(member, Announcement('x', RUNNING, ticks={'/deterministic_timer': 2**40}))
@@ -141,15 +141,15 @@ def test_a_process_without_a_part_in_the_run_cannot_end_it(member):
     assert member.ignored.counts == {'/lockstep': 2}
 
 
-def test_one_that_came_too_late_is_known_by_its_outputs(member):
+def test_a_process_that_joins_after_the_start_is_recorded_by_its_outputs(member):
     start(member)
     receive(member, OF_TIMER, process='late')
     assert 'late' not in member.peers.announcements
-    assert list(member.latecomers) == ['/clock']
+    assert list(member.late_outputs) == ['/clock']
     assert not member.ignored.counts
 
 
-def test_its_own_announcements_are_passed_over(member):
+def test_its_own_announcements_are_ignored(member):
     receive(member, OF_TIMER, process=member.identifier)
     assert not member.peers.announcements
 
@@ -168,11 +168,13 @@ def test_two_nodes_that_announce_one_topic_end_the_run_before_it_begins(member):
     gathering = Gathering(member)
     receive(member, OF_TIMER)
     receive(member, OF_TIMER, process='second', nodes={'/second_timer': CLOCK_NODE})
-    with pytest.raises(RunError, match='/clock: 2 publishers, one is allowed: /deterministic_timer, /second_timer'):
+    with pytest.raises(
+        RunError, match='/clock has 2 publishers but must have exactly one: /deterministic_timer, /second_timer'
+    ):
         gathering.gather()
 
 
-def test_a_failed_peer_ends_the_wait_and_an_interrupted_one_is_forgotten(member):
+def test_a_failed_peer_ends_the_wait_and_an_interrupted_one_is_removed(member):
     gathering = Gathering(member)
     receive(member, OF_TIMER)
     receive(member, OF_TIMER, state=INTERRUPTED)
@@ -197,7 +199,7 @@ def test_a_process_that_shows_no_nodes_does_not_hold_up_a_start(member):
 
 
 def test_a_peer_of_the_run_that_failed_before_this_process_began_ends_it(member):
-    """The run names it; that nothing was heard of its nodes before is no fault."""
+    """The run includes it; its nodes need not have been known before."""
     receive(member, OF_TIMER)
     receive(member, Announcement('playback', FAILED, 'no such run', ticks={'/playback': 0}))
     assert not gathered_reason(member)
@@ -212,8 +214,8 @@ def test_a_run_starts_with_the_timer(member, node):
     assert Gathering(member).gather()
 
 
-def test_a_peer_of_the_run_may_be_heard_of_after_its_end(member):
-    """Nothing that its node reads or writes had to be known before: it may have finished before anyone asks for it."""
+def test_a_peer_of_the_run_may_be_discovered_after_its_end(member):
+    """No topic of its node had to be known before: it may have finished before its announcement is needed."""
     start(member, 'playback')
     ending = Ending(member)
     receive(member, OF_TIMER, state=DONE)
@@ -224,7 +226,7 @@ def test_a_peer_of_the_run_may_be_heard_of_after_its_end(member):
 
 
 def test_a_peer_is_not_lost_while_this_process_begins(member, monkeypatch):
-    """What it has announced in that time waits to be read."""
+    """Its announcements in that time are still unread."""
     gathering = Gathering(member)
     receive(member, OF_TIMER)
     receive(member, Announcement('playback', READY, nodes={'/playback': CLOCK_NODE}))
@@ -235,11 +237,11 @@ def test_a_peer_is_not_lost_while_this_process_begins(member, monkeypatch):
     assert 'playback' in member.peers.announcements
 
 
-def test_a_peer_that_is_never_heard_of_is_lost_in_the_end(member, monkeypatch):
+def test_a_peer_that_is_never_discovered_is_lost_in_the_end(member, monkeypatch):
     start(member, 'playback')
     clock_of(monkeypatch, member, 3.1)
     receive(member, OF_TIMER, state=RUNNING)
-    with pytest.raises(RunError, match=r'lost a peer: nothing received for 3\.1 s from playback'):
+    with pytest.raises(RunError, match=r'lost a peer: no message for 3\.1 s \(peer_timeout\) from playback'):
         Watching(member).watch()
 
 

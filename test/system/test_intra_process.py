@@ -134,7 +134,7 @@ def test_a_second_publisher_ends_the_run(bench, outside):
         publisher.publish(Vector3Stamped())
         outside.spin_for(0.05)
     assert process.wait() == 1, process.output
-    assert '/ldv: 2 publishers at tick' in process.output
+    assert '/ldv has 2 publishers at tick' in process.output
     run, simulated = Run.open(bench.directory / 'run'), Run.open(bench.directory / 'simulated')
     assert 0 < run.last_tick < 20_000
     for name in ('head', 'ldv', 'control', 'estimates'):

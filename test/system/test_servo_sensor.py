@@ -121,6 +121,6 @@ def test_a_vibrometer_and_a_servo_sensor_at_once_are_rejected(bench):
     codes = [process.wait() for process in processes.values()]
     assert 1 in codes
     assert any(
-        '/pes is published by /servo_sensor and /ldv by /ldv_sensor: a run has one of them' in process.output
+        '/pes is published by /servo_sensor and /ldv by /ldv_sensor; a run must have only one of them' in process.output
         for process in processes.values()
     )

@@ -160,7 +160,7 @@ def test_a_request_with_a_type_that_there_is_not_is_rejected(bench, outside, sim
             SetParameters, '/vcm_plant/set_parameters', SetParameters.Request(parameters=parameters)
         )
         assert not answer.results[0].successful
-        assert f'parameter gain is rejected: type {kind}' in answer.results[0].reason
+        assert f'invalid type of parameter gain: {kind}' in answer.results[0].reason
         request = SetParametersAtomically.Request(parameters=parameters)
         answer, _ = outside.call(SetParametersAtomically, '/vcm_plant/set_parameters_atomically', request)
         assert not answer.result.successful
