@@ -1,4 +1,4 @@
-"""The node of your own controller in one line: ``main = controller_main(MyController)``."""
+"""Node of a custom controller in one line: ``main = controller_main(MyController)``."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,23 +10,23 @@ __all__ = ['controller_main']
 
 def controller_main(kind: type[Any]) -> Callable[[Sequence[str] | None], int]:
     """
-    Return the ``main`` of a node around a controller class: ``main = controller_main(MyController)``.
+    Return the ``main`` function of a node for a controller class: ``main = controller_main(MyController)``.
 
     Parameters
     ----------
     kind
-        The class.
+        The controller class.
 
     Returns
     -------
     main
-        Runs the node and returns its exit code, as the nodes of this package do; takes the command line, ``sys.argv``
-        if None.
+        Function that runs the node and returns its exit code, like the nodes of this package. Its argument is the
+        command line; ``sys.argv`` if None.
 
     Raises
     ------
     ParameterError, ControllerError
-        In ``main``, which prints it and returns 2, if the class is not a controller or rejects its parameters.
+        In ``main``, if the class is not a controller or rejects its parameters; ``main`` prints it and returns 2.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def controller_main(kind: type[Any]) -> Callable[[Sequence[str] | None], int]:
     """
 
     def main(arguments: Sequence[str] | None = None) -> int:
-        # Imported late: the file of a controller must be importable where there is no rclpy.
+        # Imported here, because the file of a controller must be importable without rclpy.
         from hdd_servo_ros.nodes.outside_controller import run_controller
 
         return run_controller(lambda: checked_controller(kind, kind.__name__), arguments)

@@ -1,8 +1,7 @@
 """
-The package's executables as entry points: an interrupt ends each quietly, also while it is still being imported.
+Entry points of the executables: an interrupt ends each without a traceback, even during imports.
 
-Importing what an executable needs takes seconds, in which a launch file may want it to end; a traceback out of numba
-says nothing then.
+Imports take seconds, during which a launch file may end the process; a traceback from inside numba would not help then.
 """
 
 import functools
@@ -16,7 +15,7 @@ from hdd_servo_ros.messages.exit_codes import guard
 
 
 def __getattr__(name: str) -> Callable[[], int]:
-    """Return what runs an executable, by its name."""
+    """Return the function that runs an executable, by name."""
     if name.startswith('_'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return functools.partial(_run, name)
@@ -42,12 +41,11 @@ def _module(name: str) -> ModuleType:
     """
     Import the module of an executable.
 
-    Garbage is collected only afterward: what is imported stays, so that each search through it while it grows would
-    find nothing.
+    Garbage collection is disabled meanwhile: imported objects stay alive, so that each collection would be wasted time.
     """
     gc.disable()
     try:
-        # Imported only here, where an interrupt is taken.
+        # Imported here, where an interrupt is handled.
         from hdd_servo_ros.graph.catalog import executable_module
 
         return importlib.import_module(f'hdd_servo_ros.{executable_module(name)}')

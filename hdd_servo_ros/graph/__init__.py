@@ -1,1 +1,1 @@
-"""The nodes of the graph: one catalog of them, and what follows from it; no ROS import."""
+"""Catalog of the nodes and commands, and everything derived from it; no ROS import."""

@@ -1,4 +1,4 @@
-"""The parameters of a node's block, from all that a parameter file holds for the node."""
+"""Block parameters of a node, from all its parameters in a parameter file."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -16,19 +16,19 @@ from hdd_servo_ros.parameters import ParameterError, declarations, from_mapping
 
 Kind = TypeVar('Kind')
 _HasMethod = SeekParameters | FeedforwardParameters | RunoutParameters
-"""Parameters of a block around a controller's law that a run may do without."""
+"""Parameters of an optional block around the control law."""
 
 
 def block_parameters(node: str, values: Mapping[str, object]) -> Any:
     """
-    Return the parameters of a node's block from all that a file says of the node.
+    Return the block parameters of a node from all parameters of the node.
 
-    What belongs to the node around the block (its waiting times, the drive's name) is passed over.
+    Parameters of the node itself, such as timeouts and the name of the drive, are ignored.
 
     Raises
     ------
     ParameterError
-        If a value is rejected or a name known to neither; the name is preceded by the node's.
+        If a value or a name is invalid; the node precedes the name.
     """
     kinds = NODES[node].parameter_sets
     kind = kinds[-1]
@@ -37,28 +37,28 @@ def block_parameters(node: str, values: Mapping[str, object]) -> Any:
 
 
 def dsp_parameters(node: str, values: Mapping[str, object]) -> DspParameters:
-    """Return the parameters of what lies behind a controller's law, from all that a file says of its node."""
+    """Return the DSP parameters of a controller, from all parameters of its node."""
     return _own(ControllerOutputParameters, node, values).dsp
 
 
 def input_parameters(node: str, values: Mapping[str, object]) -> ControllerInputParameters:
-    """Return how a controller scales the sensor's outputs, from all that a file says of its node."""
+    """Return the scales of the sensor outputs in a controller, from all parameters of its node."""
     return _own(ControllerInputParameters, node, values)
 
 
 def observer_parameters(node: str, values: Mapping[str, object]) -> ObserverParameters:
-    """Return the parameters of a controller's observer, from all that a file says of its node."""
+    """Return the observer parameters of a controller, from all parameters of its node."""
     return _own(ControllerObserverParameters, node, values).observer
 
 
 def feedforward_parameters(node: str, values: Mapping[str, object]) -> FeedforwardParameters:
     """
-    Return the parameters of a controller's feedforward, from all that a file says of its node.
+    Return the feedforward parameters of a controller, from all parameters of its node.
 
     Raises
     ------
     ParameterError
-        If a value is rejected, or the controller does not follow the reference and so has no error to reduce.
+        If a value is invalid, or the controller does not follow the reference and so has no error to reduce.
     """
     found = _own(ControllerFeedforwardParameters, node, values).feedforward
     _reject_without_error(node, 'feedforward.method', found)
@@ -66,34 +66,34 @@ def feedforward_parameters(node: str, values: Mapping[str, object]) -> Feedforwa
 
 
 def runout_parameters(node: str, values: Mapping[str, object]) -> RunoutParameters:
-    """Return the parameters of a controller's cancellation of runout; see :func:`feedforward_parameters`."""
+    """Return the runout cancellation parameters of a controller; see :func:`feedforward_parameters`."""
     found = _own(ControllerRunoutParameters, node, values).runout
     _reject_without_error(node, 'runout.method', found)
     return found
 
 
 def seek_parameters(node: str, values: Mapping[str, object]) -> SeekParameters:
-    """Return the parameters of a controller's seek part; see :func:`feedforward_parameters`."""
+    """Return the seek parameters of a controller; see :func:`feedforward_parameters`."""
     found = _own(seek_kind(node), node, values).seek
     _reject_without_error(node, 'seek.method', found)
     return found
 
 
 def seek_kind(node: str) -> type[ControllerSeekParameters]:
-    """Return the parameter dataclass of a controller node that holds its seek part."""
+    """Return the parameter dataclass of a controller node that contains its seek parameters."""
     return next(kind for kind in NODES[node].parameter_sets if issubclass(kind, ControllerSeekParameters))
 
 
 def reject_other_units(name: str, used: _HasMethod, drive: PlantParameters) -> None:
-    """Reject what has parameters in um and V on a drive in other units: :class:`ParameterError` of ``name``."""
+    """Raise :class:`ParameterError` of ``name`` if parameters in um and V are used with a drive in other units."""
     units = drive.length_unit, drive.control_unit
     if used.is_used and units != ('um', 'V'):
-        allowed = f'none with a drive in {units[0]} and {units[1]}, since its parameters are in um and V'
+        allowed = f'none with a drive in {units[0]} and {units[1]}, because its parameters are in um and V'
         raise ParameterError(name, used.method, allowed)
 
 
 def sensor_scales(own: ControllerInputParameters, sensor: LdvParameters) -> SensorScales:
-    """Return the scales by which a controller reads a sensor: its own where they are given, else the sensor's."""
+    """Return the sensor scales of a controller: its own if they are given, otherwise those of the sensor."""
     return SensorScales(
         own.displacement_scale or sensor.displacement_scale,
         own.velocity_scale or sensor.velocity_scale,
@@ -108,7 +108,7 @@ def _constructed(kind: type[Any], node: str, values: Mapping[str, object]) -> An
 
 
 def _own(kind: type[Kind], node: str, values: Mapping[str, object]) -> Kind:
-    """Return the parameters of one kind, from all that a file says of a node."""
+    """Return the parameters of one kind, from all parameters of a node."""
     own = {declaration.name for declaration in declarations(kind)}
     found: Kind = _constructed(kind, node, {name: value for name, value in values.items() if name in own})
     return found
@@ -116,5 +116,5 @@ def _own(kind: type[Kind], node: str, values: Mapping[str, object]) -> Kind:
 
 def _reject_without_error(node: str, name: str, used: _HasMethod) -> None:
     if used.is_used and not NODES[node].follows_reference:
-        allowed = 'none, since this controller does not follow the reference'
+        allowed = 'none, because this controller does not follow the reference'
         raise ParameterError(f'{node}.{name}', used.method, allowed)

@@ -1,12 +1,12 @@
 """
-The catalog of this package's executables: one row per node and one per command.
+Catalog of the executables of this package: one row per node and one per command.
 
-Help texts, launch files, `rig`, `simulate`, the executables that ``setup.py`` declares and the documents follow from
-these rows. The topics that a node reads and writes follow from its name and role, see
+The help of the commands, launch files, `rig`, `simulate`, the executables in ``setup.py`` and the reference pages are
+derived from these rows. The inputs and outputs of a node are derived from its name and role, see
 :mod:`hdd_servo_ros.graph.connections`.
 
-This file imports the standard library alone, since ``setup.py`` runs it where nothing else is installed. A row
-therefore holds import paths, relative to the package, and resolves them when they are used.
+This file imports only the standard library, because ``setup.py`` runs it before anything else is installed. A row
+therefore contains import paths, relative to the package, and resolves them on use.
 """
 
 import dataclasses
@@ -19,12 +19,12 @@ CONTROLLER = 'controller'
 DISTURBANCE_SOURCE = 'disturbance source'
 POSITION_SENSOR = 'position sensor'
 BASE_SENSOR = 'accelerometer'
-"""The roles of these names in :mod:`hdd_servo_ros.messages.topics`."""
+"""Role names as in :mod:`hdd_servo_ros.messages.topics`."""
 
 
 @functools.cache
 def resolve(path: str) -> Any:
-    """Return what an import path ``module:name``, relative to the package, names."""
+    """Return the object with an import path ``module:name`` relative to the package."""
     module, _, name = path.partition(':')
     return getattr(importlib.import_module(f'hdd_servo_ros.{module}'), name)
 
@@ -32,31 +32,31 @@ def resolve(path: str) -> Any:
 @dataclasses.dataclass(frozen=True)
 class NodeRow:
     """
-    A node that can take part in a run.
+    Catalog row of a node.
 
     Attributes
     ----------
     name
         Name of the node, of its executable and of its module in ``nodes``.
     purpose
-        One sentence for help texts and documents.
+        One sentence for the help and the reference pages.
     parameters
-        Import paths of its parameter dataclasses, or the classes themselves, in this order: waiting for peers, sample
-        time, others, and last those of the block.
+        Import paths of its parameter dataclasses, or the classes themselves, in this order: peers, sample time,
+        others, block.
     node
-        Import path of its class; empty for the plain node around a controller's block.
+        Import path of its class; empty for the generic node of a controller block.
     block
-        Import path of the class of its block, made from the block's parameters and T [s]; empty where none runs in the
-        compiled loop.
+        Import path of its block class, constructed from the block parameters and T [s]; empty if the compiled loop has
+        no such block.
     role
-        Role by which topics name their writers and readers; empty for a node that is in every run. A role is filled by
-        one node of a run, see :mod:`hdd_servo_ros.graph.roles`.
+        Role in the definitions of the topics; empty for a node that is in every run. One node per run fills a role,
+        see :mod:`hdd_servo_ros.graph.roles`.
     short_name
-        Value of the parameter ``controller`` that stands for it; empty for what is not a built-in controller.
+        Value of the parameter ``controller`` for a built-in controller; otherwise empty.
     follows_reference
-        For a controller: whether the head is to follow the reference, so that the run has a tracking error.
+        For a controller: whether the head follows the reference, so that the run has a tracking error.
     needs_ldv
-        For a controller: whether it cannot do without the vibrometer.
+        For a controller: whether it requires the vibrometer.
     """
 
     name: str
@@ -81,14 +81,14 @@ class NodeRow:
 
     @property
     def block_parameters(self) -> type[Any]:
-        """The parameter dataclass of its block."""
+        """Parameter dataclass of its block."""
         return self.parameter_sets[-1]
 
 
 @dataclasses.dataclass(frozen=True)
 class CommandRow:
     """
-    An executable that is not a node of the loop.
+    Catalog row of an executable that is not a loop node.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class CommandRow:
     module
         Its module, relative to the package.
     purpose
-        One sentence for help texts and documents.
+        One sentence for the help and the reference pages.
     parameters
         Import paths of its parameter dataclasses, for a command that takes ROS parameters.
     """
@@ -132,27 +132,27 @@ _EVERY_CONTROLLER = (
 _NODE_ROWS = (
     NodeRow(
         'deterministic_timer',
-        'The only source of time: publishes the ticks on /clock, paces and ends the run.',
+        'Only time source of a run: publishes the ticks on /clock, paces the run and ends it.',
         (_PEERS, 'parameters.run_parameters:TimerParameters'),
         node='nodes.deterministic_timer:DeterministicTimer',
     ),
     NodeRow(
         'reference_generator',
-        'Publishes the desired trajectory and its derivatives on /reference.',
+        'Publishes the desired position and its derivatives on /reference.',
         (*_EVERY_NODE, 'signals.reference:ReferenceParameters'),
         node='nodes.reference_generator:ReferenceGenerator',
         block='signals.reference:Reference',
     ),
     NodeRow(
         'playback',
-        'Publishes the disturbance of a recorded run again in another run.',
+        'Publishes the disturbance of a recorded run in another run.',
         (*_EVERY_NODE, 'parameters.run_parameters:PlaybackParameters'),
         node='nodes.playback:PlaybackNode',
         role=DISTURBANCE_SOURCE,
     ),
     NodeRow(
         'disturbance_generator',
-        'What acts on a drive in use, from runout to shock: publishes /disturbance and /base_acceleration.',
+        'Disturbances of a drive in use, from runout to shock: publishes /disturbance and /base_acceleration.',
         (*_EVERY_NODE, 'disturbance.parameters:DisturbanceParameters'),
         node='nodes.disturbance_generator:DisturbanceGeneratorNode',
         block='disturbance.generator:DisturbanceGenerator',
@@ -160,14 +160,14 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'vcm_plant',
-        'The drive: VCM actuator, pivot friction and resonances; publishes the truth on /head.',
+        'Simulated drive: VCM actuator, pivot friction and resonances; publishes the true head position on /head.',
         (*_EVERY_NODE, 'parameters.run_parameters:DriveIdentityParameters', 'drive.plant:PlantParameters'),
         node='nodes.vcm_plant:VcmPlant',
         block='drive.plant:Plant',
     ),
     NodeRow(
         'ldv_sensor',
-        'The laser Doppler vibrometer: publishes its two output voltages on /ldv.',
+        'Laser Doppler vibrometer: publishes its two output voltages on /ldv.',
         (*_EVERY_NODE, 'bench.ldv:LdvParameters'),
         node='nodes.ldv_sensor:LdvSensor',
         block='bench.ldv:Ldv',
@@ -175,8 +175,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'servo_sensor',
-        'Decodes the servo sectors of a drive, in place of the vibrometer: publishes position error and position on '
-        '/pes.',
+        'Servo sectors of a drive, used instead of the vibrometer: publishes position error and position on /pes.',
         (*_EVERY_NODE, 'bench.servo_sensor:ServoSensorParameters'),
         node='nodes.servo_sensor:ServoSensorNode',
         block='bench.servo_sensor:ServoSensor',
@@ -192,7 +191,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'adaptive_nn_controller',
-        'The adaptive neural network controller, eqs. (4.10) to (4.21) of the thesis.',
+        'Adaptive neural network controller, thesis eqs. 4.10 to 4.21.',
         (*_EVERY_CONTROLLER, 'control.adaptive_nn:AdaptiveNnParameters'),
         node='nodes.adaptive_nn_controller:AdaptiveNnController',
         block='control.adaptive_nn:AdaptiveNn',
@@ -201,7 +200,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'pid_controller',
-        'The conventional PID controller, the baseline.',
+        'Conventional PID controller, the baseline.',
         (*_EVERY_CONTROLLER, 'control.pid:PidParameters'),
         block='control.pid:Pid',
         role=CONTROLLER,
@@ -209,7 +208,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'seek_controller',
-        'Brings the head to new targets by planned trajectories, settles and follows with a PID.',
+        'Seeks to new targets along planned trajectories, settles, and follows the track with a PID controller.',
         (*_EVERY_CONTROLLER[:-1], 'control.seek_parameters:SeekControllerParameters', 'control.pid:PidParameters'),
         block='control.pid:Pid',
         role=CONTROLLER,
@@ -217,7 +216,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'open_loop_controller',
-        'Drives the plant open loop: the voltage is x of /reference.',
+        'Drives the plant in open loop: the voltage is x of /reference.',
         (*_EVERY_CONTROLLER, 'control.open_loop:OpenLoopParameters'),
         block='control.open_loop:OpenLoop',
         role=CONTROLLER,
@@ -226,7 +225,7 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'signal_analyzer',
-        "Sweeps a sine through the drive and writes its frequency response, in a controller's place.",
+        'Excites the drive with a swept sine instead of a controller, and writes its frequency response.',
         (*_EVERY_CONTROLLER, 'bench.signal_analyzer_parameters:SignalAnalyzerParameters'),
         node='nodes.signal_analyzer:SignalAnalyzerNode',
         block='bench.signal_analyzer:SignalAnalyzer',
@@ -237,20 +236,20 @@ _NODE_ROWS = (
     ),
     NodeRow(
         'bag_recorder',
-        'Writes every topic of the run into a rosbag2 bag, and run.yaml beside it.',
+        'Records every topic of the run in a rosbag2 bag, and writes run.yaml.',
         (*_EVERY_NODE, 'parameters.run_parameters:RecorderParameters'),
         node='nodes.bag_recorder:BagRecorder',
     ),
 )
 
 NODES = {row.name: row for row in _NODE_ROWS}
-"""The nodes by name, in the order in which data flows through a tick; after them registered custom controllers."""
+"""Nodes by name, in the order of the data flow within a tick, followed by registered custom controllers."""
 
 CONTROLLERS = {row.short_name: row.name for row in _NODE_ROWS if row.short_name}
-"""Values of the parameter ``controller`` of `rig` and `simulate`, and the node each stands for."""
+"""Node for each value of the parameter ``controller`` of `rig` and `simulate`."""
 
 SENSORS = {'ldv': 'ldv_sensor', 'servo': 'servo_sensor'}
-"""Values of the parameter ``sensor`` of `rig` and `simulate`, and the node each stands for."""
+"""Node for each value of the parameter ``sensor`` of `rig` and `simulate`."""
 
 _RIG_PARAMETERS = ('graph.rig_parameters:RigParameters',)
 
@@ -258,89 +257,90 @@ _COMMAND_ROWS = (
     CommandRow(
         'rig',
         'nodes.rig',
-        'The whole graph in one process: runs the experiment, records it, sums it up and plots it.',
+        'Complete graph in one process: runs the experiment, records it, summarizes it and plots it.',
         _RIG_PARAMETERS,
     ),
     CommandRow(
         'simulate',
         'simulation.simulate',
-        'The same experiment as rig without middleware: the same parameters, the same bag, much faster.',
+        'Same experiment as rig without ROS middleware: same parameters, same bag, much faster.',
         _RIG_PARAMETERS,
     ),
     CommandRow(
         'outside_controller',
         'nodes.outside_controller',
-        'The node of a controller that is not of this package: a class by its import path or entry point.',
+        'Node of a custom controller, given as the import path or entry point of a class.',
     ),
-    CommandRow('study', 'studies.main', "Runs the thesis's experiments and makes its figures and tables."),
-    CommandRow('report', 'tools.report', 'Writes metrics, plots and an HTML page of recorded runs.'),
+    CommandRow('study', 'studies.main', 'Runs the experiments of the thesis and produces its figures and tables.'),
+    CommandRow('report', 'tools.report', 'Writes metrics, plots and an HTML report of recorded runs.'),
     CommandRow('compare', 'studies.compare', 'Compares several controllers on the same experiments.'),
-    CommandRow('campaign', 'campaign.main', 'Makes many runs from one specification and tabulates their metrics.'),
+    CommandRow('campaign', 'campaign.main', 'Executes many runs from one specification and tabulates their metrics.'),
     CommandRow('compare_bags', 'recording.compare_bags', 'Compares the loop topics of two recorded runs byte by byte.'),
-    CommandRow('replay', 'tools.replay', 'Runs a recorded run again and compares the bits.'),
+    CommandRow('replay', 'tools.replay', 'Replays a recorded run and compares the two byte by byte.'),
     CommandRow('recover', 'tools.recover', 'Repairs a recorded run after a crash.'),
-    CommandRow('scope', 'tools.scope', 'Shows the signals of a run while it goes on.'),
-    CommandRow('identify', 'analysis.identify', 'Identifies gain and modes from a measured frequency response.'),
-    CommandRow('tune', 'studies.tune', 'Tunes the adaptive NN controller and the PID for a drive.'),
+    CommandRow('scope', 'tools.scope', 'Shows the signals of a run in progress.'),
+    CommandRow(
+        'identify', 'analysis.identify', 'Identifies the gain and the modes from a measured frequency response.'
+    ),
+    CommandRow('tune', 'studies.tune', 'Tunes the adaptive NN controller and the PID controller for a drive.'),
     CommandRow(
         'stability_certificate',
         'studies.stability_certificate',
-        'Gives the stability certificate of theorem 4.1 for a recorded run.',
+        'Computes the stability certificate of theorem 4.1 for a recorded run.',
     ),
-    CommandRow('instruments', 'studies.instruments', 'Tabulates what each instrument does to the tracking error.'),
+    CommandRow('instruments', 'studies.instruments', 'Tabulates the effect of each instrument on the tracking error.'),
     CommandRow('swept_sine', 'studies.swept_sine', 'Measures the frequency response of the drive and identifies it.'),
-    CommandRow('friction_curves', 'studies.friction_curves', 'Draws the friction curves of figs. 2.1, 2.2 and 5.5.'),
-    CommandRow('drive_response', 'studies.drive_response', "Draws the default drive's frequency responses."),
+    CommandRow('friction_curves', 'studies.friction_curves', 'Plots the friction curves of figs. 2.1, 2.2 and 5.5.'),
+    CommandRow('drive_response', 'studies.drive_response', 'Plots the frequency responses of the default drive.'),
 )
 
 COMMANDS = {row.name: row for row in _COMMAND_ROWS}
-"""The commands by name."""
+"""Commands by name."""
 
 EXECUTABLES = (*NODES, *COMMANDS)
-"""Names of the package's executables."""
+"""Names of the executables of this package."""
 
 
 def executable_module(name: str) -> str:
-    """Return the module of an executable, relative to the package; raises KeyError if there is none of that name."""
+    """Return the module of an executable, relative to the package; raises KeyError for an unknown name."""
     return _row(name).module
 
 
 def purpose(name: str) -> str:
-    """Return the one sentence that describes a node or command."""
+    """Return the purpose of a node or command in one sentence."""
     return _row(name).purpose
 
 
 def parameter_sets(name: str) -> tuple[type[Any], ...]:
-    """Return the parameter dataclasses of a node or command; raises KeyError if there is none of that name."""
+    """Return the parameter dataclasses of a node or command; raises KeyError for an unknown name."""
     return _row(name).parameter_sets
 
 
 def follows_reference(controller: str | None) -> bool:
     """
-    Return whether the head is to follow the reference with a controller.
+    Return whether the head follows the reference with a controller.
 
     Parameters
     ----------
     controller
-        Value of the parameter ``controller``; one that is not built in, or not known, counts as following.
+        Value of the parameter ``controller``; a custom or unknown controller counts as following.
     """
     return controller not in CONTROLLERS or NODES[CONTROLLERS[controller]].follows_reference
 
 
 def names_with_parameters() -> tuple[str, ...]:
-    """Return the names of all nodes and commands for which a parameter file may have a section."""
+    """Return the names of all nodes and commands that may have a section in a parameter file."""
     return (*NODES, *(row.name for row in COMMANDS.values() if row.parameters))
 
 
 def nodes_of_run(by_role: Mapping[str, str]) -> tuple[str, ...]:
     """
-    Return the names of a run's nodes, in the order in which data flows through a tick.
+    Return the names of the nodes of a run, in the order of the data flow within a tick.
 
     Parameters
     ----------
     by_role
-        Names of the nodes that fill the roles of this run; the vibrometer is the position sensor unless it says
-        otherwise.
+        Names of the nodes that fill the roles of the run; the default position sensor is the vibrometer.
     """
     by_role = {POSITION_SENSOR: SENSORS['ldv'], **by_role}
     order = dict.fromkeys(row.role or row.name for row in NODES.values())
@@ -350,7 +350,7 @@ def nodes_of_run(by_role: Mapping[str, str]) -> tuple[str, ...]:
 
 def register_controller(node: str, kind: type[Any], description: str) -> None:
     """
-    Add a row for a custom controller: with the parameters that every controller's node has, and its own.
+    Add a row for a custom controller, with the common controller parameters and its own.
 
     Parameters
     ----------
@@ -364,7 +364,7 @@ def register_controller(node: str, kind: type[Any], description: str) -> None:
     Raises
     ------
     ValueError
-        If another node has its name.
+        If another node has the same name.
     """
     if node in COMMANDS or (node in NODES and NODES[node].parameters[-1] is not kind):
         raise ValueError(f'there is another node {node}')
@@ -372,7 +372,7 @@ def register_controller(node: str, kind: type[Any], description: str) -> None:
 
 
 def common_controller_parameters() -> tuple[type[Any], ...]:
-    """Return the parameter dataclasses that the node of every controller has in addition to its own."""
+    """Return the parameter dataclasses that every controller node has in addition to its own."""
     return _classes(_EVERY_CONTROLLER)
 
 

@@ -1,4 +1,4 @@
-"""Which topics each node reads and writes: the contract of the topics, asked by a node's name. No ROS import."""
+"""Inputs and outputs of each node, derived from the topic definitions; no ROS import."""
 
 import dataclasses
 import functools
@@ -8,15 +8,15 @@ from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.messages.topics import ALL_LOOP_TOPICS, CONTROL, RECORDED, RECORDER, LoopTopic, Reader
 
 TOPICS = (*ALL_LOOP_TOPICS, RECORDED)
-"""The topics that nodes of the graph wait for, in the contract's order."""
+"""Topics for which nodes of the graph wait, in the order of their definitions."""
 _ADDED_DELAY = {(CONTROL.name, 'deterministic_timer'): 'lookahead'}
-"""Parameters by which a reader adds to its delay."""
+"""Parameters that increase the delay of a reader."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TopicInput:
     """
-    A topic that a node reads.
+    Topic that a node reads.
 
     Attributes
     ----------
@@ -32,35 +32,35 @@ class TopicInput:
 
 @functools.cache
 def inputs_of(node: str) -> tuple[TopicInput, ...]:
-    """Return what a node of the catalog reads in every run, in the contract's order."""
+    """Return the inputs of a node in every run, in the order of the topic definitions."""
     return tuple(found for found in _all_inputs(node) if not found.topic.is_optional)
 
 
 @functools.cache
 def optional_inputs_of(node: str) -> tuple[TopicInput, ...]:
-    """Return what a node of the catalog reads in a run in which another node publishes it."""
+    """Return the inputs of a node in runs in which another node publishes them."""
     return tuple(found for found in _all_inputs(node) if found.topic.is_optional)
 
 
 @functools.cache
 def outputs_of(node: str) -> tuple[LoopTopic, ...]:
-    """Return the topics that a node of the catalog publishes, in the contract's order."""
+    """Return the topics that a node publishes, in the order of the topic definitions."""
     return tuple(topic for topic in TOPICS if topic.writer in _names(node))
 
 
 def readers_of(topic: LoopTopic) -> tuple[Reader, ...]:
-    """Return all who read a topic, the recorder among them."""
+    """Return all readers of a topic, including the recorder."""
     return topic.readers if topic is RECORDED else (*topic.readers, Reader(RECORDER))
 
 
 def shown_delay(topic: LoopTopic, reader: Reader) -> str:
-    """Return a reader's delay as a person reads it, such as ``1 + lookahead``; empty for none."""
+    """Return the delay of a reader as text, such as ``1 + lookahead``; empty for no delay."""
     added = _ADDED_DELAY.get((topic.name, reader.node))
     return ' + '.join(filter(None, (str(reader.delay or ''), added)))
 
 
 def _names(node: str) -> tuple[str, str]:
-    """Return the names by which a topic may mean a node: its own and its role."""
+    """Return the names of a node in topic definitions: its own and its role."""
     return node, NODES[node].role
 
 

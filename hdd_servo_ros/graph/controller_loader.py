@@ -1,7 +1,7 @@
 """
-Controllers from outside this package: found by entry point or import path, checked, and known like the built-in ones.
+Custom controllers: found by entry point or import path, checked, and registered like the built-in ones.
 
-No ROS import, for `simulate` runs them too.
+This module does not import ROS, because `simulate` runs custom controllers too.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from hdd_servo_ros.messages.controller_inputs import NO_INPUTS
 from hdd_servo_ros.parameters import InvalidParameterError, ParameterError, ParameterSet, declarations
 
 ENTRY_POINTS = 'hdd_servo_ros.controllers'
-"""Group of the entry points by which an installed package offers controllers."""
+"""Group of the entry points with which an installed package provides controllers."""
 
 _STEP_ARGUMENTS = ('inputs',)
 _FORMER_STEP_ARGUMENTS = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d')
@@ -37,14 +37,14 @@ _CHANGED_STEP = (
 @dataclasses.dataclass(frozen=True)
 class ControllerKind:
     """
-    A controller class from outside that has been found fit for the loop.
+    Custom controller class that has been checked.
 
     Attributes
     ----------
     name
-        What the user called it: an entry point's name or an import path.
+        Name given by the user: that of an entry point, or an import path.
     node
-        Name of its node: the class attribute ``node_name``, or the class's name in snake_case.
+        Name of its node: the class attribute ``node_name``, or the class name in snake_case.
     kind
         The class.
     parameters
@@ -57,11 +57,11 @@ class ControllerKind:
     parameters: type[ParameterSet]
 
     def make(self, parameters: Any, sample_time: float) -> OutsideController:
-        """Make a controller for T [s]; raises :class:`ParameterError` if its class cannot be constructed."""
+        """Construct a controller for T [s]; raises :class:`ParameterError` if that fails."""
         return OutsideController(self.node, self.kind, parameters, sample_time)
 
     def trial(self, parameters: Any, sample_time: float) -> OutsideController:
-        """Make a controller and let it step once with zeros: what cannot run at all is rejected before a run."""
+        """Construct a controller and try one step with zeros, to reject a broken controller before a run."""
         made = self.make(parameters, sample_time)
         try:
             made.step(NO_INPUTS)
@@ -70,15 +70,15 @@ class ControllerKind:
         return made
 
     def rejected_trial(self, error: ControllerError) -> ParameterError:
-        """Return the error of a failed step with zeros, with what to change if ``step`` can take six arguments."""
+        """Return the error of a failed step with zeros, with advice if ``step`` accepts six arguments."""
         signature = _signature_of(self.kind.step)
-        # The former arguments may hide behind *args or defaults, where only the trial finds them.
+        # The former arguments may be hidden in *args or defaults, where only the trial detects them.
         former = signature is not None and _takes(signature, ('self', *_FORMER_STEP_ARGUMENTS))
         hint = f'; {self.kind.__name__}.{_CHANGED_STEP}' if former else ''
-        return _rejected(self.name, f'tried with zeros: {error}{hint}')
+        return _rejected(self.name, f'the trial step with zeros failed: {error}{hint}')
 
     def offers(self) -> dict[str, str]:
-        """Return what ``run.yaml`` says of it: where the class was found, and the digest of its file."""
+        """Return the entries of ``run.yaml``: location of the class, and digest of its file."""
         path = Path(inspect.getfile(self.kind))
         module = path.stem if self.kind.__module__ == '__main__' else self.kind.__module__
         return {
@@ -89,23 +89,23 @@ class ControllerKind:
 
 def load_controller(name: str) -> ControllerKind:
     """
-    Find a controller from outside, check it, and make its node and parameters known to the catalog.
+    Find a custom controller, check it, and register its node and parameters in the catalog.
 
     Parameters
     ----------
     name
         Name of an entry point of the group ``hdd_servo_ros.controllers``, or an import path ``module:Class``. Modules
-        are looked for on ``sys.path`` and then in the working folder.
+        are searched on ``sys.path`` and then in the working directory.
 
     Raises
     ------
     ParameterError
-        If there is no such controller, its module cannot be imported, or the class does not fit; says why.
+        If the controller does not exist, its module cannot be imported, or the class is not valid.
     """
     path = name if ':' in name else _entry_point(name)
     module_name, _, attribute = path.partition(':')
     if not re.fullmatch(r'\w+(\.\w+)*:\w+(\.\w+)*', path):
-        raise _rejected(name, f'{path!r} is not an import path module:Class')
+        raise _rejected(name, f'an import path module:Class, not {path!r}')
     found: Any = _import(name, module_name)
     for part in attribute.split('.'):
         if not hasattr(found, part):
@@ -117,13 +117,13 @@ def load_controller(name: str) -> ControllerKind:
 
 def checked_controller(kind: Any, name: str) -> ControllerKind:
     """
-    Check a class and make its node and parameters known to the catalog.
+    Check a class and register its node and parameters in the catalog.
 
     Raises
     ------
     ParameterError
-        If it is no class, lacks ``update`` or ``step``, does not say its parameters' type, if these are not declared as
-        they should be, or if a name is taken already.
+        If it is not a class, lacks ``update`` or ``step``, does not annotate its parameters, if these are not declared
+        properly, or if a name already exists.
     """
     if not isinstance(kind, type):
         raise _rejected(name, f'{kind!r} is not a class')
@@ -138,7 +138,7 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
     _check_parameters(parameters, name)
     node = getattr(kind, 'node_name', None) or snake_case(kind.__name__)
     if not isinstance(node, str) or not re.fullmatch(r'[A-Za-z_][A-Za-z0-9_]*', node):
-        raise _rejected(name, f'node name {node!r} is not made of letters, digits and underscores')
+        raise _rejected(name, f'node name {node!r} does not consist of letters, digits and underscores')
     purpose = (inspect.getdoc(kind) or f'The controller {kind.__name__}.').partition('\n')[0]
     try:
         register_controller(node, parameters, purpose)
@@ -148,13 +148,13 @@ def checked_controller(kind: Any, name: str) -> ControllerKind:
 
 
 def reject_former_object(controller: object) -> None:
-    """Reject an object whose ``step`` takes the six arguments that it took once; raises :class:`ParameterError`."""
+    """Raise :class:`ParameterError` for an object whose ``step`` takes the six arguments of former versions."""
     name = type(controller).__name__
     _reject_former_step(name, name, _signature_of(getattr(controller, 'step', None)), ())
 
 
 def snake_case(name: str) -> str:
-    """Return a class name in snake_case: MyController is my_controller, and PIController pi_controller."""
+    """Return a class name in snake_case: MyController becomes my_controller, and PIController pi_controller."""
     return re.sub(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])', '_', name).lower()
 
 
@@ -163,7 +163,7 @@ def _rejected(name: str, reason: str) -> ParameterError:
 
 
 def _entry_point(name: str) -> str:
-    """Return the import path that the entry point of a name stands for."""
+    """Return the import path of an entry point."""
     offered = importlib.metadata.entry_points(group=ENTRY_POINTS)
     paths = sorted({point.value.replace(' ', '') for point in offered if point.name == name})
     if len(paths) > 1:
@@ -178,7 +178,7 @@ def _entry_point(name: str) -> str:
 
 def _import(name: str, module: str) -> Any:
     here = str(Path.cwd())
-    # An executable's own folder is on the path, the working folder is not; behind all others it can hide nothing.
+    # The path contains the directory of the executable, but not the working directory; at the end it shadows nothing.
     if here not in sys.path and '' not in sys.path:
         sys.path.append(here)
     try:
@@ -192,11 +192,12 @@ def _import(name: str, module: str) -> Any:
             reason = f'importing {module} raised {described(error)}'
         raise _rejected(name, reason) from None
     except (Exception, SystemExit) as error:
-        raise _rejected(name, f'importing {module} raised {described(error)}') from error
+        reason = f'importing {module} raised {described(error)}'
+        raise _rejected(name, reason) from error
 
 
 def _signature_of(function: Any) -> inspect.Signature | None:
-    """Return a function's signature, None if nothing is known of it, as of a compiled one."""
+    """Return the signature of a function; None if it is unknown, as for some compiled functions."""
     try:
         return inspect.signature(function)
     except (TypeError, ValueError):
@@ -204,7 +205,7 @@ def _signature_of(function: Any) -> inspect.Signature | None:
 
 
 def _reject_former_step(name: str, kind: str, step: inspect.Signature | None, before: tuple[str, ...]) -> None:
-    """Reject a ``step`` that takes the former six arguments behind those ``before``, and say what to change."""
+    """Reject a ``step`` that takes the six arguments of former versions after those ``before``, with advice."""
     if step is None:
         return
     if list(step.parameters)[len(before) : len(before) + 1] == ['tick'] or (
@@ -222,14 +223,14 @@ def _takes(signature: inspect.Signature, arguments: Sequence[str]) -> bool:
 
 
 def _check_call(name: str, function: Any, shown: str, arguments: Sequence[str]) -> None:
-    """Reject a function that cannot be called with so many arguments."""
+    """Reject a function that cannot be called with the given arguments."""
     signature = _signature_of(function)
     if signature is not None and not _takes(signature, arguments):
         raise _rejected(name, f'{shown}{signature} cannot be called with ({", ".join(arguments)})')
 
 
 def _parameters_of(kind: type[Any], name: str) -> Any:
-    """Return the annotated type of the first argument of a class's constructor."""
+    """Return the annotated type of the first constructor argument of a class."""
     first = next(iter(inspect.signature(kind).parameters))
     try:
         found = typing.get_type_hints(kind.__init__).get(first)
@@ -248,7 +249,7 @@ def _is_parameter_dataclass(kind: Any) -> bool:
 
 
 def _check_parameters(parameters: Any, name: str) -> None:
-    """Reject what is no parameter dataclass, or has undeclared fields, bad defaults or names that every node has."""
+    """Reject an invalid parameter dataclass: undeclared fields, bad defaults, or parameters that every node has."""
     if not _is_parameter_dataclass(parameters):
         shown = getattr(parameters, '__name__', repr(parameters))
         raise _rejected(name, f'{shown} is not a frozen dataclass derived from hdd_servo_ros.parameters.ParameterSet')

@@ -1,4 +1,4 @@
-"""The sources of a run's position error, and the parameters that switch each off."""
+"""Sources of the position error of a run, and the parameter that switches each source off."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -8,7 +8,7 @@ from hdd_servo_ros.graph.catalog import BASE_SENSOR, SENSORS
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 
 Switch = tuple[str, str, Any]
-"""Node, parameter, and the value with which the source is off."""
+"""Node, parameter, and the value that switches the source off."""
 
 SENSOR_NOISE = 'sensor noise'
 ACCELEROMETER_NOISE = 'accelerometer noise'
@@ -19,20 +19,20 @@ def error_sources(
     nodes: Mapping[str, Mapping[str, Any]], changes: Iterable[tuple[str, str, Any]] = ()
 ) -> dict[str, Switch]:
     """
-    Return the sources of error that are on in a run, at its start or after a change.
+    Return the error sources that are enabled in a run, at its start or after a change.
 
     Parameters
     ----------
     nodes
-        The parameters of the run's nodes at its start, by the nodes' names without namespace.
+        Parameters of the nodes at the start of the run, by node name without namespace.
     changes
         Node, parameter and new value of each change during the run.
 
     Returns
     -------
     dict
-        By the source's name the parameter that switches it off: the sources of ``disturbance_generator``, the noise of
-        the position sensor, and that of the accelerometers if a controller uses them.
+        Parameter that switches each source off, by name of the source: the sources of ``disturbance_generator``, the
+        noise of the position sensor, and that of the accelerometers if a controller uses them.
     """
     later = list(changes)
     switches: dict[str, Switch] = {

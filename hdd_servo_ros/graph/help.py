@@ -1,18 +1,18 @@
-"""Help texts of the executables, from the parameters' declarations; no ROS import."""
+"""Help of the executables, from the declarations of their parameters; no ROS import."""
 
 from collections.abc import Sequence
 
 from hdd_servo_ros.graph.catalog import COMMANDS, NODES, purpose
 from hdd_servo_ros.graph.known_parameters import node_declarations
 
-COMPILING = 'compiling the drive and the controllers, once; this takes some twenty seconds'
+COMPILING = 'compiling the drive and the controllers; this takes about 20 s, only once'
 
 
 def parse_help(name: str, arguments: Sequence[str]) -> None:
-    """Answer ``--help``, and reject arguments that are none of ROS's; exits the process in both cases."""
+    """Handle ``--help`` and reject arguments that are not ROS arguments; both exit the process."""
     if not arguments:
         return
-    # Late: most runs have no such arguments.
+    # Imported here, because most runs have no such arguments.
     import argparse
 
     from hdd_servo_ros.messages.command_line import CommandParser
@@ -26,7 +26,7 @@ def parse_help(name: str, arguments: Sequence[str]) -> None:
     )
     _, others = parser.parse_known_args(arguments)
     if others:
-        hint = '; ROS arguments stand behind --ros-args' if any(':=' in word for word in others) else ''
+        hint = '; put ROS arguments after --ros-args' if any(':=' in word for word in others) else ''
         parser.error(f'unrecognized arguments: {" ".join(others)}{hint}')
 
 
@@ -37,5 +37,5 @@ def _parameters_text(name: str) -> str:
         lines.append(f'  {declaration.name} (default {default})')
         lines.append(f'      {declaration.description_with_equation}; {declaration.allowed}')
     if name in COMMANDS:
-        lines.append(f'and those of the nodes in it, as NODE:PARAMETER (see NODE --help): {", ".join(NODES)}')
+        lines.append(f'and those of its nodes as NODE:PARAMETER (see NODE --help): {", ".join(NODES)}')
     return '\n'.join(lines)

@@ -1,4 +1,4 @@
-"""The declarations of all parameters of the catalog, and the rejection of names that are not among them."""
+"""Declarations of all parameters of the catalog, and rejection of unknown names."""
 
 import difflib
 import functools
@@ -16,11 +16,11 @@ from hdd_servo_ros.parameters import (
 from hdd_servo_ros.parameters.files import QOS_IS_FIXED, QOS_OVERRIDES
 
 STANDARD_NAMES = ('use_sim_time', 'start_type_description_service')
-"""What every ROS node has, and `ros2 param dump` writes; both are true or false."""
+"""Boolean parameters of every ROS node, which `ros2 param dump` writes."""
 
 
 def take_standard(given: dict[str, object]) -> None:
-    """Take the parameters that every ROS node has out of what was given; raises ParameterError for other types."""
+    """Remove the parameters of every ROS node from ``given``; raises ParameterError if one is not boolean."""
     for name in STANDARD_NAMES:
         value = given.pop(name, False)
         if not isinstance(value, bool):
@@ -29,7 +29,7 @@ def take_standard(given: dict[str, object]) -> None:
 
 def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None:
     """
-    Reject parameters that no node has: ``-p x:=1`` is for all nodes, so that a node must ignore what others have.
+    Reject parameters that no node has; ``-p x:=1`` applies to all nodes, so a node must ignore those of others.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
     Raises
     ------
     ParameterError
-        If a name is known nowhere.
+        If no node has a parameter of a name.
     """
     if not given:
         return
@@ -49,7 +49,7 @@ def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
         if name.startswith(QOS_OVERRIDES):
             raise InvalidParameterError(name, given[name], QOS_IS_FIXED)
     known, missing = set(own), given.keys() - set(own)
-    # Nodes that are not in every run are imported only for names that the others do not have.
+    # Nodes that are not in every run are imported only for names that the other nodes do not have.
     for node in sorted(names_with_parameters(), key=lambda name: name in NODES and bool(NODES[name].role)):
         if not missing:
             return
@@ -63,11 +63,11 @@ def reject_unknown(given: Mapping[str, object], own: Iterable[str] = ()) -> None
 
 @functools.lru_cache(maxsize=64)
 def _names_in(kinds: tuple[type[Any], ...]) -> frozenset[str]:
-    """Return the names of all parameters of these sets."""
+    """Return the names of all parameters of some sets."""
     return frozenset(found.name for kind in kinds for found in declarations(kind))
 
 
 def node_declarations(name: str) -> Iterator[Declaration]:
-    """Iterate over the declarations of a node's or command's parameters."""
+    """Iterate over the parameter declarations of a node or command."""
     for kind in parameter_sets(name):
         yield from declarations(kind)

@@ -1,4 +1,4 @@
-"""Sections of parameter files whose name is no node's but looks like one: misspelt, or a controller's short name."""
+"""Sections of parameter files with a name similar to that of a node: misspelled, or a short controller name."""
 
 import difflib
 
@@ -8,9 +8,9 @@ from hdd_servo_ros.parameters.files import RosArguments
 
 def doubtful_sections(arguments: RosArguments) -> list[str]:
     """
-    Return a warning for each section that no node of this package takes, though it may have been meant for one.
+    Return a warning for each section that matches no node of this package but may be intended for one.
 
-    A file may hold sections for nodes of other packages, so that a name that looks like none of ours is passed over.
+    A file may contain sections for nodes of other packages; a name that resembles no node of this package is ignored.
 
     Parameters
     ----------

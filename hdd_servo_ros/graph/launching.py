@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, the processes of a run, and an end with it. Needs launch_ros, not rclpy."""
+"""Common part of the launch files: arguments, processes and end of a run. It needs launch_ros, not rclpy."""
 
 import difflib
 import shlex
@@ -24,13 +24,13 @@ DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 WRONG_ARGUMENTS = 2
 """Exit code of an executable that rejects its arguments."""
 _LAST_WORDS = 10.0
-"""How long the others have, when one process has failed, to end by themselves and close the bag [s]."""
+"""After a process has failed, time for the others to end by themselves and close the bag [s]."""
 _CLOSING = '20'
-"""After Ctrl-C, how long a process has to close the bag before it gets the next signal [s]."""
+"""After Ctrl-C, time for a process to close the bag before it receives the next signal [s]."""
 _OF_NODES = ('rate', 'duration', 'record', 'run_dir')
-"""Arguments that are parameters of the nodes by the same name."""
+"""Arguments that are node parameters of the same name."""
 _OF_ROS2_LAUNCH = ('launch-prefix', 'launch-prefix-filter')
-"""What `ros2 launch` adds to the arguments by options of its own."""
+"""Arguments that options of `ros2 launch` add."""
 
 
 def description(
@@ -40,46 +40,44 @@ def description(
     duration: str = '',
 ) -> LaunchDescription:
     """
-    Return the description of a launch file: the arguments that all have, and what it starts.
+    Return the description of a launch file: the common arguments and the processes.
 
     Parameters
     ----------
     make
-        Makes the processes when the arguments are known.
+        Function that returns the processes when the arguments are known.
     more
-        Arguments of this launch file alone.
+        Further arguments of this launch file.
     rate, duration
-        Default pace and length [s], empty for those of the parameter files.
+        Default pace and duration [s]; empty for those of the parameter files.
     """
-    as_given = 'empty leaves it to the parameter files'
+    as_given = 'empty to use the parameter files'
     declared = [
         *more,
         DeclareLaunchArgument(
             'controller',
             default_value='adaptive_nn',
-            description=f'Controller of the loop: {", ".join(CONTROLLERS)}, or your own as module:Class.',
+            description=f'Controller of the loop: {", ".join(CONTROLLERS)}, or a custom one as module:Class.',
         ),
         DeclareLaunchArgument(
             'params',
             default_value=PathJoinSubstitution([FindPackageShare(PACKAGE), 'params', 'seagate_7200_10.yaml']),
-            description='ROS 2 parameter files, separated by commas; later ones win.',
+            description='ROS 2 parameter files, separated by commas; later files override earlier ones.',
         ),
         DeclareLaunchArgument('namespace', default_value='', description='Namespace of all nodes and topics.'),
         DeclareLaunchArgument(
             'rate',
             default_value=rate,
-            description=f'Pace: 0.0 as fast as the graph goes, 1.0 real time, 0.1 slow motion; {as_given}.',
+            description=f'Pace: 0.0 for as fast as possible, 1.0 for real time, 0.1 for slow motion; {as_given}.',
         ),
         DeclareLaunchArgument(
-            'duration', default_value=duration, description=f'Length of the run in seconds, such as 2.0; {as_given}.'
+            'duration', default_value=duration, description=f'Duration of the run in seconds, such as 2.0; {as_given}.'
         ),
-        DeclareLaunchArgument(
-            'record', default_value='true', choices=['true', 'false'], description='Whether to write a bag.'
-        ),
+        DeclareLaunchArgument('record', default_value='true', choices=['true', 'false'], description='Write a bag.'),
         DeclareLaunchArgument(
             'run_dir',
             default_value='',
-            description='Folder of the run; empty makes runs/<date-time>-<controller> below the working folder.',
+            description='Directory of the run; if empty, runs/<date-time>-<controller> in the working directory.',
         ),
         DeclareLaunchArgument(
             'ros_args',
@@ -90,14 +88,14 @@ def description(
             'log_level',
             default_value='info',
             choices=['debug', 'info', 'warn', 'error', 'fatal'],
-            description='Lowest level of what the nodes of the run log.',
+            description='Lowest severity that the nodes of the run log.',
         ),
         DeclareLaunchArgument(
             'discovery_range',
             default_value=EnvironmentVariable(DISCOVERY_RANGE, default_value='LOCALHOST'),
             choices=['LOCALHOST', 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'],
-            description=f'Who can see the nodes: LOCALHOST, which keeps to this machine, unless {DISCOVERY_RANGE} '
-            'is set; sets that variable.',
+            description=f'Discovery range of the nodes, set as {DISCOVERY_RANGE}; the default is the value of that '
+            'variable, or LOCALHOST for this machine only.',
         ),
     ]
     return LaunchDescription(
@@ -111,19 +109,19 @@ def description(
 
 
 def _reject_unknown(context: LaunchContext, known: Sequence[str]) -> None:
-    """Reject arguments that `ros2 launch` would pass over without a word: misspelt ones, and parameters' names."""
+    """Reject arguments that `ros2 launch` would silently ignore: misspelled ones, and names of parameters."""
     file = Path(context.locals.current_launch_file_path).resolve()
     if PACKAGE not in sys.argv and file not in (Path(word).resolve() for word in sys.argv[1:]):
-        return  # Another launch file includes this one, and may have arguments of its own.
+        return  # Another launch file includes this one, and may have further arguments.
     for name in (word.partition(':=')[0] for word in context.argv):
         if name not in (*known, *_OF_ROS2_LAUNCH):
             similar = difflib.get_close_matches(name, known, n=1)
             hint = f'did you mean {similar[0]}?' if similar else 'parameters go into ros_args:="-p NAME:=VALUE"'
-            raise RuntimeError(f'{file.name} has no argument {name}, but {", ".join(known)}; {hint}')
+            raise RuntimeError(f'unknown argument {name} of {file.name}; expected {", ".join(known)}; {hint}')
 
 
 def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return every node of the graph as a process of its own."""
+    """Return one process per node of the graph."""
     controller = value(context, 'controller')
     node = CONTROLLERS.get(controller, 'outside_controller')
     arguments = parse_ros_arguments(['--ros-args', *_ros_arguments(context)])
@@ -135,23 +133,23 @@ def separate_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def composed(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return the whole graph as one process."""
+    """Return one process for the complete graph."""
     return [_node(context, 'rig', ['-p', f'controller:={value(context, "controller")}'], EndOfRun(1))]
 
 
 def value(context: LaunchContext, name: str) -> str:
-    """Return what an argument of the launch file has been given."""
+    """Return the value of an argument of the launch file."""
     return str(LaunchConfiguration(name).perform(context))
 
 
 def _ros_arguments(context: LaunchContext) -> list[str]:
-    """Return the ROS arguments that all processes get."""
+    """Return the ROS arguments of all processes."""
     words = [word for path in value(context, 'params').split(',') for word in ('--params-file', path.strip())]
     for name in _OF_NODES:
         if value(context, name):
             words += ['-p', f'{name}:={value(context, name)}']
     level = value(context, 'log_level')
-    # The default is left to ROS, so that ros_args may say another.
+    # The default is not passed, so that ros_args may set another level.
     words += ['--log-level', level] if level != 'info' else []
     return [*words, *shlex.split(value(context, 'ros_args'))]
 
@@ -177,14 +175,15 @@ def _node(
 
 class EndOfRun:
     """
-    Ends the launch with the run, whatever else it has started, and as a failure if a process of the run failed.
+    Exit handler that ends the launch with the run, and as a failure if a process of the run failed.
 
-    `ros2 launch` knows the exit codes 0 and 1 alone, and 1 is what it makes of an error that a handler raises.
+    It also ends other processes of the launch. `ros2 launch` has only the exit codes 0 and 1, and returns 1 if a
+    handler raises an error.
 
     Parameters
     ----------
     processes
-        How many processes the run has; each gets this as its ``on_exit``.
+        Number of processes of the run; each has this handler as its ``on_exit``.
     """
 
     def __init__(self, processes: int) -> None:
@@ -192,18 +191,18 @@ class EndOfRun:
         self._failure = ''
 
     def __call__(self, event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        """Take in that a process has ended."""
+        """Handle the end of a process."""
         self._left -= 1
         is_first = bool(event.returncode) and not self._failure
         if is_first:
             self._failure = f'{event.process_name} ended with exit code {event.returncode}'
         if not self._left:
             if self._failure:
-                raise RuntimeError(f'the run has failed: {self._failure}')
+                raise RuntimeError(f'the run failed: {self._failure}')
             return [Shutdown(reason='the run has finished')]
         if event.returncode == WRONG_ARGUMENTS:
-            return [Shutdown(reason=f'{event.process_name} rejects its arguments')]
+            return [Shutdown(reason=f'{event.process_name} rejected its arguments')]
         if is_first:
-            # The others learn of it from each other, and the recorder notes the reason.
+            # The other processes detect the failure, and the recorder records the reason.
             return [TimerAction(period=_LAST_WORDS, actions=[Shutdown(reason=f'{event.process_name} has failed')])]
         return []

@@ -1,4 +1,4 @@
-"""`docs/images/graph.svg`: who writes and reads which topic, from the catalog and the contract of the topics."""
+"""Diagram `docs/images/graph.svg` of nodes and topics, from the catalog and the topic definitions."""
 
 from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
@@ -8,7 +8,7 @@ from hdd_servo_ros.graph.connections import TOPICS, readers_of, shown_delay
 from hdd_servo_ros.messages.topics import RECORDER, LoopTopic, Reader
 
 _COLUMN, _LANE = 138, 42
-"""Distance of two nodes and of two topics."""
+"""Distance between two nodes, and between two topics [px]."""
 _BOX_WIDTH, _BOX_HEIGHT, _TOP, _MARGIN = 132, 36, 12, 8
 _SOLID, _OPTIONAL = '#456', '#999'
 _MINUS = '\N{MINUS SIGN}'
@@ -16,7 +16,7 @@ _FONT = 'font-family="sans-serif" font-size="12"'
 
 
 def columns() -> tuple[str, ...]:
-    """Return the nodes and roles of the picture from left to right: in the order of a tick, the recorder last."""
+    """Return the nodes and roles from left to right: in the order of a tick, with the recorder last."""
     named = {name for topic in TOPICS for name in (topic.writer, *(reader.node for reader in topic.readers))}
     ordered = dict.fromkeys(
         row.name if row.name in named else row.role or row.name for row in NODES.values() if row.name != RECORDER
@@ -26,7 +26,7 @@ def columns() -> tuple[str, ...]:
 
 
 def drawing() -> str:
-    """Return the picture: a column per node, and a line per topic from its writer to its readers."""
+    """Return the diagram as SVG: one column per node, and one line per topic from its writer to its readers."""
     names = columns()
     width = 2 * _MARGIN + _COLUMN * len(names)
     bottom = _TOP + _BOX_HEIGHT + _LANE * len(TOPICS) + 22
@@ -77,7 +77,7 @@ def _box(name: str) -> str:
 
 
 def _edge(topic: LoopTopic, reader: Reader) -> Iterator[str]:
-    """Draw the line from a topic's writer to one reader, with an arrow head and the delay."""
+    """Draw the line from the writer of a topic to a reader, with an arrowhead and the delay."""
     start, end, y = _x(topic.writer), _x(reader.node), _y(topic)
     step = 8 if start < end else -8
     dashes = ' stroke-dasharray="5 4"' if topic.is_optional else ''
@@ -93,7 +93,7 @@ def _edge(topic: LoopTopic, reader: Reader) -> Iterator[str]:
 
 
 def _label(topic: LoopTopic) -> str:
-    """Draw where a topic is written, and its name."""
+    """Draw the start of a topic at its writer, and its name."""
     x, y = _x(topic.writer), _y(topic)
     side = -1 if topic.writer == RECORDER else 1
     anchor = 'start' if side > 0 else 'end'

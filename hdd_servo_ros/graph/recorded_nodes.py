@@ -1,4 +1,4 @@
-"""Which node of the catalog a node of a recorded run is, whatever remap rules have called it; no ROS import."""
+"""Catalog name of a node of a recorded run, regardless of remap rules; no ROS import."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,20 +10,20 @@ from hdd_servo_ros.parameters import declarations, with_tuples
 
 def kind_of_node(full_name: str, node: Mapping[str, Any], description: Mapping[str, Any]) -> str:
     """
-    Return a recorded node's name in the catalog.
+    Return the catalog name of a recorded node.
 
     Parameters
     ----------
     full_name, node
         Its key and entry among ``nodes`` of ``run.yaml``.
     description
-        All of ``run.yaml``; where it has no ``topics``, the parameters alone decide.
+        Content of ``run.yaml``; if it has no ``topics``, only the parameters decide.
 
     Returns
     -------
     str
-        The last part of ``full_name`` if the catalog knows that; otherwise the node that publishes the same topics
-        and has the same parameters, and the last part of ``full_name`` again if there is none or more than one.
+        The last part of ``full_name`` if it is in the catalog; otherwise the node that publishes the same topics and
+        has the same parameters; the last part of ``full_name`` if no single node does.
     """
     own = full_name.rpartition('/')[2]
     if own in NODES:
@@ -43,24 +43,24 @@ def kind_of_node(full_name: str, node: Mapping[str, Any], description: Mapping[s
     controller = CONTROLLERS.get(description.get('controller', ''), '')
     if len(fitting) > 1 and controller in fitting:
         return controller
-    # The node of a custom controller may have no parameter but those of every controller.
+    # The node of a custom controller may have only the parameters that every controller has.
     if len(fitting) != 1 or ('controller_class' in description and 'control' in published):
         return own
     return next(iter(fitting))
 
 
 def recorded_nodes(description: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the entries of the nodes of a run by their names in the catalog; ``description`` is its ``run.yaml``."""
+    """Return the node entries of a ``run.yaml`` by catalog name; ``description`` is its content."""
     return {kind_of_node(name, node, description): node for name, node in description.get('nodes', {}).items()}
 
 
 def kind_by_name(description: Mapping[str, Any], full_name: str) -> str:
-    """Return the name in the catalog of the node that a run, described by its ``run.yaml``, calls ``full_name``."""
+    """Return the catalog name of the node ``full_name`` of a run; ``description`` is its ``run.yaml``."""
     return kind_of_node(full_name, description.get('nodes', {}).get(full_name, {}), description)
 
 
 def recorded_parameters(description: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the nodes of a run, lists as tuples, by the nodes' names in the catalog."""
+    """Return the parameters of the nodes of a run by catalog name, with lists as tuples."""
     return {name: with_tuples(node.get('parameters', {})) for name, node in recorded_nodes(description).items()}
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the two commands that run the whole graph."""
+"""Parameters of the two commands that run the complete graph."""
 
 import dataclasses
 
@@ -13,19 +13,19 @@ class RigParameters(ParameterSet):
     controller: str = parameter(
         'adaptive_nn',
         f'controller of the loop: {", ".join(CONTROLLERS)}, the name of an entry point of the group '
-        'hdd_servo_ros.controllers, or the import path module:Class of your own',
+        'hdd_servo_ros.controllers, or the import path module:Class of a custom controller',
         read_only=True,
     )
     intra_process: bool = parameter(
         True,
-        'whether the nodes of `rig` hand each other their messages, which are then published over DDS only while '
-        'another process subscribes to them; `simulate` has no DDS',
+        'pass messages between the nodes of `rig` directly, and publish them over DDS only while another process '
+        'subscribes; no effect in `simulate`, which has no DDS',
         read_only=True,
     )
     sensor: str = parameter(
         'ldv',
-        'what measures the head: ldv, the vibrometer, or servo, the servo sectors (node servo_sensor)',
+        'position sensor: ldv for the vibrometer, servo for the servo sectors (node servo_sensor)',
         choices=tuple(SENSORS),
         read_only=True,
     )
-    plot: bool = parameter(True, 'whether to draw the run into its folder when it has ended', read_only=True)
+    plot: bool = parameter(True, 'plot the run into its directory after it has ended', read_only=True)

@@ -1,4 +1,4 @@
-"""The names of a run's topics under the remap rules of its command line; no ROS import."""
+"""Topic names of a run under the remap rules of its command line; no ROS import."""
 
 from collections.abc import Sequence
 
@@ -9,19 +9,19 @@ from hdd_servo_ros.parameters.files import ArgumentError, RosArguments
 
 def topic_names(arguments: RosArguments, nodes: Sequence[str]) -> dict[LoopTopic, str]:
     """
-    Return the full names of the topics that the nodes of a run exchange.
+    Return the full names of the topics between the nodes of a run.
 
     Parameters
     ----------
     arguments
         The command line.
     nodes
-        All nodes of the run, by their names in the catalog.
+        Catalog names of all nodes of the run.
 
     Raises
     ------
     ArgumentError
-        If two nodes would know a topic by different names, so that the run could never begin, or two topics would have
+        If two nodes would use different names for a topic, so that the run could not start, or two topics would have
         the same name.
     """
     names: dict[LoopTopic, str] = {}
@@ -36,7 +36,7 @@ def topic_names(arguments: RosArguments, nodes: Sequence[str]) -> dict[LoopTopic
             if names.setdefault(topic, name) != name:
                 raise ArgumentError(
                     f'the remap rules give the topic {topic.name} the names {names[topic]} and, for {node}, {name}: '
-                    'all nodes are to know it by one'
+                    'all nodes must use the same name'
                 )
         other = by_name.setdefault(names[topic], topic)
         if other is not topic:

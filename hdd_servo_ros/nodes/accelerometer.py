@@ -12,11 +12,11 @@ from hdd_servo_ros.ros.diagnosis import Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _CONTROL, _BASE = range(2)
-"""The inputs; the second is there only in a run whose disturbance moves the base."""
+"""Indices of the inputs; the second exists only in a run whose disturbance moves the base."""
 
 
 class AccelerometerNode(CatalogNode):
-    """Publishes `/accelerometer` for every tick, from what has moved base and actuator since the last one."""
+    """Publisher of `/accelerometer` for every tick, from base acceleration and control since the last one."""
 
     def __init__(self) -> None:
         super().__init__('accelerometer')

@@ -1,4 +1,4 @@
-"""`adaptive_nn_controller`: the adaptive neural network controller, eqs. (4.10) to (4.21)."""
+"""`adaptive_nn_controller`: adaptive neural network controller, thesis eqs. 4.10 to 4.21."""
 
 import math
 import sys
@@ -25,7 +25,7 @@ _FROZEN = tuple(AdaptiveNn.estimate_names.index(name) for name in FrozenEstimate
 
 
 class AdaptiveNnController(ControllerNode):
-    """The node around :class:`AdaptiveNn`."""
+    """Node of the controller block :class:`AdaptiveNn`."""
 
     def __init__(self) -> None:
         super().__init__('adaptive_nn_controller')
@@ -42,7 +42,7 @@ class AdaptiveNnController(ControllerNode):
         self._is_disturbed = run.publisher_of(self.resolve_topic_name(DISTURBANCE.name)) is not None
         self._sensor = block_parameters_of(run, 'ldv_sensor')
         self._reference = block_parameters_of(run, 'reference_generator')
-        # V(0) of the certificate wants r of tick 0; from then on the step is the ordinary one.
+        # V(0) of the certificate needs r of tick 0; later ticks use the regular step.
         self.step = self._first_step  # type: ignore[method-assign]
 
     def _first_step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
@@ -52,7 +52,7 @@ class AdaptiveNnController(ControllerNode):
         self._first_r = float(self._controller.estimates[_R])
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Reset what was learned by a parameter, so that the bag shows the tick and a replay does the same."""
+        """Reset the estimates by a parameter change, so that the bag contains the tick and a replay resets too."""
         count = self.parameters[AdaptiveNnParameters].reset_count + 1
         response.message = self.parameters.set({'reset_count': count}) or f'reset before tick {self.tick}'
         response.success = self.parameters[AdaptiveNnParameters].reset_count == count
@@ -65,13 +65,13 @@ class AdaptiveNnController(ControllerNode):
         yield self._diagnose_margin()
 
     def _diagnose_margin(self) -> Diagnosis:
-        """Diagnose the loop with the present estimates frozen; it takes some milliseconds, once a second."""
+        """Diagnose the loop with the present estimates frozen; this takes a few milliseconds, once per second."""
         if self._loop is None:
-            return Diagnosis('stability margin', OK, 'not known: there is no vcm_plant in this run')
+            return Diagnosis('stability margin', OK, 'unknown: this run has no vcm_plant')
         frozen = self._loop.frozen_loop(self._controller, self._dsp.parameters.computation_delay)
         estimates = FrozenEstimates(*(float(self._controller.estimates[index]) for index in _FROZEN))
         ms = frozen.peak_sensitivity(estimates)
-        values = {'peak sensitivity': ms, 'at most': MAX_ADAPTED_SENSITIVITY, **estimates._asdict()}
+        values = {'peak sensitivity': ms, 'limit': MAX_ADAPTED_SENSITIVITY, **estimates._asdict()}
         if math.isinf(ms):
             return Diagnosis('stability margin', WARN, 'the loop is unstable with the present estimates', values)
         if ms > MAX_ADAPTED_SENSITIVITY:
@@ -83,13 +83,13 @@ class AdaptiveNnController(ControllerNode):
         if self.tick == 0:
             return Diagnosis('certificate', OK, 'no tick yet')
         if self._drive is None or self.changes:
-            return Diagnosis('certificate', OK, 'none: the drive is not known, or parameters were changed')
+            return Diagnosis('certificate', OK, 'not available: the drive is unknown, or parameters were changed')
         if self._margin is None:
             self._margin = CertificateMargin(self._at_start, self._drive, self._first_r)
         r = float(self._controller.estimates[_R])
         found = self._margin.at(self.tick * self._ticks.sample_time, r)
         if found is None:
-            return Diagnosis('certificate', OK, self._margin.unavailable_reason or 'not known yet')
+            return Diagnosis('certificate', OK, self._margin.unavailable_reason or 'not computed yet')
         dsp = self.parameters[ControllerOutputParameters].dsp
         limited = self._dsp.saturated_samples
         loop = Loop(

@@ -1,4 +1,4 @@
-"""`bag_recorder`: writes every topic of the run into a rosbag2 bag."""
+"""`bag_recorder`: records every topic of the run in a rosbag2 bag."""
 
 import collections
 import contextlib
@@ -37,30 +37,30 @@ from hdd_servo_ros.ros.untrusted import MessageError, message_of
 
 _SCOPE_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PARAMETER_EVENTS_QOS = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
-"""A schedule may change every node at every tick; what comes between two rounds of housekeeping must find room."""
+"""Depth for all events between two rounds of housekeeping; a schedule may change every node at every tick."""
 _REPORT_EVERY = 64
-"""Ticks between two reports to the timer, far fewer than its window."""
+"""Ticks between two reports to the timer; much less than its window."""
 
 
 class BagRecorder(CatalogNode):
     """
-    Takes in all messages of a tick before those of the next one.
+    Recorder that writes all messages of a tick before those of the next one.
 
     Parameters
     ----------
     process
-        Another process that writes the bag, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; this
-        process writes it if None.
+        Process that writes the bag, from :func:`~hdd_servo_ros.recording.writer_process.launch_writer`; if None, this
+        process writes it.
     """
 
     patience = 5e-3
-    """Some ticks, far fewer than the timer's window: nobody waits for it, and to wake up takes processor time [s]."""
+    """A few ticks, much less than the window of the timer: no node waits for it, and waking up costs time [s]."""
 
     def __init__(self, *, process: 'subprocess.Popen[bytes] | None' = None) -> None:
         super().__init__(RECORDER)
         given = self.parameters[RecorderParameters].run_dir
         if given and Path(given).exists():
-            allowed = 'a folder that does not exist yet: it exists, and a run is never overwritten'
+            allowed = 'a directory that does not exist yet, because a run is never overwritten'
             raise ParameterError(f'{self.get_name()}:run_dir', given, allowed)
         self._process = process
         self._recorder: RunRecorder | None = None
@@ -78,7 +78,7 @@ class BagRecorder(CatalogNode):
 
     @property
     def directory(self) -> str:
-        """Folder of the run; empty before there is one."""
+        """Directory of the run; empty before it is created."""
         return '' if self._recorder is None else str(self._recorder.directory)
 
     def prepare(self, run: RunPlan) -> None:
@@ -108,20 +108,20 @@ class BagRecorder(CatalogNode):
 
     @functools.cached_property
     def _queues(self) -> list[collections.deque[bytes]]:
-        """The inputs' queues in a run in which all of them are filled by nodes of this process, else empty."""
+        """Queues of the inputs if nodes of this process fill all of them; otherwise empty."""
         queues = [port.queue for port in self.inputs if port.queue is not None]
         return queues if len(queues) == len(self.inputs) else []
 
     def _fire_together(self, *, with_fewer: bool = False) -> bool:
         """
-        Fire for all ticks up to the next report, or to where something is due, once their messages have arrived.
+        Fire for all ticks up to the next report or scheduled change at once, when their messages have arrived.
 
-        Tick by tick, receiving and handing over would cost several times as much.
+        This costs a fraction of the time for firing tick by tick.
 
         Parameters
         ----------
         with_fewer
-            Whether to fire for fewer, if no more have arrived.
+            Whether to fire for fewer ticks if not all messages have arrived.
         """
         tick, queues = self.tick, self._queues
         if tick >= self._halt and not self._passes():
@@ -135,7 +135,7 @@ class BagRecorder(CatalogNode):
             return False
         columns = [[queue.popleft() for _ in range(count)] for queue in queues]
         assert self._recorder is not None
-        for index, publisher in self._outside:
+        for index, publisher in self._external:
             for offset, message in enumerate(columns[index]):
                 self._reject_not_finite(tick + offset, index, publisher, message)
         stamps = [self._ticks.nanoseconds(each) for each in range(tick, tick + count)]
@@ -147,11 +147,11 @@ class BagRecorder(CatalogNode):
         return True
 
     @functools.cached_property
-    def _outside(self) -> list[tuple[int, str]]:
-        """Index and publisher of the inputs that no node of this package publishes: those check what they publish."""
+    def _external(self) -> list[tuple[int, str]]:
+        """Index and publisher of the inputs from external nodes; nodes of this package check their own values."""
         assert self._run is not None
         publishers = [
-            (index, self._run.publisher_of(port.name) or 'no node of the run')
+            (index, self._run.publisher_of(port.name) or 'an external node')
             for index, port in enumerate(self.inputs)
             if port.topic.codec.width != 0
         ]
@@ -171,7 +171,7 @@ class BagRecorder(CatalogNode):
 
     def step(self, tick: int, stamp: bytes, messages: Sequence[bytes]) -> None:
         assert self._recorder is not None
-        for index, publisher in self._outside:
+        for index, publisher in self._external:
             self._reject_not_finite(tick, index, publisher, messages[index])
         self._recorder.write_tick(tick, self._ticks.nanoseconds(tick), messages)
         if self._is_watched:
@@ -183,13 +183,13 @@ class BagRecorder(CatalogNode):
             self.publish_bytes(0, self._report_codec.pack(self._ticks.stamp(tick)))
 
     def take_changes_from(self, nodes: Sequence[LoopNode]) -> None:
-        # Anybody may publish a parameter event in the name of a node; what a node here hands over is its own.
+        # Any node may publish a parameter event under another name; changes passed on directly are genuine.
         self._own_nodes = frozenset(node.get_fully_qualified_name() for node in nodes)
         for node in nodes:
             node.report_changes_to(self._own_changes.append)
 
     def _take_parameter_event(self, message: bytes) -> None:
-        """Take a change of a node in another process."""
+        """Record a change of a node in another process."""
         if self._run is None:
             return
         try:
@@ -208,29 +208,29 @@ class BagRecorder(CatalogNode):
             self._take_change(change)
 
     def _take_change(self, change: NodeChange) -> None:
-        """Record a change; the declarations of a node that starts are in ``run.yaml`` already."""
+        """Record a change; ``run.yaml`` already contains the declarations of a starting node."""
         if self._recorder is None or self._run is None or not self._recorder.is_open:
             return
-        # What a starting node declares carries the wall clock's time.
+        # The declarations of a starting node are stamped with wall time.
         in_run = change.time_ns <= self._ticks.nanoseconds(self.last_tick + 1)
         if change.values and change.node in self._run.nodes and in_run:
-            # rclpy's serializer leaves whatever was in memory behind the message, and some readers stumble over that.
+            # The serializer of rclpy leaves uninitialized padding after the message, which some readers cannot parse.
             self._recorder.write_parameter_event(change.time_ns, pack_parameter_event(change))
             self._changes[change.node] += change.time_ns > 0
 
     def housekeep(self) -> None:
-        # From tick 0 on, for there are no queues before. Services come next, and what they change in this node is to be
-        # stamped with the tick that the others are at.
+        # Only from tick 0 on, because the queues do not exist before. Services are processed next, and a change of this
+        # node must carry the tick of the other nodes.
         if self.tick and self._queues:
             self._fire_together(with_fewer=True)
         own, self._own_changes[:] = list(self._own_changes), []
         for change in own:
             self._take_change(change)
-        # Not left to the executor, which waits anew for each message.
+        # Read here and not by the executor, which needs a new wait for each message.
         while (taken := self._parameter_events.handle.take_message(ParameterEvent, True)) is not None:
             self._take_parameter_event(taken[0])
         if self._recorder is not None:
-            # Ten times a second: a process that is killed loses no more, also in a slow run or a pause.
+            # Ten times per second: a killed process loses no more than that, even in a slow or paused run.
             self._recorder.flush()
         watched, self._watched = self._watched, []
         if watched:
@@ -254,7 +254,7 @@ class BagRecorder(CatalogNode):
         return message
 
     def diagnose(self) -> Iterable[Diagnosis]:
-        values = {'ticks taken in': self.tick, 'folder': self.directory}
+        values = {'recorded ticks': self.tick, 'directory': self.directory}
         yield Diagnosis('recording', OK, 'recording' if self._recorder is not None else 'waiting for the run', values)
 
     def has_all(self, changes: Mapping[str, int] | None) -> bool:
@@ -263,8 +263,8 @@ class BagRecorder(CatalogNode):
         for node, count in self._changes.items():
             if count > changes.get(node, 0):
                 raise RunError(
-                    f'{PARAMETER_EVENTS}: {count} changes of {node} are recorded, and it made {changes.get(node, 0)}: '
-                    'somebody else publishes in its name'
+                    f'{PARAMETER_EVENTS}: {count} changes of {node} were recorded, but it made {changes.get(node, 0)}: '
+                    'an external node publishes in its name'
                 )
         return all(self._changes[node] == count for node, count in changes.items())
 
@@ -278,9 +278,9 @@ class BagRecorder(CatalogNode):
     def finish(self, outcome: Outcome) -> None:
         self._ignored.report()
         if self._recorder is None and self._process is not None:
-            self._process.communicate()  # closes its pipe, upon which it ends
+            self._process.communicate()  # closes its pipe, which ends the process
         if self._recorder is not None:
-            # What has arrived already is worth keeping; if it is what ended the run, the reason is known.
+            # Keep the messages that have arrived; the reason is known if one of them ended the run.
             with contextlib.suppress(Exception):
                 while self._recorder.is_open and self._fire_once():
                     pass

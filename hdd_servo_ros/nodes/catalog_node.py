@@ -1,4 +1,4 @@
-"""A loop node whose parameters, inputs and outputs are those of its row in the catalog."""
+"""Loop node with the parameters, inputs and outputs of its catalog row."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,25 +14,25 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 
 class CatalogNode(LoopNode):
     """
-    Base of this package's loop nodes.
+    Base class of the loop nodes of this package.
 
     Parameters
     ----------
     name
-        Name of the node and of its row.
+        Name of the node and of its catalog row.
 
     Raises
     ------
     ParameterError
-        If a parameter is not allowed.
+        If a parameter is invalid.
     """
 
     make: Callable[[Any, float], Any] | None = None
-    """Makes the law of a controller that is not of this package."""
+    """Function that constructs the control law of a custom controller."""
 
     def __init__(self, name: str) -> None:
         self.row_name = name
-        # What every node has, LoopNode adds itself; how a node knows T differs.
+        # LoopNode adds the common parameters; the sample time parameter depends on the node.
         _, sample_time_kind, *own = NODES[name].parameter_sets
         super().__init__(
             name,
@@ -53,7 +53,7 @@ class CatalogNode(LoopNode):
 
 
 def block_parameters_in(nodes: Mapping[str, Mapping[str, Any]], name: str) -> Any:
-    """Return the parameters of a node's block before tick 0, None if there is no such node among the given ones."""
+    """Return the block parameters of a node before tick 0; None if the node is not among the given ones."""
     found = recorded_parameters({'nodes': nodes}).get(name)
     return None if found is None else block_parameters(name, found)
 

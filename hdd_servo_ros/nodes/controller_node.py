@@ -1,4 +1,4 @@
-"""What all controller nodes share: the inputs and outputs of a controller block."""
+"""Base class of all controller nodes: inputs and outputs of a controller block."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -42,27 +42,27 @@ from hdd_servo_ros.ros.diagnosis import ERROR, OK, WARN, Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _OFTEN = 0.5
-"""Part of the ticks above which a limited control is an error."""
+"""Fraction of ticks with saturated control above which the diagnosis is an error."""
 
 
 def block_parameters_of(run: RunPlan, name: str) -> Any:
-    """Return the parameters of a node's block before tick 0, None if there is no such node in the run."""
+    """Return the block parameters of a node before tick 0; None if the run does not have the node."""
     return block_parameters_in(run.nodes, name)
 
 
 class ControllerNode(CatalogNode):
     """
-    Publishes `/control` and `/estimates` for every pair of `/reference` and `/ldv`, or `/pes` in place of that.
+    Publisher of `/control` and `/estimates` for every pair of `/reference` and `/ldv`, or `/reference` and `/pes`.
 
-    Between the controller's law and `/control` lies the DSP's output (:class:`~hdd_servo_ros.bench.dsp.Dsp`), whose
+    The control law drives `/control` through the output stage of the DSP (:class:`~hdd_servo_ros.bench.dsp.Dsp`), whose
     parameters every controller node has.
 
     Parameters
     ----------
     name
-        Name of its row in the catalog.
+        Name of the catalog row.
     make
-        Makes the controller from its parameters and T [s]; the row's block if not given.
+        Constructs the controller from its parameters and T [s]; the block of the row if not given.
     """
 
     def __init__(self, name: str, make: Callable[[Any, float], Controller] | None = None) -> None:
@@ -86,7 +86,7 @@ class ControllerNode(CatalogNode):
         self._runout: RunoutCancellation | None = None
         self._observer: Observer | None = None
         self._seek: Seek | None = None
-        # Compiles; the gains of the Kalman filter want a library that most runs do without.
+        # Compiles the kernel; the Kalman filter would import a library that most runs do not need.
         Observer(ObserverParameters(method='difference'), 1e-4).step(0.0, 0.0)
         self._held = 0.0
         self._held_feedforward = self._last_feedforward = 0.0
@@ -118,7 +118,7 @@ class ControllerNode(CatalogNode):
             self._scales = self._sensor_scales()
         drive_limit = math.inf if self._drive is None else self._drive.control_limit
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, run.sample_time, drive_limit)
-        self._tell_limit()
+        self._pass_limit()
         delay = self._dsp.parameters.computation_delay
         self._loop = None
         if self._drive is not None:
@@ -144,14 +144,14 @@ class ControllerNode(CatalogNode):
 
     def _prepare_observer(self, sample_time: float) -> None:
         if NODES[self.row_name].needs_ldv:
-            raise RunError(f'{self.get_name()}: /{PES.name} is rejected: /{LDV.name}, which this controller measures')
+            raise RunError(f'{self.get_name()}: invalid sensor topic /{PES.name}; this controller needs /{LDV.name}')
         self._sensor = None
         self._scales = SensorScales.none()
         self._observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
         self._held = self._held_feedforward = self._last_feedforward = 0.0
 
     def _prepare_seek(self, sample_time: float) -> tuple[str, ...]:
-        """Make the seek part, if there is one, and return the names of its estimates."""
+        """Construct the seek part if it is enabled; return the names of its estimates."""
         parameters: SeekParameters = self.parameters[seek_kind(self.row_name)].seek
         if not parameters.is_used:
             return ()
@@ -175,7 +175,7 @@ class ControllerNode(CatalogNode):
         )
 
     def _prepare_feedforward(self, sample_time: float) -> tuple[str, ...]:
-        """Make the feedforward, if there is one, and return the names of its estimates."""
+        """Construct the feedforward if it is enabled; return the names of its estimates."""
         parameters: FeedforwardParameters = self.parameters[ControllerFeedforwardParameters].feedforward
         if not parameters.is_used:
             return ()
@@ -185,7 +185,7 @@ class ControllerNode(CatalogNode):
         return self._feedforward.estimate_names
 
     def _prepare_runout(self, sample_time: float) -> tuple[str, ...]:
-        """Make the cancellation of runout, if there is one, and return the names of its estimates."""
+        """Construct the runout cancellation if it is enabled; return the names of its estimates."""
         parameters: RunoutParameters = self.parameters[ControllerRunoutParameters].runout
         if not parameters.is_used:
             return ()
@@ -208,7 +208,7 @@ class ControllerNode(CatalogNode):
         if self._accelerometer is None:
             raise RunError(
                 f'{self.get_name()}: invalid value for parameter feedforward.method: {parameters.method!r}; '
-                f'expected none, since there is no {BASE_SENSOR} in this run'
+                f'expected none, because this run has no {BASE_SENSOR}'
             )
         from hdd_servo_ros.analysis.feedforward_path import feedforward_knowledge
 
@@ -224,14 +224,14 @@ class ControllerNode(CatalogNode):
         return runout_path(parameters, fresh, self._dsp.parameters, sample_time, self._scales, observer)
 
     def _fresh(self, sample_time: float) -> tuple[Controller, Observer | None]:
-        """Return a controller and an observer as those of the run, both at rest."""
+        """Return a new controller and observer with the parameters of the run, both at rest."""
         observer = None
         if self._observer is not None:
             observer = Observer(self.parameters[ControllerObserverParameters].observer, sample_time)
         return self._make(self.parameters[self._kind], sample_time), observer
 
     def _sensor_scales(self) -> SensorScales:
-        """Return the scales of the sensor; raises :class:`RunError` if nothing says what they are."""
+        """Return the scales of the sensor; raises :class:`RunError` if they are unknown."""
         own: ControllerInputParameters = self.parameters[ControllerInputParameters]
         if self._sensor is not None:
             return sensor_scales(own, self._sensor)
@@ -239,12 +239,12 @@ class ControllerNode(CatalogNode):
             if not getattr(own, name):
                 raise RunError(
                     f'{self.get_name()}: invalid value for parameter {name}: 0.0; '
-                    'expected above 0, since there is no ldv_sensor in this run to take it from'
+                    'expected a value above 0, because this run has no ldv_sensor that defines it'
                 )
         return SensorScales(own.displacement_scale, own.velocity_scale)
 
     def _warnings(self) -> Iterable[str]:
-        """Return what a user should be told before the run."""
+        """Return the warnings for the user before the run."""
         if self._loop is None:
             return self._controller.warnings() if isinstance(self._controller, WarnsBeforeRun) else ()
         warnings = fragility.warnings(self._controller, self._loop)
@@ -264,7 +264,7 @@ class ControllerNode(CatalogNode):
             displacement, velocity, _ = unpack_vector(messages[offsets[LDV.name]])
         else:
             _, displacement, _ = unpack_vector(messages[offsets[PES.name]])
-            # The feedforward is to cancel a force that the observer does not know of either.
+            # The feedforward cancels a force that the observer does not model.
             _, velocity = observer.step(displacement, self._held - self._held_feedforward)
         inputs = self._scales.inputs(tick, displacement, velocity, *unpack_vector(messages[offsets[REFERENCE.name]]))
         seek = self._seek
@@ -292,7 +292,7 @@ class ControllerNode(CatalogNode):
         self._held = u
         try:
             self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
-            # Zero times a number that is not finite is none; a sum of finite ones may overflow.
+            # Zero times a nonfinite number is NaN; a plain sum of finite numbers may overflow.
             if estimates.dot(self._zeros) != 0.0:
                 raise NotFiniteError(
                     self.loop_publishers[1].topic_name, tick, estimates.tolist(), self.get_name(), self._estimates.names
@@ -307,7 +307,7 @@ class ControllerNode(CatalogNode):
     def update(self) -> None:
         self._controller.update(self.parameters[self._kind])
         self._dsp.update(self.parameters[ControllerOutputParameters].dsp)
-        self._tell_limit()
+        self._pass_limit()
         if self._observer is not None:
             self._observer.update(self.parameters[ControllerObserverParameters].observer)
         if self._seek is not None:
@@ -321,7 +321,7 @@ class ControllerNode(CatalogNode):
             runout = self.parameters[ControllerRunoutParameters].runout
             self._runout.update(runout, self._runout_path(runout, self._runout.sample_time))
 
-    def _tell_limit(self) -> None:
+    def _pass_limit(self) -> None:
         if isinstance(self._controller, KnowsOutputLimit):
             self._controller.limit_output(self._dsp.limit)
 
@@ -329,7 +329,7 @@ class ControllerNode(CatalogNode):
         limited = self._dsp.saturated_samples
         (tick, before), self._diagnosed = self._diagnosed, (self.tick, limited)
         count, ticks = limited - before, self.tick - tick
-        values = {'ticks at the limit since the last report': count, 'in all': limited}
+        values = {'ticks at the limit since the last report': count, 'in total': limited}
         if count == 0:
             yield Diagnosis('control', OK, 'inside its limit', values)
         else:
@@ -344,10 +344,10 @@ class ControllerNode(CatalogNode):
 
 
 def _diagnosis_of_seek(seek: Seek) -> Diagnosis:
-    values = {'gain over that of the model': seek.gain, 'friction over that of the model': seek.friction_level}
+    values = {'gain relative to the model': seek.gain, 'friction relative to the model': seek.friction_level}
     at_limits = seek.at_limits
     if at_limits:
-        message = f'{" and ".join(at_limits)} at the limit of what is learned: the model differs, or the head was held'
+        message = f'{" and ".join(at_limits)} at the adaptation limit: the model differs, or the head was held'
         return Diagnosis('seek', WARN, message, values)
     return Diagnosis('seek', OK, seek.mode, values)
 
@@ -356,24 +356,24 @@ def _diagnosis_of(feedforward: Feedforward) -> Diagnosis:
     values = {
         'rms error [um]': feedforward.error_rms,
         'rms error without feedforward, estimated [um]': feedforward.error_rms_without,
-        'times switched off, in all': feedforward.times_switched_off,
+        'times switched off in total': feedforward.times_switched_off,
     }
     if not feedforward.parameters.enabled:
         return Diagnosis('feedforward', OK, 'not enabled', values)
     if feedforward.is_switched_off:
-        return Diagnosis('feedforward', WARN, 'switched off, since the error is smaller without it', values)
-    return Diagnosis('feedforward', OK, 'acts', values)
+        return Diagnosis('feedforward', WARN, 'switched off, because the error is smaller without it', values)
+    return Diagnosis('feedforward', OK, 'active', values)
 
 
 def _diagnosis_of_runout(runout: RunoutCancellation) -> Diagnosis:
-    values = {'rms of the cancellation [V]': runout.learned_rms, 'learned in a revolution': runout.gain}
+    values = {'rms of the cancellation [V]': runout.learned_rms, 'learning gain per revolution': runout.gain}
     if not runout.parameters.enabled:
         return Diagnosis('runout cancellation', OK, 'not enabled', values)
     if runout.is_limited:
         return Diagnosis('runout cancellation', WARN, 'at its limit: it may diverge', values)
-    return Diagnosis('runout cancellation', OK, 'acts', values)
+    return Diagnosis('runout cancellation', OK, 'active', values)
 
 
 def run_plain_controller(name: str, arguments: Sequence[str] | None) -> int:
-    """Run the node around the block of a controller's row until its run ends; exit codes as of :func:`run_node`."""
+    """Run the node of a controller row until its run ends; see :func:`run_node` for the exit codes."""
     return run_node(name, lambda: ControllerNode(name), arguments)

@@ -1,4 +1,4 @@
-"""`deterministic_timer`: the only source of time."""
+"""`deterministic_timer`: the only time source of a run."""
 
 import math
 import sys
@@ -21,20 +21,19 @@ from hdd_servo_ros.ros.loop_input import Input
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 RECORDER_WINDOW = QUEUE_DEPTH // 2
-"""How many ticks the recorder may be behind before the timer waits; half of what its queues hold."""
-
+"""Number of ticks by which the recorder may lag before the timer waits; half of its queue depth."""
 
 _LATE = 0.95
-"""Part of the rate asked for below which the diagnostics warn."""
+"""Fraction of the requested rate below which the diagnostics warn."""
 
 
 class DeterministicTimer(CatalogNode):
     """
-    Publishes `/clock`.
+    Publisher of `/clock`.
 
-    Tick k comes once `/control` of tick k - 1 - ``lookahead`` is there, the recorder is near, and, when the run is
-    paced, wall time has come to it. The services ``~/start``, ``~/pause``, ``~/resume``, ``~/step`` and ``~/stop``
-    decide whether there is a next tick; what the ticks hold does not depend on them.
+    Tick k is published when `/control` of tick k - 1 - ``lookahead`` has arrived, the recorder does not lag too far,
+    and, in a paced run, wall time has reached the tick. The services ``~/start``, ``~/pause``, ``~/resume``, ``~/step``
+    and ``~/stop`` decide whether a next tick follows; they do not affect the results.
     """
 
     def __init__(self) -> None:
@@ -44,7 +43,7 @@ class DeterministicTimer(CatalogNode):
         (self._recorded_input,) = self.optional_inputs
         self._recorded = 0
         self._ignored = IgnoredMessages(self)
-        self._recorder_takes_part = False
+        self._has_recorder = False
         self._paced_from = (0.0, 0)
         self._rate = 0.0
         self._progress: Progress | None = None
@@ -52,14 +51,14 @@ class DeterministicTimer(CatalogNode):
         self._hold_at = math.inf if self._started else 0
         self._stopped = False
         self._diagnosed = (time.monotonic(), 0)
-        for name, answer in (
+        for name, act in (
             ('start', self._start),
             ('pause', self._pause),
             ('resume', self._resume),
             ('step', self._single_step),
             ('stop', self._stop),
         ):
-            self._offer(name, answer)
+            self._offer(name, act)
 
     def _offer(self, name: str, act: Callable[[], str]) -> None:
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -79,7 +78,7 @@ class DeterministicTimer(CatalogNode):
 
         self.create_service(Trigger, f'~/{name}', serve)
 
-    # What the services do; each returns why it is rejected, or an empty text.
+    # Actions of the services; each returns why it is rejected, or an empty string.
 
     def _start(self) -> str:
         if self._started:
@@ -105,7 +104,7 @@ class DeterministicTimer(CatalogNode):
         if self._hold_at == math.inf:
             return 'running: call ~/pause first'
         self._started = True
-        # Of one that is still under way this is the next.
+        # If a step is still in progress, this is the one after it.
         self._hold_at = max(self._hold_at, self.tick) + 1
         return ''
 
@@ -136,24 +135,24 @@ class DeterministicTimer(CatalogNode):
     def _next_halt(self) -> int:
         if self._stopped:
             return self.tick
-        window = self._recorded + RECORDER_WINDOW + 1 if self._recorder_takes_part else math.inf
+        window = self._recorded + RECORDER_WINDOW + 1 if self._has_recorder else math.inf
         return min(super()._next_halt(), self._hold_at, window)  # type: ignore[return-value]
 
     def _passes(self) -> bool:
         if self._stopped:
             raise StopRequest(f'~/stop {self.get_name()} before tick {self.tick}')
-        return not self._held and not self._recorder_is_far() and super()._passes()
+        return not self._held and not self._recorder_lags() and super()._passes()
 
     def housekeep(self) -> None:
         if self._stopped and self._ticks is None:
-            # The others may never come.
+            # The missing nodes may never start.
             raise StopRequest(f'~/stop {self.get_name()} before the run')
 
     def begin(self, run: RunPlan) -> None:
         inputs = self.inputs
         super().begin(run)
-        # The recorder's count is no tick's message: it is looked at when the recorder seems far behind.
-        self._recorder_takes_part = self._recorded_input in self.inputs
+        # The report of the recorder does not belong to a tick: it is read only when the recorder seems to lag.
+        self._has_recorder = self._recorded_input in self.inputs
         self._report = ReportCodec(run.identifier)
         self.inputs = inputs
         self._set_halt()
@@ -194,10 +193,10 @@ class DeterministicTimer(CatalogNode):
 
     @property
     def _is_outside_window(self) -> bool:
-        return self._recorder_takes_part and self.tick - self._recorded > RECORDER_WINDOW
+        return self._has_recorder and self.tick - self._recorded > RECORDER_WINDOW
 
-    def _recorder_is_far(self) -> bool:
-        """Look at what the recorder has reported, if that is needed; return whether it is too far behind."""
+    def _recorder_lags(self) -> bool:
+        """Return whether the recorder lags too far; read its reports if necessary."""
         if self._is_outside_window:
             while (message := self._recorded_input.take()) is not None:
                 self._take_report(message)
@@ -206,10 +205,10 @@ class DeterministicTimer(CatalogNode):
     def _take_report(self, message: bytes) -> None:
         stamp = self._report.stamp_of(message)
         tick = -1.0 if stamp is None else self._ticks.tick_of(stamp)
-        # Not even a forged report lets the timer run ahead of the recorder by more than it is ahead already.
+        # Even with a forged report, the timer must not run further ahead of the recorder than it already is.
         if not self._recorded <= tick < self.tick or int(tick) != tick:
             publisher = None if self._run is None else self._run.publisher_of(self._recorded_input.name)
-            self._ignored.add(self._recorded_input.name, 'no report of this run', [publisher] if publisher else [])
+            self._ignored.add(self._recorded_input.name, 'not a report of this run', [publisher] if publisher else [])
             return
         self._recorded = int(tick) + 1
 
@@ -229,9 +228,9 @@ class DeterministicTimer(CatalogNode):
             'rate': self._rate,
         }
         if self.done or self._held or first == 0:
-            yield Diagnosis('ticks', OK, 'at its end' if self.done else self._state, values)
+            yield Diagnosis('ticks', OK, 'finished' if self.done else self._state, values)
         elif factor < _LATE * self._rate:
-            yield Diagnosis('ticks', WARN, f'slower than the rate asked for: {factor:.3g} of {self._rate:g}', values)
+            yield Diagnosis('ticks', WARN, f'slower than the requested rate: {factor:.3g} of {self._rate:g}', values)
         else:
             yield Diagnosis('ticks', OK, f'{factor:.3g} x real time', values)
 

@@ -19,13 +19,13 @@ _DEFAULT_SAMPLE_TIME = 1e-4
 
 
 class DisturbanceGeneratorNode(CatalogNode):
-    """Publishes `/disturbance` and `/base_acceleration` for every tick of `/clock`."""
+    """Publisher of `/disturbance` and `/base_acceleration` for every tick of `/clock`."""
 
     def __init__(self) -> None:
         super().__init__('disturbance_generator')
         self._vectors = VectorCodec('')
         self._accelerations = AccelerationCodec('')
-        # Compiles. Whether the given parameters go with T is decided when the run's T is known.
+        # Compiles the kernel; the given parameters are checked when T of the run is known.
         self._generator = DisturbanceGenerator(DisturbanceParameters(), _DEFAULT_SAMPLE_TIME)
         self._generator.step(0)
         self._is_of_run = False
@@ -41,7 +41,7 @@ class DisturbanceGeneratorNode(CatalogNode):
         self, sets: Sets, sample_time: float, nodes: Mapping[str, Mapping[str, Any]], *, is_change: bool
     ) -> Attempt | None:
         if self._is_of_run:
-            # A new one would read its files once more.
+            # A new generator would read its files again.
             return attempt_change(self.row_name, self._generator, is_change=is_change)
         return super().attempt(sets, sample_time, nodes, is_change=is_change)
 
@@ -55,7 +55,7 @@ class DisturbanceGeneratorNode(CatalogNode):
         self.publish_bytes(1, self._accelerations.pack(stamp, linear, angular))
 
     def update(self) -> None:
-        # Before the run the block is one of the defaults.
+        # Before the run, the block has the default parameters.
         if self._is_of_run:
             self._generator.update(self.parameters[DisturbanceParameters])
 

@@ -1,4 +1,4 @@
-"""`ldv_sensor`: the laser Doppler vibrometer."""
+"""`ldv_sensor`: laser Doppler vibrometer."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -13,7 +13,7 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 
 
 class LdvSensor(CatalogNode):
-    """Publishes `/ldv` for every `/head`; warns once for each output that saturates."""
+    """Publisher of `/ldv` for every `/head`; it warns once per saturated output."""
 
     def __init__(self) -> None:
         super().__init__('ldv_sensor')
@@ -36,7 +36,7 @@ class LdvSensor(CatalogNode):
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, 0.0), x, v, 0.0)
 
     def diagnose(self) -> Iterable[Diagnosis]:
-        yield self._saturation.diagnose(self._ldv, {'dropped samples, in all': self._ldv.dropped_samples})
+        yield self._saturation.diagnose(self._ldv, {'dropped samples in total': self._ldv.dropped_samples})
 
     def update(self) -> None:
         self._ldv.update(self.parameters[LdvParameters])

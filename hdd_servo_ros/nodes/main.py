@@ -47,11 +47,11 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
     Parameters
     ----------
     name
-        Executable name, for the help text.
+        Executable name for the help text.
     make
-        Constructs the node.
+        Function that constructs the node.
     arguments
-        Command line, ``sys.argv`` if None.
+        Command line; ``sys.argv`` if None.
 
     Returns
     -------
@@ -64,12 +64,12 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
 @dataclasses.dataclass(frozen=True)
 class Composition:
     """
-    What runs in a process.
+    Nodes of a process.
 
     Attributes
     ----------
     nodes, others, intra_process
-        As for :class:`~hdd_servo_ros.ros.lockstep.Lockstep`.
+        See :class:`~hdd_servo_ros.ros.lockstep.Lockstep`.
     """
 
     nodes: Sequence[LoopNode]
@@ -93,10 +93,10 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
     use_udp_alone(os.environ)
     find_log_folder(os.environ)
     try:
-        # Before ROS reads them, whose errors name lines of its C sources.
+        # Parsed before ROS does, because the errors of ROS name lines of its C sources.
         given = parse_ros_arguments(command_line[1:])
         parse_help(name, given.others)
-        # Signals are taken by the lockstep, which ends a run at a tick boundary; rclpy would pull the context away.
+        # The lockstep handles signals and ends a run at a tick boundary; rclpy would shut down the context at once.
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         raise error if hasattr(error, 'exit_code') else ArgumentError(one_line(error)) from None
@@ -116,9 +116,9 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
                 try:
                     reject_unknown(node.parameters.unknown, own)
                 except ParameterError as error:
-                    # What was given for all nodes is missing in all.
+                    # A parameter given for all nodes is unknown to all of them.
                     raise error if given.is_for_all(error.name) else with_node(error, node.get_name()) from None
-            # ROS would pass over parameters for a node that there is not; `simulate` rejects them as well.
+            # ROS would ignore parameters for a node that does not exist; `simulate` rejects them too.
             given.check_nodes([*names_with_parameters(), *(node.get_name() for node in nodes)])
             _check_schedule(nodes)
         for doubt in doubtful_sections(given):
@@ -137,20 +137,20 @@ def _run_nodes(name: str, make: Callable[[RosArguments], Composition], arguments
 
 
 def _run(composition: Composition, lookout: Lookout | None) -> int:
-    """Run the nodes, unless there is a graph already that they would disturb; return the exit code."""
+    """Run the nodes unless they would disturb a running graph; return the exit code."""
     nodes = composition.nodes
     try:
-        # A replay meets no other process, and may go on beside a run.
+        # A replay communicates with no other process, and may run at the same time as a run.
         topics = [] if keeps_to_this_process(os.environ) else outputs_of(nodes)
         claims = TopicClaims(topics, nodes[0].context.get_domain_id())
     except ClaimError as error:
-        return _leave(nodes, failed(f'{error}; {CURE}'))
+        return _end_early(nodes, failed(f'{error}; {CURE}'))
     with contextlib.closing(claims):
         if lookout is not None:
             why_not = lookout.why_not_to_join(nodes)
             lookout.close()
             if why_not:
-                return _leave(nodes, failed(why_not))
+                return _end_early(nodes, failed(why_not))
         outcome = Lockstep(nodes, composition.others, intra_process=composition.intra_process).run()
     if outcome.status == FAILED:
         # Other processes may continue: without this, DDS would remember the endpoints until their lease expires.
@@ -160,8 +160,8 @@ def _run(composition: Composition, lookout: Lookout | None) -> int:
     return outcome.exit_code
 
 
-def _leave(nodes: Sequence[LoopNode], outcome: Outcome) -> int:
-    """End before anything of the loop was published, so that nobody else notices; return the exit code."""
+def _end_early(nodes: Sequence[LoopNode], outcome: Outcome) -> int:
+    """End before anything is published on a loop topic, without effect on other processes; return the exit code."""
     nodes[0].get_logger().error(f'run {outcome.status}: {outcome.reason}')
     for node in nodes:
         node.finish(outcome)
@@ -169,14 +169,14 @@ def _leave(nodes: Sequence[LoopNode], outcome: Outcome) -> int:
 
 
 def _check_schedule(nodes: Sequence[LoopNode]) -> None:
-    """Check what a schedule says for the nodes of this process; the others check it when they hear of it."""
+    """Check the schedule for the nodes of this process; other processes check it when they receive it."""
     for timer in nodes:
         if TimerParameters in timer.parameters.kinds:
             changes = timer.parameters[TimerParameters].changes
             for node in nodes:
                 node.plan(changes)
-            # A node that is not here may run elsewhere, beside a timer alone even one from outside of this package; the
-            # handshake will know.
+            # A node may run in another process; with only a timer here, even a node that is not of this package. Both
+            # are known only when the run starts.
             if len(nodes) > 1:
                 names = [node.get_fully_qualified_name() for node in nodes]
                 reject_unknown_nodes(changes, [*names, *names_with_parameters()])

@@ -1,4 +1,4 @@
-"""`outside_controller`: the node around a controller from outside this package."""
+"""`outside_controller`: node of a custom controller."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -15,27 +15,27 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 USAGE = 'usage: outside_controller MODULE:CLASS [--help] [--ros-args ...]'
 HELP = f"""{USAGE}
 
-The node of a controller from outside this package: a class by its import path, or the name of an entry point of the
-group {ENTRY_POINTS}. With --help behind it, lists the controller's parameters."""
+Node of a custom controller, given as the import path of a class or as the name of an entry point of the group
+{ENTRY_POINTS}. Add --help to list the parameters of the controller."""
 
 
 class OutsideControllerNode(ControllerNode):
     """
-    The node around a controller class from outside.
+    Node of a custom controller class.
 
     Parameters
     ----------
     kind
-        The class, found and checked.
+        The class, loaded and checked.
 
     Raises
     ------
     ParameterError
-        If a parameter is not allowed, or the controller cannot be made or fails a step with zeros.
+        If a parameter is invalid, or the controller cannot be constructed or fails in a step with zeros.
     """
 
     def __init__(self, kind: ControllerKind) -> None:
-        self._outside = kind
+        self._custom = kind
         self.make = kind.make
         try:
             super().__init__(kind.node, kind.make)
@@ -43,7 +43,7 @@ class OutsideControllerNode(ControllerNode):
             raise kind.rejected_trial(error) from error
 
     def offers(self) -> dict[str, str]:
-        return self._outside.offers()
+        return self._custom.offers()
 
     def prepare(self, run: RunPlan) -> None:
         try:
@@ -66,13 +66,13 @@ class OutsideControllerNode(ControllerNode):
 
 @command('outside_controller')
 def run_controller(find: Callable[[], ControllerKind], arguments: Sequence[str] | None = None) -> int:
-    """Run the node of a controller class until its run ends; exit codes as of :func:`run_node`."""
+    """Run the node of a controller class until its run ends; see :func:`run_node` for the exit codes."""
     kind = find()
     return run_node(kind.node, lambda: OutsideControllerNode(kind), arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node of the controller that the first argument names."""
+    """Run the node of the controller named by the first argument."""
     command_line = list(sys.argv if arguments is None else arguments)
     if len(command_line) < 2 or command_line[1].startswith('-'):
         asked = command_line[1:2] in (['--help'], ['-h'])

@@ -1,4 +1,4 @@
-"""`pid_controller`: the conventional baseline."""
+"""`pid_controller`: conventional PID baseline."""
 
 import sys
 from collections.abc import Sequence

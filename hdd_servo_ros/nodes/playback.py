@@ -1,4 +1,4 @@
-"""`playback`: publishes the disturbance of a recorded run again in another run."""
+"""`playback`: publishes the disturbance of a recorded run in another run."""
 
 import sys
 from collections.abc import Sequence
@@ -15,21 +15,21 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 
 class PlaybackNode(CatalogNode):
     """
-    Publishes the recorded messages of every tick of `/clock`, byte for byte.
+    Publisher of the recorded messages of every tick of `/clock`, byte for byte.
 
     Raises
     ------
     ParameterError
-        If no run is given, or it holds no disturbance.
+        If no run is given, or the run has no disturbance.
     """
 
     def __init__(self) -> None:
         super().__init__('playback')
         recorded_run = self.parameters[PlaybackParameters].recorded_run
         if not recorded_run:
-            raise ParameterError(RECORDED_RUN, recorded_run, 'the folder of a recorded run')
+            raise ParameterError(RECORDED_RUN, recorded_run, 'the directory of a recorded run')
         self._playback = Playback(recorded_run)
-        # Of the topics that it may publish, those that the recorded run holds.
+        # Only the topics that the recorded run contains.
         self.outputs = self._playback.topics
 
     def prepare(self, run: RunPlan) -> None:

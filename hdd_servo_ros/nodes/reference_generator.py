@@ -1,4 +1,4 @@
-"""`reference_generator`: the desired trajectory and its two derivatives."""
+"""`reference_generator`: desired position and its first two derivatives."""
 
 import sys
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from hdd_servo_ros.signals.reference import Reference, ReferenceParameters
 
 
 class ReferenceGenerator(CatalogNode):
-    """Publishes `/reference` for every tick of `/clock`."""
+    """Publisher of `/reference` for every tick of `/clock`."""
 
     def __init__(self) -> None:
         super().__init__('reference_generator')

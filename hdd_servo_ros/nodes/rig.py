@@ -1,4 +1,4 @@
-"""`rig`: the whole graph composed in one process; the main job."""
+"""`rig`: the complete graph composed in one process."""
 
 import signal
 import sys
@@ -36,12 +36,12 @@ def make_node(name: str, custom: ControllerKind | None = None) -> LoopNode:
     name
         The name.
     custom
-        The controller that is not of this package, if there is one.
+        Custom controller, if any.
 
     Raises
     ------
     ParameterError
-        If a parameter is not allowed; names the node too.
+        If a parameter is invalid; the message names the node too.
     """
     try:
         if custom is not None and name == custom.node:
@@ -49,22 +49,22 @@ def make_node(name: str, custom: ControllerKind | None = None) -> LoopNode:
         path = NODES[name].node
         node: LoopNode = resolve(path)() if path else ControllerNode(name)
     except ParameterError as error:
-        # What a controller's class lacks is named by the parameter `controller` of rig.
+        # An invalid controller class is reported as the parameter `controller` of rig.
         raise error if error.name == 'controller' else with_node(error, name) from error.__cause__
     return node
 
 
 class Rig:
-    """The nodes of the graph, in the order in which data flows through a tick."""
+    """Nodes of the graph, in the order of the data flow within a tick."""
 
     def __init__(self, arguments: RosArguments) -> None:
-        # It has no part in the loop; its parameters can be asked for like any node's.
+        # Not a loop node, but its parameter services are served as those of every node.
         self.node = ParameterNode('rig')
         given = NodeParameters(self.node, [RigParameters])
         self.parameters: RigParameters = given[RigParameters]
         controller, custom = self.parameters.controller, None
         if controller not in CONTROLLERS:
-            # Before names are rejected, for it may bring parameters of its own.
+            # Before unknown names are rejected, because it may declare further parameters.
             custom = load_controller(controller)
         reject_unknown(given.unknown, given.as_mapping())
         node = CONTROLLERS[controller] if custom is None else custom.node
@@ -73,10 +73,10 @@ class Rig:
         topic_names(arguments, names)
         self.nodes: list[LoopNode] = [make_node(names[0])]
         timer: TimerParameters = self.nodes[0].parameters[TimerParameters]
-        # Before the other nodes: it gets ready while they are made.
+        # Before the other nodes: it starts while they are constructed.
         writer = launch_writer() if timer.record else None
         self.nodes += [make_node(name, custom) for name in names[1:] if name != RECORDER]
-        # At once: the peers would find it out as well, but only when all are there.
+        # Checked here, because the handshake checks it only when all nodes have started.
         last_tick_of_run(timer, last_ticks_needed(self.nodes, timer.sample_time))
         self._check(timer)
         self.recorder: BagRecorder | None = None
@@ -85,7 +85,7 @@ class Rig:
             self.nodes.append(self.recorder)
 
     def _check(self, timer: TimerParameters) -> None:
-        """Reject parameters that do not go with each other or with T, as `simulate` does before a run."""
+        """Reject parameters that do not match each other or T, as `simulate` does before a run."""
         nodes = {node.get_fully_qualified_name(): {'parameters': node.parameters.as_mapping()} for node in self.nodes}
         for node in self.nodes:
             try:
@@ -96,7 +96,7 @@ class Rig:
             node.check_schedule(timer.changes, timer.sample_time, nodes)
 
     def show(self) -> None:
-        """Sum up and draw the run that has ended."""
+        """Print the summary of the run and plot it."""
         if self.recorder is None:
             return
         # The run is finished, so that any request to end costs the summary alone, and the exit code stays 0.
@@ -113,7 +113,7 @@ class Rig:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the whole graph, then say how it went."""
+    """Run the complete graph, then print a summary of the run."""
     rigs: list[Rig] = []
 
     def make(given: RosArguments) -> Composition:

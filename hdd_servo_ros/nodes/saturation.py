@@ -1,4 +1,4 @@
-"""Log and diagnose the saturation of an instrument's outputs."""
+"""Warnings and diagnosis of saturated instrument outputs."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -9,44 +9,44 @@ from hdd_servo_ros.ros.diagnosis import OK, WARN, Diagnosis
 
 
 class Saturates(Protocol):
-    """An instrument that counts the clipped samples of its outputs."""
+    """Instrument that counts the clipped samples of its outputs."""
 
     @property
     def saturated_samples(self) -> dict[str, int]:
-        """How many samples of each output so far were clipped."""
+        """Number of clipped samples of each output so far."""
 
     def saturation_warnings(self) -> dict[str, str]:
-        """Return, for each output that has been clipped, what a user should be told."""
+        """Return a warning for each output that has been clipped."""
 
 
 class SaturationLog:
     """
-    Warns once for each output that saturates, and diagnoses how many samples did.
+    Log of saturated outputs: it warns once per output and diagnoses the number of saturated samples.
 
     Parameters
     ----------
     node
-        The instrument's node.
+        Node of the instrument.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._diagnosed: Mapping[str, int] = {}
 
     def warn(self, instrument: Saturates) -> None:
-        """Warn of the outputs that have saturated since."""
+        """Warn of the outputs that have saturated for the first time."""
         for output, warning in instrument.saturation_warnings().items():
-            if output not in self._told:
-                self._told.add(output)
+            if output not in self._warned:
+                self._warned.add(output)
                 self._node.get_logger().warning(warning)
 
     def diagnose(self, instrument: Saturates, further: Mapping[str, object]) -> Diagnosis:
-        """Return the diagnosis of the range since the last one, with further values in it."""
+        """Return the diagnosis of the output range since the last one, with further values."""
         counts = instrument.saturated_samples
         new = {name: count - self._diagnosed.get(name, 0) for name, count in counts.items()}
         self._diagnosed = counts
-        values = {f'{name}: samples beyond the range, in all': count for name, count in counts.items()}
+        values = {f'{name}: samples beyond the range in total': count for name, count in counts.items()}
         beyond = ', '.join(f'{name} in {count} samples' for name, count in new.items() if count)
         if beyond:
             return Diagnosis('range', WARN, f'beyond the output range: {beyond}', {**values, **further})

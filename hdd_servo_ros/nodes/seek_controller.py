@@ -1,4 +1,4 @@
-"""`seek_controller`: brings the head to new targets, settles and follows."""
+"""`seek_controller`: seeks to new targets, settles and follows the track."""
 
 import sys
 from collections.abc import Sequence

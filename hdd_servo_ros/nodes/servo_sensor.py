@@ -1,4 +1,4 @@
-"""`servo_sensor`: the position as a drive decodes it from its servo sectors."""
+"""`servo_sensor`: head position decoded from the servo sectors of a drive."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -12,11 +12,11 @@ from hdd_servo_ros.ros.diagnosis import Diagnosis
 from hdd_servo_ros.ros.run_plan import RunPlan
 
 _HEAD, _DISTURBANCE = range(2)
-"""The inputs; the second is there only in a run with a disturbance."""
+"""Indices of the inputs; the second exists only in a run with a disturbance."""
 
 
 class ServoSensorNode(CatalogNode):
-    """Publishes `/pes` for every `/head`, and `/disturbance` where there is one."""
+    """Publisher of `/pes` for every `/head`, and `/disturbance` if the run has one."""
 
     def __init__(self) -> None:
         super().__init__('servo_sensor')
@@ -44,7 +44,7 @@ class ServoSensorNode(CatalogNode):
         self._half_track = 0.5 * self._sensor.parameters.track_pitch
 
     def diagnose(self) -> Iterable[Diagnosis]:
-        yield self._saturation.diagnose(self._sensor, {'missing sectors, in all': self._sensor.missing_sectors})
+        yield self._saturation.diagnose(self._sensor, {'missing sectors in total': self._sensor.missing_sectors})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

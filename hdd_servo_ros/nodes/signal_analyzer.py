@@ -1,4 +1,4 @@
-"""`signal_analyzer`: sweeps a sine through the drive, in a controller's place, and writes the response."""
+"""`signal_analyzer`: excites the drive with a swept sine instead of a controller, and writes the response."""
 
 import sys
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ from hdd_servo_ros.reporting.response import write_response
 
 
 class SignalAnalyzerNode(ControllerNode):
-    """The node around :class:`SignalAnalyzer`."""
+    """Node of the instrument :class:`SignalAnalyzer`."""
 
     def __init__(self) -> None:
         super().__init__('signal_analyzer')
 
     @property
     def trial_sample_time(self) -> float:
-        # Whether the sweep goes too high is for the run's sample time to say.
+        # The highest frequency is checked with the sample time of the run.
         parameters: SignalAnalyzerParameters = self.parameters[SignalAnalyzerParameters]
         return min(0.1 / parameters.stop_frequency, 1.0)
 

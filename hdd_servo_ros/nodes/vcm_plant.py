@@ -17,9 +17,9 @@ from hdd_servo_ros.ros.run_plan import RunPlan
 
 class VcmPlant(CatalogNode):
     """
-    Publishes `/head` for every tick of `/clock`, under the `/control` of the tick before.
+    Publisher of `/head` for every tick of `/clock`, computed with `/control` of the previous tick.
 
-    Warns of the first impact on each crash stop, and counts all.
+    It warns of the first impact on each crash stop and counts all impacts.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class VcmPlant(CatalogNode):
         self._plant.output()
         self._plant.step(1, 0.0, 0.0)
         self._is_limited = False
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._diagnosed: dict[str, int] = {}
 
     def offers(self) -> dict[str, str]:
@@ -67,8 +67,8 @@ class VcmPlant(CatalogNode):
 
     def _warn(self) -> None:
         for stop, warning in self._plant.impact_warnings().items():
-            if stop not in self._told:
-                self._told.add(stop)
+            if stop not in self._warned:
+                self._warned.add(stop)
                 self.get_logger().warning(warning)
 
     def diagnose(self) -> Iterable[Diagnosis]:
@@ -77,7 +77,7 @@ class VcmPlant(CatalogNode):
         impacts = self._plant.impacts
         new = {stop: found.count - self._diagnosed.get(stop, 0) for stop, found in impacts.items()}
         self._diagnosed = {stop: found.count for stop, found in impacts.items()}
-        values: dict[str, object] = {f'{stop} stop: impacts, in all': found.count for stop, found in impacts.items()}
+        values: dict[str, object] = {f'{stop} stop: impacts in total': found.count for stop, found in impacts.items()}
         unit = self._plant.parameters.length_unit
         values |= {f'{stop} stop: largest speed [{unit}/s]': found.largest_speed for stop, found in impacts.items()}
         hits = ', '.join(f'{stop} stop {count} times' for stop, count in new.items() if count)

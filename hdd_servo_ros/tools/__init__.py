@@ -1,1 +1,1 @@
-"""Commands for recorded and running experiments: replay, repair, live view."""
+"""Commands for recorded and running experiments: report, replay, repair and scope."""

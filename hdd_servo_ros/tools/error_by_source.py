@@ -1,4 +1,4 @@
-"""What each source contributes to the track error of a recorded run, by the same run again without it."""
+"""Contribution of each error source to the track error of a recorded run, from the run repeated without it."""
 
 import dataclasses
 import itertools
@@ -29,24 +29,24 @@ from hdd_servo_ros.tools.replay import Recording
 
 def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trusted: bool = False) -> ErrorBySource:
     """
-    Run a recorded run again without each of its sources of error, by the compiled loop, in memory.
+    Repeat a recorded run without each of its error sources, with the compiled loop in memory.
 
     Parameters
     ----------
     run
         The run.
     after
-        Time before which errors do not count [s]; None for the first half of the run, 2 s at most.
+        Time before which errors are ignored [s]; None for the first half of the run, but at most 2 s.
     trusted
-        Whether code that the run's folder names may run: the class of a custom controller.
+        Whether code named in the run directory may run: the class of a custom controller.
 
     Raises
     ------
     ValueError
-        If the head follows no reference, no source is on, the run with all sources does not come out as it was
-        recorded, or the loop diverges without one of them.
+        If the head follows no reference, no source is enabled, the run with all sources differs from the recording,
+        or the loop diverges without a source.
     ReplayError
-        If the run cannot be run again.
+        If the run cannot be repeated.
     """
     if not follows_reference(run):
         raise ValueError(
@@ -55,7 +55,7 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trus
     recording = Recording(run.path, trusted=trusted)
     sources = _sources_of(run, recording)
     if not sources:
-        raise ValueError(f'{run.path}: no source of error is on in this run')
+        raise ValueError(f'{run.path}: no error source is enabled in this run')
     late = slice(steady_start(run, after), None)
     repetitions: dict[str, Switch | None] = {'all sources': None, **sources}
     errors: dict[str, NDArray[np.float64]] = {}
@@ -69,7 +69,7 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trus
                 continue
             repeated = _repeated(recording, switch, progress)
             if switch is None and not np.array_equal(repeated.position[run.ticks], run.position):
-                raise _comes_out_differently(run)
+                raise _differs(run)
             errors[source] = repeated.track_error[run.ticks][late]
             if not np.isfinite(errors[source]).all():
                 raise _diverges(run, source)
@@ -80,10 +80,9 @@ def error_by_source_of_run(run: RecordedRun, after: float | None = None, *, trus
     return ErrorBySource(misregistration(complete), error_by_source(complete, errors))
 
 
-def _comes_out_differently(run: RecordedRun) -> ValueError:
+def _differs(run: RecordedRun) -> ValueError:
     return ValueError(
-        f'{run.path}: the run with all sources does not come out as it was recorded; `replay {run.path}` shows where '
-        'it differs'
+        f'{run.path}: the repeated run with all sources differs from the recording; `replay {run.path}` shows where'
     )
 
 
@@ -100,7 +99,7 @@ def _deviation(
     start: int,
 ) -> float:
     """
-    Return the standard deviation of the track error of a long run without a source, from row ``start`` on [um].
+    Return the standard deviation of the track error of a long run without a source [um], from row ``start`` on.
 
     The run with all sources is compared with the recorded one.
     """
@@ -112,7 +111,7 @@ def _deviation(
             pass
         rows = simulation.experiment.run(first_tick, length)
         if switch is None and rows.position.tolist() != list(itertools.islice(recorded, length)):
-            raise _comes_out_differently(run)
+            raise _differs(run)
         error = rows.track_error[max(start - first_tick, 0) :]
         if not np.isfinite(error).all():
             raise _diverges(run, source)
@@ -122,14 +121,14 @@ def _deviation(
 
 
 def _positions(run: RecordedRun) -> Iterator[float]:
-    """Iterate over the positions of the head in a run [um]."""
+    """Iterate over the head positions of a run [um]."""
     for piece in run.pieces([HEAD.name]):
         yield from piece.position.tolist()
 
 
 @dataclasses.dataclass(frozen=True)
 class _Repeated:
-    """True position and track error of all ticks of a run [um]; not finite from where it diverged."""
+    """True position and track error of all ticks of a run [um]; NaN after divergence."""
 
     position: NDArray[np.float64]
     track_error: NDArray[np.float64]
@@ -160,7 +159,7 @@ def _repeated(recording: Recording, switch: Switch | None, progress: 'tqdm[Any]'
 
 
 def _simulation(recording: Recording, switch: Switch | None) -> Simulation:
-    """Return the recorded run with a source switched off all along."""
+    """Return the recorded run with a source switched off from the start."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / 'run.yaml'
         content = recording.parameter_file(Path(directory) / 'unused')
@@ -182,7 +181,7 @@ def _switch_off(content: dict[str, Any], recording: Recording, switch: Switch) -
 
 
 def _without(schedule: list[str], kinds: Mapping[str, str], node: str, parameter: str) -> Iterator[str]:
-    """Iterate over the entries of a schedule that do not change one parameter."""
+    """Iterate over the entries of a schedule that do not change a given parameter."""
     for entry in schedule:
         words = entry.split(None, 4)
         changed, name = words[2:4] if words[0] == THEN else words[1:3]

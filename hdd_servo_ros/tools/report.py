@@ -1,7 +1,7 @@
 """
-`report`: metrics, a picture and a page of recorded runs, and what each source of error contributes to them.
+`report`: metrics, plots and HTML report of recorded runs, and the contribution of each error source.
 
-No ROS import; without ``--by-source`` nothing but the runs' bags and their ``run.yaml`` is read.
+No ROS import; without ``--by-source`` it reads only the bag and the ``run.yaml`` of each run.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from hdd_servo_ros.reporting.source_panels import ErrorBySource
 
 
 def _check(run: RecordedRun) -> None:
-    """Read all topics of the loop of a bag whose files have no checksums, also those that no metric needs."""
+    """Read all loop topics of a bag without checksums, including those that no metric needs."""
     if run.is_checked:
         return
     if run.is_long:
@@ -34,14 +34,14 @@ def _check(run: RecordedRun) -> None:
 
 
 def _by_source(run: RecordedRun, after: float | None, *, trusted: bool) -> ErrorBySource:
-    # Late: it needs the compiled loop.
+    # Imported here, because it imports the compiled loop.
     from hdd_servo_ros.tools.error_by_source import error_by_source_of_run
 
     return error_by_source_of_run(run, after, trusted=trusted)
 
 
 def _directories(runs: Sequence[RecordedRun], output: Path | None) -> list[Path]:
-    """Return where each run's own report goes: below ``output``, a name that several have with a number behind it."""
+    """Return the directory of each report: in ``output`` by run name, with a number appended if names repeat."""
     if output is None or len(runs) == 1:
         return [output or run.path for run in runs]
     directories: list[Path] = []
@@ -59,10 +59,10 @@ def _print_table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
 
 
 def _seconds(text: str) -> float:
-    """Return a time [s]; argparse tells what is none."""
+    """Parse a nonnegative time [s]; raise ArgumentTypeError otherwise."""
     number = float(text)
     if not 0.0 <= number < math.inf:
-        raise argparse.ArgumentTypeError(f'{text} is no time: it must be finite and not negative [s]')
+        raise argparse.ArgumentTypeError(f'{text} is not a time; expected a finite number >= 0 [s]')
     return number
 
 
@@ -70,40 +70,40 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='report',
-        description='Metrics, a picture (report.png) and a page (report.html) of each run, from its bag alone; '
-        'of several runs also one table and overlay (comparison.png, comparison.html).',
+        description='Write metrics, a plot (report.png) and an HTML report (report.html) of each run from its bag; for '
+        'several runs also a table and an overlay plot (comparison.png, comparison.html).',
         epilog=EPILOG,
     )
-    parser.add_argument('run', type=Path, nargs='+', help='run folder, or a bag of the same topics')
+    parser.add_argument('run', type=Path, nargs='+', help='run directory, or a bag with the same topics')
     parser.add_argument(
         '--output',
         type=Path,
         metavar='DIR',
-        help="where to write; of several runs each in a folder of its name below (default: each run's own folder, "
-        'the comparison beside the first run)',
+        help='output directory; several runs are written to subdirectories with their names (default: the directory of '
+        'each run, and the parent directory of the first run for the comparison)',
     )
     parser.add_argument(
         '--after',
         type=_seconds,
         metavar='SECONDS',
-        help='time before which errors do not count (default: half of the run, 2 s at most)',
+        help='time before which errors are ignored (default: half of the run, but at most 2 s)',
     )
     parser.add_argument(
         '--by-source',
         action='store_true',
-        help='repeat each run in this process without each of its sources of error, and report what each contributes',
+        help='repeat each run once without each of its error sources, and report the contribution of each source',
     )
     parser.add_argument(
         '--trust',
         action='store_true',
-        help="with --by-source: run code that a run's folder names, a custom controller's class",
+        help='with --by-source: run code named in the run directory, such as the class of a custom controller',
     )
     return parser
 
 
 @command('report', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Report runs; exit code 0, or 3 if one cannot be read or, with ``--by-source``, run again."""
+    """Report runs; exit code 0, or 3 if a run cannot be read or, with ``--by-source``, repeated."""
     options = command_line().parse_args(arguments)
     runs = []
     for path in options.run:
@@ -121,8 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         written += files
         remarks += [f'{name}: {line}' for line in lines]
     if len(runs) > 1:
-        beside = options.run[0].resolve().parent if options.output is None else options.output
-        written += compare_runs(runs, beside, options.after)
+        directory = options.run[0].resolve().parent if options.output is None else options.output
+        written += compare_runs(runs, directory, options.after)
     table = comparison_table(runs, options.after, by_source)
     _print_table(*table)
     for line in remarks:

@@ -1,4 +1,4 @@
-"""`scope`: look at the signals of a run while it goes on, in a window, in the browser, or as a picture."""
+"""`scope`: show the signals of a run in progress in a window, in the browser, or in an image file."""
 
 import argparse
 import contextlib
@@ -31,21 +31,21 @@ from hdd_servo_ros.tools.scope_feed import Feed, FeedError
 from hdd_servo_ros.tools.scope_web import serve_any_page
 
 FRAME_PERIOD = 0.25
-"""Wall time between two pictures [s]."""
+"""Wall time between two frames [s]."""
 _NICENESS = 10
-"""The loop comes first on a machine with few cores."""
+"""On a machine with few cores, the loop has priority."""
 _ADDRESS = '127.0.0.1'
 _NO_VIEW = (
-    'there is no display, and tornado, which the view in the browser needs, is not installed (python3-tornado, or pip '
-    'install tornado); --save FILE.png makes a picture without either'
+    'no display was found, and tornado, which the browser view needs, is not installed (python3-tornado, or pip '
+    'install tornado); --save FILE.png writes an image without either'
 )
 
 
-def _heed_interrupts_until_the_end(feed: Feed) -> None:
+def _handle_interrupts_during_run(feed: Feed) -> None:
     """
-    Take Ctrl-C as an interrupt only as long as the run goes on.
+    Handle Ctrl-C as an interrupt only during the run.
 
-    A launch file that ends with the run sends one to a scope that is about to end by itself, which is no failure.
+    A launch file that ends with the run interrupts a scope that is about to end by itself, which is not a failure.
     """
 
     def take(number: int, frame: FrameType | None) -> None:
@@ -56,11 +56,11 @@ def _heed_interrupts_until_the_end(feed: Feed) -> None:
 
 
 def save(path: Path, seconds: float, window: float) -> None:
-    """Collect for a time [s of wall time], or until the run ends, and write one picture."""
+    """Collect data for ``seconds`` of wall time or until the run ends, and write one image."""
     figure = Figure(figsize=(10.0, 9.0))
     view = LiveView(figure, window)
     with contextlib.closing(Feed(view)) as feed:
-        _heed_interrupts_until_the_end(feed)
+        _handle_interrupts_during_run(feed)
         _wait_for_run(feed)
         end = time.monotonic() + seconds
         while time.monotonic() < end and not feed.has_ended:
@@ -78,17 +78,17 @@ def _wait_for_run(feed: Feed) -> None:
 
 
 def show(window: float, port: int | None) -> None:
-    """Show the signals until the run ends: in a window, or in the browser if ``port`` is given."""
+    """Show the signals until the run ends, in a window or, if ``port`` is given, in the browser."""
     import matplotlib.pyplot as plt
 
     figure = plt.figure('scope', figsize=(10.0, 9.0))
     view = LiveView(figure, window)
     feed = Feed(view)
-    _heed_interrupts_until_the_end(feed)
+    _handle_interrupts_during_run(feed)
     if port is None:
         print('scope: waiting for a run with a bag_recorder', flush=True)
     else:
-        print(f'scope: see http://{_ADDRESS}:{port}; waiting for a run with a bag_recorder', flush=True)
+        print(f'scope: open http://{_ADDRESS}:{port}; waiting for a run with a bag_recorder', flush=True)
 
     faults: list[FeedError] = []
 
@@ -97,7 +97,7 @@ def show(window: float, port: int | None) -> None:
             if feed.pour():
                 view.draw()
                 figure.canvas.draw_idle()
-        except FeedError as error:  # raised here, it would end in the event loop
+        except FeedError as error:  # raised here, it would be lost in the event loop
             faults.append(error)
         if feed.has_ended or faults:
             if not faults:
@@ -133,12 +133,12 @@ def choose_view(*, web: bool, port: int) -> int | None:
     Returns
     -------
     int or None
-        The port for the browser, None for a window.
+        Port of the browser view; None for a window.
 
     Raises
     ------
     ViewError
-        If there is neither, or the port is taken.
+        If neither is available, or the port is in use.
     """
     import matplotlib.pyplot as plt
 
@@ -150,12 +150,12 @@ def choose_view(*, web: bool, port: int) -> int | None:
     if importlib.util.find_spec('tornado') is None:
         raise ViewError(_NO_VIEW)
     with socket.socket() as trial:
-        # As the server will; a port that an ended one had is free.
+        # As the server does; the port of an ended server is free.
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             trial.bind((_ADDRESS, port))
         except OSError as error:
-            raise ViewError(f'port {port}: {error.strerror}; choose another by --port') from None
+            raise ViewError(f'port {port}: {error.strerror}; choose another with --port') from None
     mpl.rcParams.update({'webagg.address': _ADDRESS, 'webagg.port': port, 'webagg.port_retries': 1})
     mpl.rcParams['webagg.open_in_browser'] = False
     plt.switch_backend('WebAgg')
@@ -166,28 +166,28 @@ def choose_view(*, web: bool, port: int) -> int | None:
 
 def reject_other_hosts(port: int) -> None:
     """
-    Answer only those who ask for this machine by its own name, with 403 for all others.
+    Accept only requests to this machine by its own name; others receive status 403.
 
-    The server listens on the loopback alone, and a WebSocket is rejected to a page of another origin. A page of another
-    site whose name has been pointed to 127.0.0.1 would pass both: its origin is then the host that it asks for.
+    The server listens only on the loopback interface, and rejects WebSockets from pages of another origin. A page of
+    another site whose name resolves to 127.0.0.1 would pass both checks: its origin equals the requested host.
     """
     import tornado.web
     from matplotlib.backends.backend_webagg import WebAggApplication
 
     own = {f'{name}:{port}' for name in (_ADDRESS, 'localhost')}
-    answer = WebAggApplication.find_handler
+    original = WebAggApplication.find_handler
 
     def find_handler(self: Any, request: Any, **options: Any) -> Any:
         origin = request.headers.get('Origin')
         if request.host.lower() in own and origin in (None, *(f'http://{host}' for host in own)):
-            return answer(self, request, **options)
+            return original(self, request, **options)
         return self.get_handler_delegate(request, tornado.web.ErrorHandler, {'status_code': 403})
 
     WebAggApplication.find_handler = find_handler  # type: ignore[method-assign]
 
 
 class ViewError(Exception):
-    """There is nothing to show the signals on."""
+    """Neither a window nor the browser view is available."""
 
     exit_code = WRONG_ARGUMENTS
 
@@ -196,17 +196,17 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='scope',
-        description='Show the signals of a run while it goes on: in a window, or without a display in the browser.',
-        epilog='Waits for a run, ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',
+        description='Show the signals of a run in progress: in a window, or in the browser without a display.',
+        epilog='Waits for a run and ends with it or on Ctrl-C. ROS arguments (-r __ns:=/bench1) follow --ros-args.',
     )
     parser.add_argument(
-        '--window', type=_seconds, default=0.5, metavar='S', help='how much of the run is shown [s]; default 0.5'
+        '--window', type=_seconds, default=0.5, metavar='S', help='displayed time span of the run [s]; default 0.5'
     )
-    parser.add_argument('--web', action='store_true', help='show it in the browser although there is a display')
-    parser.add_argument('--port', type=_port, default=8988, help='port of the view in the browser; default 8988')
-    parser.add_argument('--save', type=_picture, metavar='FILE', help='collect for a while, write one picture, and end')
+    parser.add_argument('--web', action='store_true', help='use the browser even if there is a display')
+    parser.add_argument('--port', type=_port, default=8988, help='port of the browser view; default 8988')
+    parser.add_argument('--save', type=_image, metavar='FILE', help='collect data, write one image and exit')
     parser.add_argument(
-        '--seconds', type=_seconds, default=3.0, metavar='S', help='for how long --save collects [s]; default 3'
+        '--seconds', type=_seconds, default=3.0, metavar='S', help='time for which --save collects data [s]; default 3'
     )
     return parser
 
@@ -225,20 +225,20 @@ def _port(text: str) -> int:
     return port
 
 
-def _picture(text: str) -> Path:
-    """Return where a picture goes; it is drawn only when the run is over, too late to learn that it cannot be."""
+def _image(text: str) -> Path:
+    """Return the path of an image; check it now, because the image is written only after the run."""
     path = Path(text)
     endings = FigureCanvasBase.get_supported_filetypes()
     if path.suffix[1:].lower() not in endings:
         raise argparse.ArgumentTypeError(f'{text} must end in one of .{", .".join(sorted(endings))}')
     if not os.access(path.parent, os.W_OK):
-        raise argparse.ArgumentTypeError(f'{path.parent} is no folder that can be written to')
+        raise argparse.ArgumentTypeError(f'{path.parent} is not a writable directory')
     return path
 
 
 @command('scope')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Show a run; exit code 0 when it has ended, 1 if nothing more comes, 2 if there is no view, 130 on Ctrl-C."""
+    """Show a run; exit code 0 after its end, 1 if receiving fails, 2 without a view, 130 on Ctrl-C."""
     given = list(sys.argv if arguments is None else ['scope', *arguments])
     parsed = command_line().parse_args(parse_ros_arguments(given[1:]).others)
     check_domain(os.environ)

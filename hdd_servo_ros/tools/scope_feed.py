@@ -1,4 +1,4 @@
-"""What `scope` receives of a run: the recorder's blocks, and how the run ends; in a thread of its own."""
+"""Receiver of `scope`: blocks from the recorder and the end of the run, in a separate thread."""
 
 import contextlib
 import queue
@@ -22,23 +22,23 @@ from hdd_servo_ros.ros.untrusted import MessageError, message_of
 _BEST_EFFORT = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PRESENCE_PERIOD = 0.2
 _GONE_AFTER = 10
-"""Checks in a row that find no recorder until its run counts as over; not a time, which a slow drawing uses up."""
+"""Consecutive checks without a recorder after which its run is over; not a time, because drawing may be slow."""
 
 
 class FeedError(Exception):
-    """Nothing can be received any more; says why."""
+    """Receiving has failed; the message contains the reason."""
 
     exit_code = exit_codes.FAILED
 
 
 class Feed:
     """
-    What the recorder of a run sends; the first run that is seen, and no other.
+    Data from the recorder of the first run that is discovered; other runs are ignored.
 
     Parameters
     ----------
     view
-        Where it goes, when :meth:`pour` is called.
+        View that receives the data when :meth:`pour` is called.
     """
 
     def __init__(self, view: LiveView) -> None:
@@ -51,7 +51,7 @@ class Feed:
         self._fault: Exception | None = None
         self._node = rclpy.create_node('scope')
         self._ignored = IgnoredMessages(self._node)
-        # Raw: anybody may publish anything, and what is no message of the type must not end the thread.
+        # Raw, because bytes that are not a message of the type must not end the thread.
         for kind, topic, take in ((Float64MultiArray, SCOPE, self._take_block), (String, 'lockstep', self._take_state)):
             self._node.create_subscription(kind, topic, take, _BEST_EFFORT, raw=True)
         self._node.create_timer(_PRESENCE_PERIOD, self._check_presence)
@@ -61,7 +61,7 @@ class Feed:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread."""
+        """Stop the thread."""
         self._executor.shutdown()
         self._thread.join()
 
@@ -109,15 +109,15 @@ class Feed:
 
     def pour(self) -> bool:
         """
-        Put what was received into the view; return whether there was anything.
+        Pass the received data to the view; return whether there was any.
 
         Raises
         ------
         FeedError
-            If nothing can be received any more.
+            If receiving has failed.
         """
         if self._fault is not None:
-            raise FeedError(f'nothing can be received any more: {self._fault}')
+            raise FeedError(f'receiving failed: {self._fault}')
         count = self._received.qsize()
         for _ in range(count):
             received = self._received.get()
@@ -126,5 +126,5 @@ class Feed:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run that was seen is over: it reported so, or its recorder is gone."""
+        """Whether the discovered run is over: it reported its end, or its recorder has disappeared."""
         return not self._view.is_empty and (self._has_reported_end or self._absent >= _GONE_AFTER)

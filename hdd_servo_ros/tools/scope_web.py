@@ -1,4 +1,4 @@
-"""The view of `scope` in the browser: matplotlib's, for pages that come, go and send what they like."""
+"""Browser view of `scope`: the server of matplotlib, made robust against closed tabs and invalid messages."""
 
 import asyncio
 import contextlib
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def serve_any_page() -> None:
-    """Let matplotlib's server of pages bear closed tabs, and messages that are none of its own, without a traceback."""
+    """Let the server of matplotlib tolerate closed tabs and foreign messages without a traceback."""
     from matplotlib._pylab_helpers import Gcf
     from matplotlib.backends import backend_webagg
     from tornado.iostream import StreamClosedError
@@ -18,7 +18,7 @@ def serve_any_page() -> None:
     closed = (WebSocketClosedError, StreamClosedError)
 
     class Page(application.WebSocket):  # type: ignore[misc]
-        """A tab of a browser."""
+        """Browser tab."""
 
         def write_message(self, message: Any, binary: bool = False) -> 'asyncio.Future[None]':
             try:
@@ -27,7 +27,7 @@ def serve_any_page() -> None:
                 sent = asyncio.get_event_loop().create_future()
                 sent.set_result(None)
             else:
-                # Looked at, so that asyncio does not report it: the tab was closed while it was under way.
+                # Retrieve the exception, so that asyncio does not report a tab that was closed during transmission.
                 sent.add_done_callback(lambda done: done.cancelled() or done.exception())
             return sent
 
@@ -38,7 +38,7 @@ def serve_any_page() -> None:
                 super().open(fignum)
 
         def on_close(self) -> None:
-            with contextlib.suppress(AttributeError, KeyError):  # it has never been opened, or the figure is closed
+            with contextlib.suppress(AttributeError, KeyError):  # the tab was never opened, or the figure is closed
                 super().on_close()
 
         def on_message(self, message: Any) -> None:
@@ -48,6 +48,6 @@ def serve_any_page() -> None:
 
     if not isinstance(application.WebSocket, type) or application.WebSocket.__name__ != Page.__name__:
         application.WebSocket = Page
-    # What remains is of the pages too: a connection that was reset, a request that is no HTTP.
+    # The remaining messages also concern clients: a reset connection, or a request that is not HTTP.
     for name in ('tornado.general', 'tornado.access', 'tornado.application'):
         logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -60,7 +60,9 @@ def test_a_section_of_its_own_names_a_node(tmp_path, section, namespace, is_name
 
 def test_a_recorded_and_a_generated_disturbance_are_rejected():
     words = ['-p', 'playback:recorded_run:=runs/shaken', '-p', 'disturbance_generator:shock.enabled:=true']
-    with pytest.raises(ParameterError, match=r"playback:recorded_run: 'runs/shaken'; expected empty with parameters"):
+    with pytest.raises(
+        ParameterError, match=r"playback:recorded_run: 'runs/shaken'; expected an empty string with parameters"
+    ):
         roles(words)
 
 
@@ -75,5 +77,5 @@ def test_the_servo_sensor_takes_the_place_of_the_vibrometer():
 
 
 def test_a_controller_that_measures_ldv_rejects_the_servo_sensor():
-    with pytest.raises(ParameterError, match=r"sensor: 'servo'; expected ldv, since signal_analyzer measures /ldv"):
+    with pytest.raises(ParameterError, match=r"sensor: 'servo'; expected ldv, because signal_analyzer measures /ldv"):
         roles_of_run('signal_analyzer', parse_ros_arguments([]), 'servo')

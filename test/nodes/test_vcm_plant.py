@@ -22,7 +22,7 @@ def test_impacts_are_told_once_and_counted():
         found._plant.step(tick, 0.5)
     count, speed = found._plant.impacts['upper'].count, found._plant.impacts['upper'].largest_speed
     assert count > 1
-    values = {'upper stop: impacts, in all': count, 'upper stop: largest speed [um/s]': speed}
+    values = {'upper stop: impacts in total': count, 'upper stop: largest speed [um/s]': speed}
     (hit,) = VcmPlant.diagnose(found)
     assert (hit.what, hit.level, hit.message, hit.values) == ('travel', WARN, f'hit: upper stop {count} times', values)
     # It rests on the stop now: nothing new.

@@ -383,7 +383,7 @@ def test_a_time_that_is_none_is_rejected(runs, tmp_path, capsys, after):
         main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
     assert ended.value.code == 2
     expected = (
-        f'report: argument --after: {after} is no time: it must be finite and not negative [s]; see report --help'
+        f'report: argument --after: {after} is not a time; expected a finite number >= 0 [s]; see report --help'
     )
     assert capsys.readouterr().err.splitlines()[-1] == expected
     assert not (tmp_path / 'out').exists()

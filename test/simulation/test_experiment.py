@@ -43,7 +43,10 @@ def test_an_object_with_the_former_arguments_of_step_is_rejected_with_advice():
         def step(self, tick, displacement_volts, velocity_volts, x_d, dx_d, ddx_d):  # type: ignore[override]
             return 0.0, 0.0, 0.0
 
-    with pytest.raises(ParameterError, match=r"'Old'; expected Old\.step takes one argument now: inputs, with"):
+    with pytest.raises(
+        ParameterError,
+        match=r"'Old'; expected a valid controller class: Old\.step now takes one argument: inputs, with",
+    ):
         Experiment(T, Old())  # type: ignore[arg-type]
 
 

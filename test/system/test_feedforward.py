@@ -79,7 +79,7 @@ def test_a_feedforward_without_sensors_is_rejected(bench):
     )
     codes = {name: process.wait() for name, process in nodes.items()}
     assert codes['pid_controller'] == 1
-    allowed = "feedforward.method: 'fixed'; expected none, since there is no accelerometer in this run"
+    allowed = "feedforward.method: 'fixed'; expected none, because this run has no accelerometer"
     assert allowed in nodes['pid_controller'].output
 
 
@@ -95,4 +95,4 @@ def test_a_controller_without_an_error_has_no_feedforward(bench, name):
         'duration:=0.1',
     )
     assert rejected.wait() == 2
-    assert "feedforward.method: 'fxlms'; expected none, since this controller does not follow" in rejected.output
+    assert "feedforward.method: 'fxlms'; expected none, because this controller does not follow" in rejected.output

@@ -166,7 +166,7 @@ def test_an_ordinary_ros_node_as_sensor(bench, scales):
         return
     assert codes['pid_controller'] == 1
     output = processes['pid_controller'].output
-    reason = 'parameter displacement_scale: 0.0; expected above 0, since there is no ldv_sensor in this run'
+    reason = 'parameter displacement_scale: 0.0; expected a value above 0, because this run has no ldv_sensor'
     assert sum(reason in line for line in output.splitlines()) == 1, output
     assert 'Traceback' not in output
 

@@ -68,7 +68,7 @@ def test_between_processes_a_run_with_events_of_a_stranger_does_not_finish(bench
     assert {process.wait() for process in processes.values()} != {0}
     content = bench.run_yaml('run')
     assert content['status'] == 'failed'
-    assert 'somebody else publishes in its name' in content['reason']
+    assert 'an external node publishes in its name' in content['reason']
 
 
 @pytest.mark.parametrize(('value', 'written'), [('math.nan', 'nan'), ('math.inf', 'inf')])

@@ -130,14 +130,14 @@ def test_a_controller_without_an_error_has_no_cancellation(bench, name):
     arguments = ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:runout.method:=harmonics')
     rejected = bench.start(name, *arguments, '-p', 'duration:=0.1')
     assert rejected.wait() == 2
-    assert "runout.method: 'harmonics'; expected none, since this controller does not follow" in rejected.output
+    assert "runout.method: 'harmonics'; expected none, because this controller does not follow" in rejected.output
 
 
 def test_a_drive_in_other_units_is_rejected(bench):
     arguments = ('-p', 'vcm_plant:length_unit:=m', '-p', 'pid_controller:runout.method:=harmonics')
     rejected = bench.start('simulate', *arguments, '-p', 'controller:=pid', '-p', 'duration:=0.1')
     assert rejected.wait() == 2
-    assert 'none with a drive in m and V, since its parameters are in um and V' in rejected.output
+    assert 'none with a drive in m and V, because its parameters are in um and V' in rejected.output
 
 
 def test_a_warning_at_the_start(bench):

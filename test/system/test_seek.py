@@ -106,7 +106,7 @@ def test_an_outside_controller_is_wrapped_as_well(bench):
     [
         (
             ('-p', 'controller:=open_loop', '-p', 'open_loop_controller:seek.method:=ptos'),
-            "seek.method: 'ptos'; expected none, since this controller does not follow the reference",
+            "seek.method: 'ptos'; expected none, because this controller does not follow the reference",
         ),
         (
             ('-p', 'seek_controller:seek.model.numerators:=[1.0, 2.0]'),

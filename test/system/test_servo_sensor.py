@@ -113,7 +113,7 @@ def test_report_compare_and_checks_of_a_run_without_ldv(bench):
 def test_the_signal_analyzer_is_rejected(bench, name):
     process = bench.start(name, '-p', 'controller:=signal_analyzer', '-p', 'sensor:=servo')
     assert process.wait() == 2, process.output
-    assert "sensor: 'servo'; expected ldv, since signal_analyzer measures /ldv" in process.output
+    assert "sensor: 'servo'; expected ldv, because signal_analyzer measures /ldv" in process.output
 
 
 def test_a_vibrometer_and_a_servo_sensor_at_once_are_rejected(bench):

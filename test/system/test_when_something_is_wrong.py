@@ -190,7 +190,7 @@ def test_bad_parameter(bench):
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (('-p', 'gain:=1.0'), 'unrecognized arguments: -p gain:=1.0; ROS arguments stand behind --ros-args'),
+        (('-p', 'gain:=1.0'), 'unrecognized arguments: -p gain:=1.0; put ROS arguments after --ros-args'),
         (('--ros-args', '--bogus'), "unknown ROS argument '--bogus'"),
         (('--ros-args', '-p', 'gain'), "-p 'gain' is not NODE:PARAMETER:=VALUE or PARAMETER:=VALUE"),
         (('--ros-args', '--params-file', 'missing.yaml'), 'parameter file missing.yaml: '),

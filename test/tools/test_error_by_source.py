@@ -113,11 +113,11 @@ def test_what_cannot_be_run_again_is_rejected_in_a_line(run, tmp_path, capsys, s
     description = yaml.safe_load((other / 'run.yaml').read_text())
     description['nodes']['/disturbance_generator']['parameters']['vibration.rotational.rms'] = 12.6
     (other / 'run.yaml').write_text(yaml.safe_dump(description))
-    rejected(capsys, other, 'does not come out as it was recorded', f'replay {other}')
+    rejected(capsys, other, 'differs from the recording', f'replay {other}')
     (other / 'run.yaml').unlink()
     rejected(capsys, other, 'run.yaml')
     short = ('-p', 'duration:=0.02')
     open_loop = simulated(tmp_path / 'open_loop', *short, '-p', 'controller:=open_loop')
     rejected(capsys, open_loop, 'the head follows no reference')
     silent = simulated(tmp_path / 'silent', *short, '-p', 'ldv_sensor:noise:=false')
-    rejected(capsys, silent, 'no source of error is on')
+    rejected(capsys, silent, 'no error source is enabled')
