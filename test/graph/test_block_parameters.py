@@ -1,4 +1,4 @@
-"""By which scales a controller reads the sensor."""
+"""Sensor scales of a controller."""
 
 import pytest
 
@@ -19,7 +19,7 @@ SENSOR = LdvParameters(displacement_scale=4.0, velocity_scale=2000.0)
         ({'displacement_scale': 8.0, 'velocity_scale': 5000.0}, (8.0, 5000.0)),
     ],
 )
-def test_its_own_scales_win_and_zero_takes_the_sensors(own, expected):
+def test_own_scales_take_precedence_and_zero_selects_those_of_the_sensor(own, expected):
     assert sensor_scales(ControllerInputParameters(**own), SENSOR) == expected
     assert sensor_scales(input_parameters('pid_controller', {**own, 'control_limit': 3.0}), SENSOR) == expected
 

@@ -1,4 +1,4 @@
-"""The rows of the catalog: what they name exists, and they can be read where nothing is installed."""
+"""The catalog: its import paths exist, and it needs only the standard library."""
 
 import dataclasses
 import importlib
@@ -115,7 +115,7 @@ def test_a_custom_controller_gets_a_row(rows):
 
 
 def test_read_where_nothing_is_installed():
-    """As setup.py reads it when pip builds the package in an environment of its own."""
+    """As setup.py reads it when pip builds the package in an isolated environment."""
     code = f"""
 import runpy
 rows = runpy.run_path({str(ROOT / 'hdd_servo_ros' / 'graph' / 'catalog.py')!r})

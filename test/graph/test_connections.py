@@ -1,4 +1,4 @@
-"""Inputs and outputs of each node, against the diagram of the loop in docs/concepts/determinism.md."""
+"""Inputs and outputs of each node, compared with the diagram of the loop."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Controllers from outside: where they are found, what is rejected, and that they run as the built-in ones do."""
+"""Custom controllers: loading, rejection, and runs identical to those of built-in controllers."""
 
 import itertools
 import re
@@ -43,7 +43,7 @@ GOOD = """
 
 @pytest.fixture(autouse=True)
 def nothing_stays(monkeypatch, tmp_path):
-    """Run in an empty folder; take modules, nodes and path entries away again."""
+    """Run in an empty directory; remove modules, nodes and path entries afterward."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, 'path', [entry for entry in sys.path if entry])
     modules, nodes = set(sys.modules), dict(NODES)
@@ -56,7 +56,7 @@ def nothing_stays(monkeypatch, tmp_path):
 
 
 def write(tmp_path, source=GOOD, *changes):
-    """Write a module into the working folder, with some texts replaced, and return its name."""
+    """Write a module with replaced strings to the working directory, and return its name."""
     source = textwrap.dedent(source)
     for old, new in changes:
         assert old in source
@@ -98,7 +98,7 @@ def test_a_node_name_of_its_own(tmp_path):
 
 
 def entry_point(tmp_path, distribution, name, value):
-    """Install a package that offers a controller."""
+    """Install a package that provides a controller."""
     folder = tmp_path / f'{distribution}-1.0.dist-info'
     folder.mkdir()
     (folder / 'METADATA').write_text(f'Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n')
@@ -118,7 +118,7 @@ def test_an_entry_point(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ('changes', 'said'),
+    ('changes', 'message'),
     [
         ([('def step(', 'def stop(')], r'class Spring lacks step\(inputs\)'),
         ([('def update(', 'def change(')], r'class Spring lacks update\(parameters\)'),
@@ -140,9 +140,9 @@ def test_an_entry_point(tmp_path, monkeypatch):
         ([('import dataclasses', 'import dataclasses\nraise SystemExit(3)')], r'importing .* raised SystemExit: 3 \('),
     ],
 )  # fmt: skip
-def test_what_is_rejected(tmp_path, changes, said):
+def test_an_invalid_controller_is_rejected(tmp_path, changes, message):
     module = write(tmp_path, GOOD, *changes)
-    with pytest.raises(ParameterError, match=said) as rejected:
+    with pytest.raises(ParameterError, match=message) as rejected:
         load_controller(f'{module}:Spring')
     assert str(rejected.value).startswith(f"invalid value for parameter controller: '{module}:Spring'; ")
     assert '\n' not in str(rejected.value)
@@ -207,7 +207,7 @@ def test_a_file_named_instead_of_its_module(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['a:', ':B', 'a b:C', '../a:B'])
-def test_what_is_no_import_path(name):
+def test_an_invalid_import_path_is_rejected(name):
     with pytest.raises(ParameterError, match='expected an import path module:Class, not'):
         load_controller(name)
 
@@ -227,8 +227,8 @@ SAME_AS_PID = """
 """
 
 
-def test_the_bits_are_those_of_the_compiled_loop(tmp_path):
-    """A built-in law brought in from outside: the same numbers in every signal, to the bit, wherever the run is cut."""
+def test_the_results_are_bit_identical_to_those_of_the_compiled_loop(tmp_path):
+    """A built-in law as a custom controller: every signal is bit-identical, wherever the run is divided."""
     module = write(tmp_path, SAME_AS_PID)
     gains = {'proportional_gain': 0.3, 'control_limit': 0.05}
     gains |= {'dsp.computation_delay': 1, 'dsp.dac_bits': 12, 'dsp.dac_range': 0.04}
@@ -273,17 +273,17 @@ def test_a_summary_without_a_record_names_its_node(tmp_path):
     assert 'controller  spring, drive' in run.summary(outcome)
 
 
-def test_run_yaml_says_which_class_it_was(tmp_path):
+def test_run_yaml_records_the_class(tmp_path):
     module = write(tmp_path)
-    said = simulation(tmp_path, module).description()
-    assert said['controller_class'] == f'{module}:Spring'
-    assert len(said['controller_sha256']) == 64
+    message = simulation(tmp_path, module).description()
+    assert message['controller_class'] == f'{module}:Spring'
+    assert len(message['controller_sha256']) == 64
     (tmp_path / f'{module}.py').write_text((tmp_path / f'{module}.py').read_text() + '\n# changed')
-    assert simulation(tmp_path, module).description()['controller_sha256'] != said['controller_sha256']
+    assert simulation(tmp_path, module).description()['controller_sha256'] != message['controller_sha256']
 
 
 @pytest.mark.parametrize(
-    ('body', 'said'),
+    ('body', 'message'),
     [
         ('1.0 / (inputs.tick - 0x11) if inputs.tick > 0x11 else 0.0 * inputs.tick', ''),
         (
@@ -294,19 +294,19 @@ def test_run_yaml_says_which_class_it_was(tmp_path):
         ('None if inputs.tick == 0x12d else 0.0', 'step returned None, not the voltage u'),
     ],
 )
-def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, said):
-    """Tick 301 lies in the second piece of a simulation."""
+def test_a_simulation_ends_at_the_tick_that_fails(tmp_path, capsys, body, message):
+    """Tick 301 is in the second piece of a simulation."""
     law = '-self.parameters.stiffness * e - 4e-12 * inputs.velocity'
     made = simulation(tmp_path, write(tmp_path, GOOD, (law, body)))
     exit_code, directory = simulate(made, progress=False)
     assert directory is not None
     ticks = len(Run.open(directory).time)
     errors = capsys.readouterr().err
-    if not said:
+    if not message:
         assert (exit_code, ticks) == (0, 501)
     else:
         assert (exit_code, ticks) == (1, 301)
-        assert said in errors
+        assert message in errors
         assert 'at tick 301' in errors
         assert errors.count('\n') == 1
 
@@ -327,8 +327,8 @@ def test_warnings_that_are_no_list_end_the_command_in_one_line(tmp_path, capsys)
     warning = "def warnings(self): return 'mind'\n    def update("
     module = write(tmp_path, GOOD, ('def update(', warning))
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', 'record:=false']) == 2
-    said = "simulate: spring: warnings returned 'mind', not a list or tuple of strings, at tick 0\n"
-    assert capsys.readouterr().err.endswith(said)
+    message = "simulate: spring: warnings returned 'mind', not a list or tuple of strings, at tick 0\n"
+    assert capsys.readouterr().err.endswith(message)
 
 
 def test_a_scheduled_change_that_the_class_cannot_take_is_rejected_before_the_run(tmp_path):

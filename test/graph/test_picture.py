@@ -1,4 +1,4 @@
-"""The picture of the graph: its lines are those of the contract, and it can be read."""
+"""The diagram of the graph: its lines match the topic definitions, and it is legible."""
 
 import itertools
 import re

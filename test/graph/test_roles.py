@@ -1,4 +1,4 @@
-"""Which nodes fill the roles of a run."""
+"""Nodes that fill the roles of a run."""
 
 import pytest
 
@@ -35,7 +35,7 @@ def roles(words, controller='pid_controller'):
         (['-p', 'accelerometer:seed:=2', '-p', 'disturbance_generator:shock.enabled:=true'], GENERATED | MEASURED),
     ],
 )
-def test_what_the_arguments_ask_for(words, more):
+def test_nodes_requested_by_arguments(words, more):
     assert roles(words) == {CONTROLLER: 'pid_controller', **more}
 
 
@@ -66,7 +66,7 @@ def test_a_recorded_and_a_generated_disturbance_are_rejected():
         roles(words)
 
 
-def test_the_servo_sensor_takes_the_place_of_the_vibrometer():
+def test_the_servo_sensor_replaces_the_vibrometer():
     arguments = parse_ros_arguments([])
     assert nodes_of_run(roles_of_run('pid_controller', arguments)) == nodes_of_run({CONTROLLER: 'pid_controller'})
     found = roles_of_run('pid_controller', arguments, 'servo')

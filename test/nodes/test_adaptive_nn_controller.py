@@ -1,4 +1,4 @@
-"""What the adaptive NN controller's node says of the estimates and of the certificate on /diagnostics."""
+"""Diagnoses of the estimates and the certificate by the adaptive NN controller node."""
 
 import math
 import time
@@ -26,7 +26,7 @@ THESIS = read_parameter_files([Path(__file__).parents[2] / 'params' / 'thesis_la
 
 
 @pytest.mark.parametrize(
-    ('values', 'level', 'said'),
+    ('values', 'level', 'message'),
     [
         ({}, OK, 'finite'),
         ({'phi.maximum': 1e-9}, WARN, 'at its bound: phi_hat'),
@@ -36,14 +36,14 @@ THESIS = read_parameter_files([Path(__file__).parents[2] / 'params' / 'thesis_la
         ({'bristle.spring.minimum': 0.0217, 'bristle.enabled': False}, OK, 'finite'),
     ],
 )
-def test_an_estimate_at_its_bound_is_told_of_where_it_takes_part(values, level, said):
+def test_an_estimate_at_its_bound_is_reported_if_it_is_enabled(values, level, message):
     parameters = from_mapping(AdaptiveNnParameters, {'projection': True, **values})
     controller = AdaptiveNn(parameters, 1e-4)
     for tick in range(2):
         controller.step(SensorScales(8.0, 5000.0).inputs(tick, 0.0, 0.0, 1.0, 0.0, 0.0))
     node = SimpleNamespace(parameters={AdaptiveNnParameters: parameters}, _controller=controller)
     found = AdaptiveNnController._diagnose_adaptation(node)  # type: ignore[arg-type]
-    assert (found.level, said in found.message) == (level, True)
+    assert (found.level, message in found.message) == (level, True)
 
 
 IDEAL_SENSOR = LdvParameters(noise=False, adc_bits=0)
@@ -52,7 +52,7 @@ RIGID = PlantParameters(resonance=ResonanceParameters(form='none'))
 
 
 @pytest.mark.parametrize(
-    ('sigma_hat', 'm_hat', 'delay', 'level', 'said'),
+    ('sigma_hat', 'm_hat', 'delay', 'level', 'message'),
     [
         (0.0, 0.0, 0, OK, 'peak sensitivity 1.99'),
         # What the bare law comes to at 50 Hz.
@@ -64,14 +64,14 @@ RIGID = PlantParameters(resonance=ResonanceParameters(form='none'))
         (math.nan, 0.0, 0, WARN, 'unstable'),
     ],
 )
-def test_the_margin_with_the_present_estimates(sigma_hat, m_hat, delay, level, said):
+def test_the_margin_with_the_present_estimates(sigma_hat, m_hat, delay, level, message):
     controller = AdaptiveNn(from_mapping(AdaptiveNnParameters, THESIS), 1e-4)
     for name, value in (('sigma_hat', sigma_hat), ('m_hat', m_hat)):
         controller.estimates[controller.estimate_names.index(name)] = value
     dsp = Dsp(DspParameters(computation_delay=delay), 1e-4)
     node = SimpleNamespace(_controller=controller, _loop=LoopSurroundings(PlantParameters(), 1e-4), _dsp=dsp)
     found = AdaptiveNnController._diagnose_margin(node)  # type: ignore[arg-type]
-    assert (found.level, said in found.message) == (level, True), found
+    assert (found.level, message in found.message) == (level, True), found
     assert found.values['m_hat'] == pytest.approx(m_hat)
 
 
@@ -158,7 +158,7 @@ def wait_for(margin):
 
 @pytest.fixture(scope='module')
 def margin():
-    """Find the theorem's constants, which a thread of their own does, for the default controller and drive."""
+    """Compute the constants of the theorem for the default controller and drive, in a separate thread."""
     found = CertificateMargin(from_mapping(AdaptiveNnParameters, THESIS), PlantParameters(), 1000.0)
     wait_for(found)
     return found

@@ -1,4 +1,4 @@
-"""What the nodes import before they can begin; each process of a run pays for it."""
+"""Imports of the nodes at startup, which cost time in each process of a run."""
 
 import subprocess
 import sys
@@ -9,10 +9,10 @@ NODES = sorted(
     path.stem for path in (ROOT / 'hdd_servo_ros' / 'nodes').glob('*.py') if 'def main(' in path.read_text('utf8')
 )
 LATER = ('scipy.signal', 'scipy.optimize', 'matplotlib', 'pandas', 'plotly')
-"""For certificates, identification and pictures, which come after the run or beside it."""
+"""Modules for certificates, identification and plots, which are used after a run or by other commands."""
 
 
-def test_no_node_waits_for_what_it_may_never_need():
+def test_no_node_imports_modules_that_it_may_not_need():
     assert {'rig', 'vcm_plant', 'adaptive_nn_controller', 'signal_analyzer'} <= set(NODES)
     imports = '; '.join(f'import hdd_servo_ros.nodes.{node}' for node in NODES)
     code = f'{imports}; import sys; print(*sorted({{*{LATER!r}}} & set(sys.modules)))'

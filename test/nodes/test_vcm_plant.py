@@ -1,4 +1,4 @@
-"""What the drive's node says of the crash stops on /diagnostics."""
+"""Diagnoses of the crash stops by the drive node."""
 
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ def node(**stops):
     return SimpleNamespace(_plant=plant, _is_limited=parameters.travel.is_limited, _diagnosed={})
 
 
-def test_impacts_are_told_once_and_counted():
+def test_impacts_are_reported_once_and_counted():
     found = node(upper=5.0, lower=-5.0)
     (off,) = VcmPlant.diagnose(found)
     assert (off.level, off.message, off.values) == (OK, 'no new impacts', {})
@@ -25,7 +25,7 @@ def test_impacts_are_told_once_and_counted():
     values = {'upper stop: impacts in total': count, 'upper stop: largest speed [um/s]': speed}
     (hit,) = VcmPlant.diagnose(found)
     assert (hit.what, hit.level, hit.message, hit.values) == ('travel', WARN, f'hit: upper stop {count} times', values)
-    # It rests on the stop now: nothing new.
+    # It rests on the stop now: no new impact.
     (rest,) = VcmPlant.diagnose(found)
     assert (rest.level, rest.message, rest.values) == (OK, 'no new impacts', values)
 

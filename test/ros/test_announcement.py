@@ -1,4 +1,4 @@
-"""What a process announces, as JSON and back."""
+"""Announcements of a process: encoding and decoding."""
 
 import json
 
@@ -29,7 +29,7 @@ def test_an_announcement_survives_its_encoding():
 
 
 def test_the_keys_of_the_json():
-    """The scope reads `state`; the rest is between the processes of a run."""
+    """The scope reads `state`; the other keys are used only by the processes of a run."""
     assert list(json.loads(OF_TIMER.encode())) == [
         'process',
         'state',
@@ -42,7 +42,7 @@ def test_the_keys_of_the_json():
     ]
 
 
-def test_what_is_none_is_left_out():
+def test_null_values_are_omitted():
     announcement = Announcement('host:1:a', RUNNING, timer=TimerAnnouncement(1e-4, 100, 0.0))
     content = json.loads(announcement.encode())
     assert not {'nodes', 'receives', 'directory', 'run'} & set(content)
@@ -73,6 +73,6 @@ def test_unknown_keys_are_ignored():
         '{"process": "a", "state": "ready", "timer": {}}',
     ],
 )
-def test_what_is_not_an_announcement_is_rejected(text):
+def test_an_invalid_announcement_is_rejected(text):
     with pytest.raises(AnnouncementError):
         decode(text)

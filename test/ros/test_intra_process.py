@@ -1,4 +1,4 @@
-"""What stays inside a process, and what is published over DDS as well."""
+"""Messages passed inside a process, and messages also published over DDS."""
 
 import pytest
 import rclpy
@@ -15,7 +15,7 @@ LAST = 5
 
 
 class Reader(LoopNode):
-    """Keeps what it is given."""
+    """Receiver that stores its messages."""
 
     def __init__(self, delay=0):
         super().__init__('reader', [], [Input(REFERENCE, delay)], [])
@@ -27,7 +27,7 @@ class Reader(LoopNode):
 
 @pytest.fixture
 def process(node):
-    """Give a publisher of `/reference` and a reader of it that have begun a run, and whose nodes the run has."""
+    """Provide a publisher and a reader of `/reference` whose nodes have begun a run."""
     made = []
 
     def begin(delay=0, elsewhere=()):
@@ -53,11 +53,11 @@ def process(node):
 
 
 @pytest.fixture
-def stranger(node):
-    """Give a node of another participant in the same domain."""
+def external(node):
+    """Provide a node of another participant in the same domain."""
     context = Context()
     rclpy.init(context=context, domain_id=node.context.get_domain_id())
-    made = rclpy.create_node('stranger', context=context)
+    made = rclpy.create_node('external', context=context)
     try:
         yield made
     finally:
@@ -66,14 +66,14 @@ def stranger(node):
 
 
 def taken(subscription):
-    """Return what has arrived over DDS."""
+    """Return the messages that have arrived over DDS."""
     kind, messages = message_class(REFERENCE.type_name), []
     while (found := subscription.handle.take_message(kind, True)) is not None:
         messages.append(found[0])
     return messages
 
 
-def test_a_reader_is_given_the_very_bytes_and_dds_nothing(process, node):
+def test_a_reader_receives_the_same_bytes_object_and_dds_nothing(process, node):
     reader, _ = process()
     sent = [bytes([number]) for number in range(3)]
     for message in sent:
@@ -94,11 +94,11 @@ def test_a_delayed_reader_has_no_message_before_its_first(process, node):
     assert reader.given[2:] == [b'first']
 
 
-def test_a_subscription_outside_is_given_all_from_the_next_look_on(process, node, stranger):
+def test_an_external_subscription_receives_all_from_the_next_check_on(process, node, external):
     reader, intra_process = process()
     (publisher,) = node.loop_publishers
     for round_ in range(2):
-        subscription = stranger.create_subscription(
+        subscription = external.create_subscription(
             message_class(REFERENCE.type_name), '/reference', lambda _: None, LOOP_QOS
         )
         while publisher.get_subscription_count() < 2:
@@ -112,7 +112,7 @@ def test_a_subscription_outside_is_given_all_from_the_next_look_on(process, node
         while len(arrived) < len(sent):
             arrived += taken(subscription)
         assert arrived == sent
-        stranger.destroy_subscription(subscription)
+        external.destroy_subscription(subscription)
         while publisher.get_subscription_count() > 1:
             pass
         taken(reader.inputs[0].subscription)
@@ -121,14 +121,14 @@ def test_a_subscription_outside_is_given_all_from_the_next_look_on(process, node
         assert taken(reader.inputs[0].subscription) == []
 
 
-def test_a_reader_of_the_run_elsewhere_is_given_all_from_tick_0_on(process, node):
-    """Whether or not it is matched already: somebody else could be, in its place."""
+def test_a_reader_of_the_run_in_another_process_receives_all_from_tick_0_on(process, node):
+    """Even if it is not matched yet: another subscription may be matched instead."""
     reader, _ = process(elsewhere={'/other': ['/reference']}.items())
     node.publish_bytes(0, b'first')
     assert taken(reader.inputs[0].subscription) == [b'first']
 
 
-def test_what_nobody_here_publishes_comes_over_dds(process, node):
+def test_a_topic_of_another_process_is_read_over_dds(process, node):
     process()
     (clock,) = node.inputs
     assert clock.queue is None

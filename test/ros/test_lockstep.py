@@ -1,4 +1,4 @@
-"""The housekeeping of the lockstep, beside the loop."""
+"""The housekeeping of the lockstep."""
 
 import pytest
 from std_msgs.msg import Int32

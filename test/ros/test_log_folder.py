@@ -1,4 +1,4 @@
-"""Where ROS logs, in environments in which it could not."""
+"""The log directory of ROS in environments without a writable home."""
 
 import tempfile
 from pathlib import Path
@@ -11,7 +11,7 @@ ELSEWHERE = Path(tempfile.gettempdir())
 
 
 @pytest.mark.parametrize('environment', [{}, {'HOME': ''}, {'HOME': '/dev/null'}, {'HOME': '/proc/nowhere/at/all'}])
-def test_without_a_home_that_can_be_written_to_it_is_a_temporary_folder(environment, monkeypatch):
+def test_without_a_writable_home_it_is_a_temporary_directory(environment, monkeypatch):
     monkeypatch.setattr('os.access', lambda path, mode: not str(path).startswith('/proc'))
     find_log_folder(environment)
     assert Path(environment['ROS_LOG_DIR']).parent == ELSEWHERE
@@ -20,7 +20,7 @@ def test_without_a_home_that_can_be_written_to_it_is_a_temporary_folder(environm
 @pytest.mark.parametrize(
     'given', [{'ROS_LOG_DIR': '/x'}, {'ROS_HOME': '/x', 'HOME': '/dev/null'}, {'HOME': str(ELSEWHERE)}]
 )
-def test_what_is_given_or_can_be_written_to_stays(given):
+def test_a_given_or_writable_directory_is_kept(given):
     environment = dict(given)
     find_log_folder(environment)
     assert environment == given

@@ -1,4 +1,4 @@
-"""What is known of the other processes, with times."""
+"""The table of other processes, with times."""
 
 import pytest
 

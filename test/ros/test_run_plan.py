@@ -1,4 +1,4 @@
-"""The plan that the timer's process makes when all are ready."""
+"""The run plan that the process of the timer makes when all processes are ready."""
 
 import pytest
 
@@ -33,7 +33,7 @@ def test_plan():
     assert run.publisher_of('/ldv') is None
 
 
-def test_a_node_with_a_plan_says_how_long_the_run_is():
+def test_a_node_with_a_plan_sets_the_duration_of_the_run():
     assert make_run_plan(TIMER, TimerParameters(duration=0.0), nodes(last_tick_needed=77), ['a']).last_tick == 77
     with pytest.raises(ParameterError, match='duration'):
         make_run_plan(TIMER, TimerParameters(duration=0.001), nodes(last_tick_needed=77), ['a'])
@@ -44,7 +44,7 @@ def test_a_node_that_rejects_the_schedule_ends_the_run_with_its_reason():
         make_run_plan(TIMER, TimerParameters(), nodes(rejects='gain is read-only'), ['a'])
 
 
-def test_a_schedule_for_a_node_that_does_not_take_part_is_rejected():
+def test_a_schedule_for_a_node_that_does_not_participate_is_rejected():
     timer = TimerParameters(schedule=('0.005 pid_controller k_p 2.0',))
     with pytest.raises(ParameterError, match='unknown node'):
         make_run_plan(TIMER, timer, nodes(), ['a'])

@@ -1,4 +1,4 @@
-"""One publisher a topic among the processes of a machine."""
+"""One publisher per topic among the processes of a machine."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ HOLDER = (
 )
 
 
-def test_a_topic_is_claimed_once_until_it_is_given_free():
+def test_a_topic_is_claimed_once_until_it_is_released():
     with contextlib.closing(TopicClaims(['/a', '/b'], DOMAIN)):
         with pytest.raises(ClaimError, match=f'/b is published by process {os.getpid()} already'):
             TopicClaims(['/c', '/b'], DOMAIN)
@@ -26,7 +26,7 @@ def test_a_topic_is_claimed_once_until_it_is_given_free():
     TopicClaims(['/a', '/b'], DOMAIN).close()
 
 
-def test_a_killed_process_holds_nothing():
+def test_a_killed_process_holds_no_claim():
     command = [sys.executable, '-c', HOLDER, str(DOMAIN), '/x' * 200]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -19,7 +19,7 @@ SHARED_MEMORY = Path('/dev/shm')
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, None),
     ],
 )
-def test_udp_unless_the_user_says_otherwise(given, profile):
+def test_udp_unless_the_user_configures_a_transport(given, profile):
     environment = dict(given)
     use_udp_alone(environment)
     assert environment.pop('FASTDDS_BUILTIN_TRANSPORTS') == 'UDPv4'
@@ -34,21 +34,21 @@ def test_udp_unless_the_user_says_otherwise(given, profile):
 @pytest.mark.parametrize(
     'name', ['FASTDDS_BUILTIN_TRANSPORTS', 'FASTRTPS_DEFAULT_PROFILES_FILE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY']
 )
-def test_what_the_user_says_stays(name):
+def test_settings_of_the_user_are_kept(name):
     environment = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
     use_udp_alone(environment)
     assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', name: 'x'}
 
 
 @pytest.mark.parametrize('domain', ['-1', '233', '99999', 'abc', '1.0', '٣', '9' * 5000])
-def test_a_domain_that_has_no_ports_is_rejected(domain):
+def test_a_domain_without_ports_is_rejected(domain):
     with pytest.raises(ArgumentError, match='an integer from 0 to 232') as rejected:
         check_domain({'ROS_DOMAIN_ID': domain})
     assert len(str(rejected.value)) < 200
 
 
 @pytest.mark.parametrize('environment', [{}, {'ROS_DOMAIN_ID': ''}, {'ROS_DOMAIN_ID': '0'}, {'ROS_DOMAIN_ID': '232'}])
-def test_a_domain_that_has_ports_is_taken(environment):
+def test_a_domain_with_ports_is_accepted(environment):
     check_domain(environment)
 
 
@@ -66,18 +66,18 @@ def test_a_domain_that_has_ports_is_taken(environment):
         ({'ROS_DISCOVERY_SERVER': '10.0.0.1:11811'}, 'ROS_DISCOVERY_SERVER is set'),
     ],
 )
-def test_whoever_may_be_reached_from_elsewhere_is_told(given, reason):
-    said = who_can_reach(given)
-    assert said.startswith(reason)
-    assert bool(said) == bool(reason)
+def test_a_run_that_other_machines_may_reach_is_reported(given, reason):
+    warning = who_can_reach(given)
+    assert warning.startswith(reason)
+    assert bool(warning) == bool(reason)
     # A process that this one starts tells it again, but nothing that is not so.
     use_udp_alone(given)
     assert bool(who_can_reach(given)) == bool(reason)
 
 
 @pytest.mark.parametrize('discovery_range', ['LOCALHOST', 'SUBNET'])
-def test_a_segment_left_half_made_by_a_killed_process_holds_nobody_up(bench, discovery_range):
-    """With shared memory a node waits for ever for such a segment."""
+def test_an_incomplete_segment_of_a_killed_process_blocks_no_other(bench, discovery_range):
+    """With shared memory, a node would wait forever for such a segment."""
     bench.environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = discovery_range
     # The port of the first participants of a ROS domain, by the rule of RTPS.
     ports = [7400 + 250 * bench.domain + 11 + 2 * participant for participant in range(3)]

@@ -32,7 +32,7 @@ def test_the_code_of_the_document_is_the_example():
 
 @pytest.mark.parametrize('joins', ['before', 'during'])
 def test_an_ordinary_publisher_is_ignored_with_a_warning(bench, outside, joins):
-    """It is no loop node: the run has no disturbance, and says so."""
+    """It is not a loop node: the run has no disturbance and logs a warning."""
     duration = ('-p', 'duration:=0.4')
     bench.run('simulate', *duration, '-p', 'run_dir:=simulated')
     publishers = []
@@ -49,7 +49,7 @@ def test_an_ordinary_publisher_is_ignored_with_a_warning(bench, outside, joins):
     assert process.wait() == 0, process.output
     lines = [line for line in process.output.splitlines() if 'WARN' in line]
     assert len(lines) == 1, process.output
-    assert '/disturbance is ignored: /outside publishes it and is no loop node of this run' in lines[0]
+    assert '/disturbance is ignored: its publisher /outside is not a loop node of this run' in lines[0]
     assert 'examples/disturbance_node.py' in lines[0]
     assert first_difference(bench.directory / 'run', bench.directory / 'simulated') is None
 

@@ -37,7 +37,7 @@ REJECTED = {
     'number with an underscore': (['-p', 'frequency:=1_000.0'], "frequency: '1_000.0';"),
     'date': (['-p', 'frequency:=2001-99-99'], "frequency: '2001-99-99';"),
     'binary': (['-p', 'ldv_sensor:seed:=0b_'], "seed: '0b_';"),
-    'digits': (['-p', 'ldv_sensor:seed:=' + '9' * 400], 'seed = '),
+    'digits': (['-p', 'ldv_sensor:seed:=' + '9' * 400], 'seed: '),
     'mixed list': (['-p', 'phase:=[1, 2.0]'], 'write 2.0 for 2'),
     'alias': (['-p', 'phase:=*a'], 'ROS does not support the alias *a'),
     'a standard parameter of another type': (['-p', 'use_sim_time:=5'], 'use_sim_time: 5; expected true or false'),

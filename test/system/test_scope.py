@@ -1,4 +1,4 @@
-"""The built-in scope: a picture without a display, the view in the browser, and its end with the run."""
+"""The built-in scope: an image without a display, the browser view, and its end with the run."""
 
 import contextlib
 import http.client
@@ -241,7 +241,7 @@ def test_an_interrupt_before_the_run_has_ended(scope):
         (('--save', 'live.png', '--seconds', 'nan'), 'nan is not a time above 0 [s]'),
         (('--port', '65536'), '65536 is not a port from 1 to 65535'),
         (('--save', 'live.xyz'), 'live.xyz must end in one of'),
-        (('--save', 'missing/live.png'), 'missing is no folder that can be written to'),
+        (('--save', 'missing/live.png'), 'missing is not a writable directory'),
         (('--ros-args', '--bogus'), "unknown ROS argument '--bogus'"),
     ],
 )
@@ -260,4 +260,4 @@ def test_a_port_that_is_taken(bench):
         answer = bench.python('-m', 'hdd_servo_ros.tools.scope', '--web', '--port', str(port))
     assert answer.returncode == 2
     assert f'scope: port {port}: ' in answer.stderr
-    assert 'choose another by --port' in answer.stderr
+    assert 'choose another with --port' in answer.stderr

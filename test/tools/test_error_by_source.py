@@ -1,4 +1,4 @@
-"""The contribution of each source to the error of a recorded run, against experiments made by hand without it."""
+"""Contribution of each source to the error of a recorded run, compared with separate experiments without it."""
 
 import shutil
 from typing import Any
@@ -28,7 +28,7 @@ def run(tmp_path_factory, simulated):
 
 
 def late_error(run, **changes):
-    """Return the track error of the last half of the run with other parameters, by an experiment of our own."""
+    """Return the track error of the last half of the run with other parameters, from a separate experiment."""
     sections = {name.lstrip('/'): dict(node['parameters']) for name, node in run.description['nodes'].items()}
     for key, value in changes.items():
         node, name = key.split('__')
