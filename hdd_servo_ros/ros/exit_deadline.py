@@ -1,11 +1,11 @@
 """
 Deadline for the shutdown of DDS: a process whose run has ended must end too, with the right exit code.
 
-Fast DDS 2.14 can deadlock when an endpoint is destroyed or a peer disappears (eProsima/Fast-DDS issues 4026, 6193 and
-6502). The thread that destroys a timed event waits until the event thread is idle, and the event thread waits for a
-mutex of the destroying thread. An unacknowledged message to a killed peer, which keeps the heartbeat timer running, is
-enough. This package cannot resolve that. rclpy holds the GIL during the call, so that neither a Python thread nor a
-signal handler in Python can run. Therefore the deadline is a POSIX timer that calls ``_exit`` of the C library.
+A node process was once observed to hang for 300 s after a peer had been killed and its own run had failed. Its stack is
+not known, but Fast DDS 2.14 can deadlock when it destroys an endpoint (eProsima/Fast-DDS issues 4026, 6193 and 6502):
+the destructor of a timed event waits until the event thread is idle, while the event thread waits for a mutex. This
+package cannot prevent that. Such a call may hold the GIL, so that neither a Python thread nor a signal handler in
+Python can run. Therefore the deadline is a POSIX timer that calls ``_exit`` of the C library.
 """
 
 import contextlib
