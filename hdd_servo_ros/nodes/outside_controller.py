@@ -78,7 +78,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         asked = command_line[1:2] in (['--help'], ['-h'])
         print(HELP if asked else USAGE, file=sys.stdout if asked else sys.stderr)
         return 0 if asked else 2
-    return run_controller(lambda: load_controller(command_line[1]), [command_line[0], *command_line[2:]])
+    remaining = [command_line[0], *command_line[2:]]
+    if arguments is None:
+        # Not passed as arguments, because the node then runs like that of any other process.
+        sys.argv = remaining
+    return run_controller(lambda: load_controller(command_line[1]), None if arguments is None else remaining)
 
 
 if __name__ == '__main__':

@@ -72,8 +72,8 @@ def start_deadline(seconds: float, exit_code: int) -> ctypes.c_void_p | None:
         return None
     with contextlib.suppress(OSError, ValueError):  # stderr may be closed
         faulthandler.dump_traceback_later(max(seconds - _REPORT_BEFORE, seconds / 2), file=_STDERR)
-    whole = int(seconds)
-    expiry = _Itimerspec(seconds=whole, nanoseconds=int((seconds - whole) * 1e9))
+    full_seconds = int(seconds)
+    expiry = _Itimerspec(seconds=full_seconds, nanoseconds=int((seconds - full_seconds) * 1e9))
     _libc().timer_settime(timer, 0, ctypes.byref(expiry), None)
     return timer
 
