@@ -1,4 +1,4 @@
-"""Inputs and outputs of each node, compared with the diagram of the loop."""
+"""Inputs and outputs of each node, compared with the diagram of the loop in docs/concepts/determinism.md."""
 
 import pytest
 
