@@ -105,7 +105,7 @@ def load_controller(name: str) -> ControllerKind:
     path = name if ':' in name else _entry_point(name)
     module_name, _, attribute = path.partition(':')
     if not re.fullmatch(r'\w+(\.\w+)*:\w+(\.\w+)*', path):
-        raise _rejected(name, f'an import path module:Class, not {path!r}')
+        raise _rejected(name, f'{path!r} is not an import path module:Class')
     found: Any = _import(name, module_name)
     for part in attribute.split('.'):
         if not hasattr(found, part):

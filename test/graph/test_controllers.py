@@ -158,7 +158,7 @@ FORMER = ('tick', 'displacement_volts', 'velocity_volts', 'x_d', 'dx_d', 'ddx_d'
 )
 def test_the_former_arguments_of_step_are_rejected_with_what_to_change(tmp_path, capsys, arguments):
     module = write(tmp_path, GOOD, ('step(self, inputs)', f'step(self, {", ".join(arguments)})'))
-    said = (
+    advice = (
         'Spring.step now takes one argument: inputs, with inputs.tick, inputs.position [um] and inputs.velocity [um/s]'
     )
     with pytest.raises(ParameterError, match=re.escape(advice)):
@@ -166,7 +166,7 @@ def test_the_former_arguments_of_step_are_rejected_with_what_to_change(tmp_path,
     assert main(['--ros-args', '-p', f'controller:={module}:Spring', '-p', f'run_dir:={tmp_path}/run']) == 2
     # With a cold cache a line says first that kernels are being compiled.
     (error,) = [line for line in capsys.readouterr().err.splitlines() if 'invalid' in line]
-    assert error.startswith(f"simulate: invalid value for parameter controller: '{module}:Spring'; {said}")
+    assert error.startswith(f"simulate: invalid value for parameter controller: '{module}:Spring'; {advice}")
     assert error.endswith('; see docs/tutorial-own-controller.md')
 
 

@@ -382,9 +382,7 @@ def test_a_time_that_is_none_is_rejected(runs, tmp_path, capsys, after):
     with pytest.raises(SystemExit) as ended:
         main([str(runs['nn']), '--output', str(tmp_path / 'out'), f'--after={after}'])
     assert ended.value.code == 2
-    expected = (
-        f'report: argument --after: {after} is not a time; expected a finite number >= 0 [s]; see report --help'
-    )
+    expected = f'report: argument --after: {after} is not a time; expected a finite number >= 0 [s]; see report --help'
     assert capsys.readouterr().err.splitlines()[-1] == expected
     assert not (tmp_path / 'out').exists()
 
