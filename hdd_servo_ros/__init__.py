@@ -1,5 +1,5 @@
 """
-A hard disk drive servo bench as a deterministic ROS 2 node graph.
+Simulated hard disk drive servo bench as a deterministic ROS 2 node graph.
 
 ``hdd_servo_ros.Run.open(path)`` reads a recorded run; see ``docs/howto/test-with-pytest.md``.
 """
@@ -20,7 +20,7 @@ __getattr__ = lazily(__name__, {'Run': '.testing.run'})
 
 
 if sys.argv[:1] == ['-m']:
-    # An executable that Python is still looking for, by ``python -m``: it may draw, and should do so in one way.
+    # ``python -m`` is starting an executable, which may draw plots: these do not depend on the settings of the user.
     from hdd_servo_ros.messages.plain_matplotlib import use_plain_matplotlib
 
     use_plain_matplotlib()

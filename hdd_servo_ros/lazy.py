@@ -1,25 +1,25 @@
-"""Names that a package offers and imports only when they are asked for, so that importing it costs nothing."""
+"""Lazy imports: a package imports its public names at first use, so that importing the package itself is fast."""
 
 import importlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def lazily(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
     """
-    Return the ``__getattr__`` of a package that offers names of its modules.
+    Return a ``__getattr__`` that imports the public names of a package at first use.
 
     Parameters
     ----------
     package
         Name of the package.
-    homes
-        For each name that it offers, the module that has it, relative to the package if that begins with a dot.
+    modules
+        The module that defines each public name; a name with a leading dot is relative to the package.
     """
 
     def get(name: str) -> Any:
-        if name not in homes:
+        if name not in modules:
             raise AttributeError(f'module {package!r} has no attribute {name!r}')
-        return getattr(importlib.import_module(homes[name], package), name)
+        return getattr(importlib.import_module(modules[name], package), name)
 
     return get

@@ -1,3 +1,3 @@
-"""The version of this package, in one place for setup.py, ``run.yaml`` and ``hdd_servo_ros.__version__``."""
+"""Version of this package, used by setup.py, ``run.yaml`` and ``hdd_servo_ros.__version__``."""
 
 __version__ = '0.1.0'

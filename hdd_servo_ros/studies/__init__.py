@@ -1,1 +1,1 @@
-"""One file for each figure, table or tuning run that the documents show."""
+"""Studies: one module per figure, table or tuning run that the documentation shows."""

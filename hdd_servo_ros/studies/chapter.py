@@ -1,4 +1,4 @@
-"""A chapter of the study: a package with one module for each figure or table."""
+"""Chapters of the study: packages with one module per figure or table."""
 
 import functools
 import importlib
@@ -15,18 +15,18 @@ from hdd_servo_ros.parameters.files import ArgumentError
 
 CHAPTERS = ('chapter4', 'chapter5', 'baseline', 'mobile', 'seek')
 FIGURES = 'figures'
-"""The folder of the pictures and tables, beside those of the runs."""
+"""Directory of the figures and tables, next to the run directories."""
 _PREFIXES = ('fig_', 'table_')
 
 
 class Figure(Protocol):
     """
-    What a module ``fig_*`` or ``table_*`` of a chapter holds; the first line of its docstring is its title.
+    Interface of a module ``fig_*`` or ``table_*``; the first line of the module's docstring is the title.
 
     Attributes
     ----------
     CASES
-        The runs that it needs.
+        Runs that the figure or table needs.
     """
 
     CASES: tuple[Case, ...]
@@ -34,7 +34,7 @@ class Figure(Protocol):
 
     @staticmethod
     def make(runs: RecordedRuns, path: Path) -> Path:
-        """Make it from the bags alone, as ``path`` with a suffix of its own, and return the file."""
+        """Make the figure or table from the bags, append the suffix to ``path``, and return the file."""
         ...
 
 
@@ -47,19 +47,19 @@ def figures(chapter: str, only: Iterable[str] = ()) -> dict[str, Figure]:
     chapter
         One of ``CHAPTERS``.
     only
-        Names of those wanted; all if there is none.
+        Names of the figures and tables to return; all if empty.
 
     Raises
     ------
     ArgumentError
-        If a name is not there.
+        If the chapter has no figure or table of this name.
     """
     package = importlib.import_module(f'hdd_servo_ros.studies.{chapter}')
     found = [module.name for module in pkgutil.iter_modules(package.__path__) if module.name.startswith(_PREFIXES)]
     wanted = list(only)
     for name in wanted:
         if name not in found:
-            raise ArgumentError(f'{chapter} has no {name!r}; it has {", ".join(found)}')
+            raise ArgumentError(f'{chapter} has no figure or table {name!r}; expected one of {", ".join(found)}')
     return {
         name: cast(Figure, importlib.import_module(f'{package.__name__}.{name}'))
         for name in found
@@ -68,7 +68,7 @@ def figures(chapter: str, only: Iterable[str] = ()) -> dict[str, Figure]:
 
 
 def make_figures(made: Mapping[str, Figure], directory: Path) -> list[Path]:
-    """Make figures and tables from the runs in a study's folder, on all cores, and return their files."""
+    """Make figures and tables from the runs in a study's directory, on all cores, and return their files."""
     (directory / FIGURES).mkdir(parents=True, exist_ok=True)
     modules = [(cast(ModuleType, figure).__name__, directory, name) for name, figure in made.items()]
     return list(on_all_cores(_make_figure, modules))
@@ -82,5 +82,5 @@ def _make_figure(due: tuple[str, Path, str]) -> Path:
 
 @functools.lru_cache(1)
 def _recorded_runs(directory: Path) -> RecordedRuns:
-    """Return the runs as all figures of a process share them."""
+    """Return the recorded runs; all figures made by one process share them."""
     return RecordedRuns(directory)

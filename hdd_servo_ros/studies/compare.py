@@ -1,5 +1,5 @@
 """
-`compare`: several controllers on the same experiments; one table and one picture, from the bags alone.
+`compare`: several controllers on the same experiments; one table and one figure, made from the bags.
 
     ros2 run hdd_servo_ros compare [--controllers adaptive_nn pid pid@FILE my_module:MyController]
         [--experiments sine_100_hz ... | --params-file FILE ...] [-p NODE:PARAMETER:=VALUE] [--without-ros]
@@ -36,13 +36,13 @@ from hdd_servo_ros.studies.output import new_figure, save, write_table
 DEFAULT_FILE = 'seagate_7200_10.yaml'
 DEFAULT_CONTROLLERS = ('adaptive_nn', 'pid')
 DEFAULT_OVERLAYS = ('pid@pid_for_sines.yaml',)
-"""Further controllers by default, on the default drive, for which they are tuned."""
+"""Additional controllers, used by default with the default drive, for which they are tuned."""
 _TRACKING = ('rms_error', 'max_error')
 _STEPS = ('worst_overshoot', 'worst_settling_time', 'worst_steady_error')
 METRICS = (*_TRACKING, *_STEPS, 'peak_control')
-"""Columns of the table; those of errors count after the transient, those of steps the worst edge of the run."""
+"""Columns of the table: errors after the transient; step metrics of the worst edge in the run."""
 _INSTEAD = {'controller': '--controllers', 'run_dir': '--output'}
-"""Parameters that every run gets from `compare`, and the options that say them."""
+"""Parameters that `compare` sets for every run, and the options that set them."""
 
 
 def _experiment(duration: float, **reference: object) -> dict[str, object]:
@@ -55,7 +55,7 @@ def _sine(frequency: float) -> dict[str, object]:
 
 
 def _square(height: float) -> dict[str, object]:
-    # The last edge, at 1 s, gets most of its half period.
+    # The run continues after the last edge, at 1 s, for most of a half period.
     return _experiment(1.04, waveform='square', amplitude=0.5 * height, offset=0.5 * height, frequency=10.0)
 
 
@@ -65,22 +65,22 @@ EXPERIMENTS: dict[str, dict[str, object]] = {
     'step_0.5_um': _square(0.5),
     'step_5_um': _square(5.0),
 }
-"""What differs from the parameter file: a 2 um sine, or a square wave of 10 Hz between 0 and the step's height."""
+"""Overrides of the parameter file: a 2 µm sine, or a 10 Hz square wave between 0 and the step height."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Contestant:
+class Candidate:
     """
-    A controller with the parameters of an overlay.
+    Controller with its own parameter files.
 
     Attributes
     ----------
     controller
-        As the parameter ``controller`` of `rig` takes it.
+        Value of the parameter ``controller`` of `rig`.
     node
-        Name of its node.
+        Name of the controller node.
     overlays
-        Parameter files of this controller's runs alone, over those of all.
+        Parameter files for the runs of this controller only, applied on top of the common files.
     """
 
     controller: str
@@ -89,17 +89,17 @@ class Contestant:
 
     @property
     def label(self) -> str:
-        """Its name in tables and pictures."""
+        """Name in tables and figures."""
         if self.overlays:
             return Path(self.overlays[-1]).stem
         return self.controller if self.controller in CONTROLLERS else self.node
 
     @classmethod
-    def named(cls, text: str) -> 'Contestant':
+    def named(cls, text: str) -> 'Candidate':
         """
-        Return the controller of an argument ``CONTROLLER`` or ``CONTROLLER@FILE``.
+        Return the controller for an argument ``CONTROLLER`` or ``CONTROLLER@FILE``.
 
-        A file is looked for at its path, then by its name among those of this package.
+        FILE is a path, or else the name of a parameter file of this package.
         """
         controller, at, file = text.partition('@')
         if at and not file:
@@ -108,35 +108,35 @@ class Contestant:
         if not at:
             return cls(controller, node)
         path = Path(file)
-        # `parameter_file` names what is there if neither is.
+        # `parameter_file` reports the available names if the file does not exist.
         return cls(controller, node, (path if path.is_file() else str(parameter_file(file)),))
 
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
     """
-    Controllers on experiments, as cases to run and to read.
+    Controllers and experiments to compare.
 
     Attributes
     ----------
     controllers
-        What to compare, each with a label of its own.
+        Controllers with distinct labels.
     experiments
-        Overrides of each experiment, by its name.
+        Overrides of each experiment, by name.
     files
         Parameter files.
     overrides
-        What the user sets, under ``'node:parameter'`` or ``'parameter'``; wins. Parameters of one of the controllers
-        go to its runs only.
+        Values set by the user, under ``'node:parameter'`` or ``'parameter'``, with the highest precedence. Parameters
+        of a controller apply only to the runs of that controller.
     """
 
-    controllers: Sequence[Contestant]
+    controllers: Sequence[Candidate]
     experiments: Mapping[str, Mapping[str, object]]
     files: tuple[str | Path, ...]
     overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def cases(self) -> dict[tuple[str, str], Case]:
-        """Return a case for each pair of an experiment and a controller's label, in the order of the table."""
+        """Return the cases by experiment and controller label, in the order of the table."""
         return {
             (experiment, one.label): Case(
                 f'{experiment}-{one.label}',
@@ -150,9 +150,9 @@ class Comparison:
 
     def _given(self, node: str) -> dict[str, object]:
         others = {one.node for one in self.controllers} - {node}
-        # Of the controllers this one alone takes part in its runs.
-        taking_part = (set(names_with_parameters()) - set(CONTROLLERS.values()) - others) | {node}
-        foreign = _known(others) - _known(taking_part)
+        # A run contains no controller node but its own.
+        participating = (set(names_with_parameters()) - set(CONTROLLERS.values()) - others) | {node}
+        foreign = _known(others) - _known(participating)
         return {
             name: value
             for name, value in self.overrides.items()
@@ -163,20 +163,20 @@ class Comparison:
 @dataclasses.dataclass(frozen=True)
 class Row:
     """
-    One row of the table.
+    Row of the table.
 
     Attributes
     ----------
     experiment, controller
-        What ran.
+        Names of the experiment and the controller.
     values
-        Metrics of ``METRICS`` by name; those that mean nothing for the experiment are not in it.
+        Values of ``METRICS`` by name, without those that do not apply to the experiment.
     headers
-        For each metric its label with its unit.
+        Label and unit of each metric.
     note
-        How the run failed, if it did.
+        Reason of a failed run; empty otherwise.
     verdict
-        Whether it tracks; empty where nothing is to be tracked.
+        Verdict on the run; empty if it has no reference to track.
     """
 
     experiment: str
@@ -188,7 +188,7 @@ class Row:
 
 
 def _known(nodes: Iterable[str]) -> set[str]:
-    """Return the names of all parameters of nodes."""
+    """Return the names of all parameters of the nodes."""
     registered = set(names_with_parameters()).intersection(nodes)
     return {declaration.name for node in registered for declaration in node_declarations(node)}
 
@@ -197,8 +197,8 @@ def read_row(experiment: str, controller: str, run: RecordedRun) -> Row:
     """Return the row of a recorded run."""
     if run.status != FINISHED:
         return Row(experiment, controller, {}, {}, f'{run.status}: {run.reason}', _verdict(run))
-    pointless = _TRACKING if is_stepwise(run.desired_position) else _STEPS
-    metrics = [metric for metric in run_metrics(run) if metric.name in METRICS and metric.name not in pointless]
+    inapplicable = _TRACKING if is_stepwise(run.desired_position) else _STEPS
+    metrics = [metric for metric in run_metrics(run) if metric.name in METRICS and metric.name not in inapplicable]
     return Row(
         experiment,
         controller,
@@ -209,13 +209,13 @@ def read_row(experiment: str, controller: str, run: RecordedRun) -> Row:
 
 
 def _verdict(run: RecordedRun) -> str:
-    """Return the verdict of a run in the table; empty if it has none."""
+    """Return the verdict of a run for the table; empty without a verdict."""
     judged = verdict_of(run)
     return '' if judged is None else judged.in_table
 
 
 def write_rows(rows: Sequence[Row], path: Path) -> tuple[Path, Path]:
-    """Write the table as CSV with all digits and as Markdown with three; return both files."""
+    """Write the table as CSV with all digits and as Markdown with three digits; return both files."""
     headers = {name: label for row in rows for name, label in row.headers.items()}
     columns = [name for name in METRICS if name in headers]
     notes = ['note'] if any(row.note for row in rows) else []
@@ -237,7 +237,7 @@ def write_rows(rows: Sequence[Row], path: Path) -> tuple[Path, Path]:
         for row in rows
     ]
     return path.with_suffix('.csv'), write_table(
-        path, 'Errors after the transient; steps: the worst edge.', header, table
+        path, 'Errors after the transient; step metrics of the worst edge.', header, table
     )
 
 
@@ -248,18 +248,20 @@ def _shown(value: float) -> str:
 
 
 def draw_runs(runs: Mapping[tuple[str, str], RecordedRun], path: Path) -> Path:
-    """Draw the runs of each experiment over each other, one column each; return the file."""
+    """Draw the runs of all controllers in one column of panels per experiment; return the file."""
     experiments = list(dict.fromkeys(experiment for experiment, _ in runs))
-    figure = new_figure('The same experiments with each controller', width=1.0 + 4.6 * len(experiments), height=9.0)
+    figure = new_figure(
+        'Comparison of controllers on the same experiments', width=1.0 + 4.6 * len(experiments), height=9.0
+    )
     axes = figure.subplots(3, len(experiments), squeeze=False)
     controllers = list(dict.fromkeys(controller for _, controller in runs))
     for column, experiment in zip(axes.T, experiments, strict=True):
-        # Of all controllers, so that each has the same color in every column.
+        # Index the colors by all controllers, so that each controller has one color in every column.
         items = [
             dataclasses.replace(item, color=COLORS[controllers.index(item.name) % len(COLORS)])
             for item in compared({controller: run for (of, controller), run in runs.items() if of == experiment})
         ]
-        # One that failed ends early.
+        # A failed run ends early: take the longest run.
         close_up = close_up_of(max((item.run for item in items), key=lambda run: run.duration))
         positions, errors = position_panel(items, close_up), error_panel(items, close_up)
         large = close_up is not None
@@ -273,15 +275,15 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='compare',
-        description='Run several controllers on the same experiments, and put them into one table and one picture.',
-        epilog='A run that is there already, with equal parameters and the same controller, is not made again.',
+        description='Run several controllers on the same experiments, and compare them in one table and one figure.',
+        epilog='A finished run with the same parameters and the same controller is reused.',
     )
     parser.add_argument(
         '--controllers',
         nargs='+',
         metavar='CONTROLLER',
-        help=f"{', '.join(CONTROLLERS)}, an installed package's entry point, or module:Class, each with @FILE for a "
-        'parameter file of its own; default '
+        help=f'{", ".join(CONTROLLERS)}, the entry point of an installed package, or module:Class; append @FILE to '
+        "apply a parameter file to this controller's runs only; default: "
         f'{" ".join(DEFAULT_CONTROLLERS)}, and {" ".join(DEFAULT_OVERLAYS)} on the default drive',
     )
     parser.add_argument(
@@ -293,16 +295,26 @@ def command_line() -> CommandParser:
         type=Path,
         action='extend',
         metavar='FILE',
-        help=f'parameter files instead of {DEFAULT_FILE}; without --experiments they describe the experiment',
+        help=f'parameter files that replace {DEFAULT_FILE}; without --experiments they define the experiment',
     )
     parser.add_argument(
-        '-p', action='append', default=[], dest='parameters', metavar='NODE:PARAMETER:=VALUE', help='as of rig'
+        '-p',
+        action='append',
+        default=[],
+        dest='parameters',
+        metavar='NODE:PARAMETER:=VALUE',
+        help='parameter override, as for rig',
     )
     parser.add_argument(
-        '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'
+        '--without-ros',
+        action='store_true',
+        help='use simulate instead of the node graph: faster, with bit-identical results',
     )
     parser.add_argument(
-        '--output', type=Path, metavar='DIRECTORY', help='default runs/compare, or runs/compare-without-ros'
+        '--output',
+        type=Path,
+        metavar='DIRECTORY',
+        help='output directory; default: runs/compare, or runs/compare-without-ros',
     )
     return parser
 
@@ -313,16 +325,16 @@ def _comparison(options: argparse.Namespace) -> Comparison:
         for name in names:
             if names.count(name) > 1:
                 raise ArgumentError(f'{option} names {name} more than once')
-    contestants: dict[str, Contestant] = {}
+    candidates: dict[str, Candidate] = {}
     names_by_label: dict[str, str] = {}
     for name in controllers:
-        one = Contestant.named(name)
-        if one.label in contestants:
+        one = Candidate.named(name)
+        if one.label in candidates:
             other = names_by_label[one.label]
             raise ArgumentError(
-                f'--controllers: {other} and {name} are both {one.label}, so that their runs would be one'
+                f'--controllers: {other} and {name} have the same label {one.label}, and their runs the same names'
             )
-        contestants[one.label], names_by_label[one.label] = one, name
+        candidates[one.label], names_by_label[one.label] = one, name
     experiments: Mapping[str, Mapping[str, object]] = EXPERIMENTS
     if options.experiments:
         experiments = {name: EXPERIMENTS[name] for name in options.experiments}
@@ -338,11 +350,11 @@ def _comparison(options: argparse.Namespace) -> Comparison:
         instead = _INSTEAD.get(name.rpartition(':')[2])
         if instead:
             raise ArgumentError(f'-p {name} is rejected: compare sets it for each run; use {instead}')
-    return Comparison(tuple(contestants.values()), experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
+    return Comparison(tuple(candidates.values()), experiments, tuple(options.params_file or [DEFAULT_FILE]), overrides)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
+    """Compare controllers; exit code 0 done, 1 a run failed, 2 invalid arguments or parameters, 130 interrupted."""
     options = command_line().parse_args(arguments)
     directory = options.output or Path('runs') / ('compare-without-ros' if options.without_ros else 'compare')
 
@@ -354,10 +366,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         written, table = write_rows(rows, directory / 'compare')
         print(table.read_text('utf8'))
         print(f'{table}\n{written}')
-        # One that failed at tick 0 has nothing to draw.
-        begun = {key: run for key, run in runs.items() if run.description['last_tick'] >= 0}
-        if begun:
-            print(draw_runs(begun, directory / 'compare'))
+        # A run that failed at tick 0 has nothing to draw.
+        started = {key: run for key, run in runs.items() if run.description['last_tick'] >= 0}
+        if started:
+            print(draw_runs(started, directory / 'compare'))
         return 1 if any(row.note for row in rows) else 0
 
     return exit_code('compare', work)

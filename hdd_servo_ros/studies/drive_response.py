@@ -1,10 +1,11 @@
 """
-The default drive's frequency responses (figs. 2.3, 5.3 and 5.4), and how its step converges.
+Frequency responses of the default drive (figs. 2.3, 5.3 and 5.4), and convergence of its integration step.
 
     ros2 run hdd_servo_ros drive_response [DIRECTORY]
     ros2 run hdd_servo_ros drive_response --convergence
 
-The responses are those of the block alone, by a stepped sine whose fundamental is taken over whole periods.
+The responses are measured on the drive block alone, with a stepped sine, and computed from the fundamental over whole
+periods.
 """
 
 import math
@@ -29,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 SAMPLE_TIME = 1.0e-4
 AMPLITUDES = (0.01, 0.03, 0.05, 0.1)
-"""Of the excitation in fig. 5.4 [V]."""
+"""Amplitudes of the excitation in fig. 5.4 [V]."""
 FREQUENCIES = (
     10,
     12,
@@ -56,7 +57,7 @@ FREQUENCIES = (
     250,
     300,
 )
-"""Of fig. 5.4 and a little beyond [Hz]; each has whole samples in a second."""
+"""Frequencies of fig. 5.4 and slightly above [Hz]; each has an integer number of samples per second."""
 HIGH = (
     400,
     500,
@@ -72,15 +73,15 @@ HIGH = (
     *range(4500, 9001, 125),
     *range(9500, 20_001, 500),
 )
-"""Of fig. 5.3 above the friction, through the four modes [Hz]."""
+"""Frequencies of fig. 5.3 above the range of friction, through the four modes [Hz]."""
 FAST = 1.0e-5
-"""Sample time at which nothing folds back onto the modes [s]."""
+"""Sample time short enough to avoid aliasing onto the modes [s]."""
 SUBSTEPS = (1, 2, 4, 8, 16, 32)
 FINE = 512
 
 
 def write_plots(output_directory: Path) -> list[Path]:
-    """Write the plots into a directory, made if there is none, and return their paths."""
+    """Write the plots into a directory, which is created if necessary, and return their paths."""
     output_directory.mkdir(parents=True, exist_ok=True)
     plots = {
         'fig_5_4_amplitude_dependence.png': draw_amplitude_dependence(),
@@ -95,16 +96,16 @@ def stepped_sine(
     parameters: PlantParameters, amplitude: float, frequencies: Sequence[int], sample_time: float = SAMPLE_TIME
 ) -> npt.NDArray[np.complex128]:
     """
-    Return head position over control [um/V], by the fundamental at each frequency.
+    Return head position over control [um/V] from the fundamental at each frequency.
 
     Parameters
     ----------
     parameters
         The drive.
     amplitude
-        Of the control [V].
+        Amplitude of the control [V].
     frequencies
-        [Hz], with a whole number of samples in so many whole periods of at most a second.
+        Frequencies [Hz]; an integer number of periods, at most one second, spans an integer number of samples.
     sample_time
         T [s].
     """
@@ -125,7 +126,7 @@ def _fundamental(parameters: PlantParameters, amplitude: float, frequency: int, 
 
 
 def draw_amplitude_dependence() -> Figure:
-    """Draw figs. 2.3 and 5.4: gain and phase at low frequency at four amplitudes of the excitation."""
+    """Draw figs. 2.3 and 5.4: gain and phase at low frequency for four amplitudes of the excitation."""
     parameters = PlantParameters()
     responses = {f'{1e3 * a:g} mV': stepped_sine(parameters, a, FREQUENCIES) for a in AMPLITUDES}
     frequencies = np.array(FREQUENCIES, dtype=np.float64)
@@ -134,7 +135,7 @@ def draw_amplitude_dependence() -> Figure:
 
 
 def draw_response() -> Figure:
-    """Draw fig. 5.3: the drive's response through its four modes, and the identified model's."""
+    """Draw fig. 5.3: responses of the drive and of the identified model through the four modes."""
     parameters = PlantParameters()
     frequencies = np.array((*FREQUENCIES, *HIGH), dtype=np.float64)
     low = stepped_sine(parameters, 0.05, FREQUENCIES, FAST)
@@ -145,7 +146,7 @@ def draw_response() -> Figure:
         'Default drive and its linear model (fig. 5.3)',
         frequencies,
         {
-            'block at T = 10 µs, its hold taken out; 50 mV, from 400 Hz on 0.5 V': np.concatenate([low, high]) / hold,
+            'block at T = 10 µs, without the hold; 50 mV, and 0.5 V from 400 Hz': np.concatenate([low, high]) / hold,
             '(5.1) to (5.5)': model,
         },
     )
@@ -160,7 +161,7 @@ def _bode(title: str, frequencies: Array, responses: dict[str, npt.NDArray[np.co
         style = {'linewidth': 1.4, 'linestyle': '--' if i and i + 1 == len(responses) else '-'}
         gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), label=name, **style)
         degrees = np.degrees(np.unwrap(np.angle(response)))
-        # A double integrator's phase is -180 degrees, not +180.
+        # The phase of a double integrator is -180 degrees, not +180.
         phase.semilogx(frequencies, degrees - 360.0 * (degrees[0] > 90.0), **style)
     gain.set_ylabel('gain [dB, µm/V]')
     phase.set_ylabel('phase [°]')
@@ -173,9 +174,9 @@ def _bode(title: str, frequencies: Array, responses: dict[str, npt.NDArray[np.co
 
 def convergence(parameters: PlantParameters, control: Array) -> dict[int, tuple[float, float, float]]:
     """
-    Return the errors of position, velocity and bristle over their peaks, by substeps.
+    Return the errors of position, velocity and bristle deflection relative to their peaks, by number of substeps.
 
-    The reference has :data:`FINE` substeps; that it is right is for the tests, which have independent solvers.
+    The reference uses :data:`FINE` substeps; tests compare it with independent solvers.
     """
 
     def states(substeps: int) -> Array:
@@ -229,13 +230,15 @@ def command_line() -> CommandParser:
     parser.add_argument(
         'directory', nargs='?', type=Path, default=Path('runs/drive_response'), help='default: %(default)s'
     )
-    parser.add_argument('--convergence', action='store_true', help='print the convergence of the step instead')
+    parser.add_argument(
+        '--convergence', action='store_true', help='print the convergence of the integration step instead'
+    )
     return parser
 
 
 @command('drive_response')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the plots, or print the convergence; exit code 0 done, 1 if a file cannot be written."""
+    """Write the plots or print the convergence; exit code 0 done, 1 a file cannot be written."""
     options = command_line().parse_args(arguments)
     if options.convergence:
         print_convergence()

@@ -1,5 +1,5 @@
 """
-The friction curves of figs. 2.1, 2.2 and 5.5, as plots.
+Plots of the friction curves of figs. 2.1, 2.2 and 5.5.
 
     ros2 run hdd_servo_ros friction_curves [DIRECTORY]
 """
@@ -28,17 +28,17 @@ SAMPLE_TIME = 1.0e-4
 """T of section 5.4 [s]."""
 
 SLIDING_AMPLITUDE = 5.0
-"""Of u = 5 sin t, section 5.4 [N]."""
+"""Amplitude of u = 5 sin t, section 5.4 [N]."""
 SLIDING_FREQUENCY = 0.15915494309189535
-"""The same's, 1/(2 pi) [Hz]."""
+"""Frequency of u = 5 sin t, 1/(2 pi) [Hz]."""
 SLIDING_DURATION = 12.6
-"""Two periods of it [s]."""
+"""Two periods [s]."""
 PRESLIDING_AMPLITUDES = (0.9, 0.6, 0.3)
-"""Of sines below the breakaway force [N]."""
+"""Amplitudes of sines below the breakaway force [N]."""
 PRESLIDING_FREQUENCY = 2.0
-"""Of these [Hz]."""
+"""Frequency of these sines [Hz]."""
 PRESLIDING_DURATION = 1.5
-"""Three periods of it [s]."""
+"""Three periods [s]."""
 
 SECTION_5_4 = PlantParameters(
     gain=1.0,
@@ -56,7 +56,7 @@ SECTION_5_4 = PlantParameters(
     ),
     resonance=ResonanceParameters(form='none'),
 )
-"""The mass of section 5.4, in SI units."""
+"""Mass with friction of section 5.4, in SI units."""
 
 STATIC = FrictionParameters(
     coulomb_level=1.0,
@@ -71,11 +71,11 @@ STATIC = FrictionParameters(
     square_root_coefficient=-0.6,
     drag_coefficient=0.05,
 )
-"""Round numbers that show the shapes."""
+"""Illustrative values that show the shapes of the curves."""
 
 
 def write_plots(output_directory: Path) -> list[Path]:
-    """Write the plots into a directory, made if there is none, and return their paths."""
+    """Write the plots into a directory, which is created if necessary, and return their paths."""
     output_directory.mkdir(parents=True, exist_ok=True)
     plots = {
         'fig_2_1_static_friction.png': draw_static_friction(),
@@ -94,7 +94,7 @@ def write_plots(output_directory: Path) -> list[Path]:
 
 
 def draw_static_friction() -> Figure:
-    """Draw fig. 2.1 (Coulomb friction, Coulomb and viscous friction), and the falling curves beside it."""
+    """Draw fig. 2.1 (Coulomb friction, Coulomb and viscous friction) and, next to it, the Stribeck curves."""
     figure, axes = _figure(3, 'Static friction over velocity (fig. 2.1)')
     velocity = np.linspace(-2.0, 2.0, 2001)
     panels = (
@@ -115,7 +115,7 @@ def draw_static_friction() -> Figure:
 
 
 def draw_dahl() -> Figure:
-    """Draw fig. 2.2: friction over displacement of Dahl's model, loading, unloading and reloading."""
+    """Draw fig. 2.2: friction over displacement of the Dahl model during loading, unloading and reloading."""
     figure, axes = _figure(2, "Dahl's model: friction over displacement (fig. 2.2)")
     path = _there_and_back([0.0, 5.0, -5.0, 5.0], 400)
     for exponent in (0.5, 1.0, 2.0, 4.0):
@@ -123,8 +123,8 @@ def draw_dahl() -> Figure:
         axes[0].plot(path, friction_along(friction, path, 1.0), label=f'$\\alpha$ = {exponent:g}', linewidth=1.2)
     inner = _there_and_back([0.0, 4.0, -1.0, 2.0, 0.0, 4.0], 400)
     axes[1].plot(inner, friction_along(_dahl(1.0), inner, 1.0), linewidth=1.2)
-    _label(axes[0], 'any exponent (2.16)', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
-    _label(axes[1], 'inner loops, $\\alpha$ = 1', 'displacement, of $f_c/\\sigma$', 'friction, of $f_c$')
+    _label(axes[0], 'any exponent (2.16)', 'displacement / ($f_c/\\sigma$)', 'friction / $f_c$')
+    _label(axes[1], 'inner loops, $\\alpha$ = 1', 'displacement / ($f_c/\\sigma$)', 'friction / $f_c$')
     axes[0].set_ylim(-1.1, 1.6)
     axes[0].legend(fontsize=8, loc='upper center', ncols=4, columnspacing=1.0, handlelength=1.2)
     return figure
@@ -139,14 +139,14 @@ def draw_lugre_hysteresis(sliding: Array, presliding: Mapping[float, Array]) -> 
     sliding
         Rows of position [m], velocity [m/s] and friction [N] under u = 5 sin t.
     presliding
-        The same under sines of ``PRESLIDING_FREQUENCY``, by their amplitude [N]; the first third is not drawn.
+        The same under sines of ``PRESLIDING_FREQUENCY``, by amplitude [N]; the first third is not drawn.
     """
     figure, axes = _figure(3, 'LuGre hysteresis, parameters of section 5.4 (fig. 5.5)')
     axes[0].plot(sliding[:, 0], sliding[:, 2], linewidth=1.0)
     _label(axes[0], 'u = 5 sin t', 'position [m]', 'friction [N]')
     slow = np.abs(sliding[:, 1]) < 0.02
     axes[1].plot(1e3 * sliding[slow, 1], sliding[slow, 2], '.', markersize=1.5)
-    _label(axes[1], 'the same about zero velocity', 'velocity [mm/s]', 'friction [N]')
+    _label(axes[1], 'detail around zero velocity', 'velocity [mm/s]', 'friction [N]')
     for amplitude, rows in presliding.items():
         settled = rows[len(rows) // 3 :]
         axes[2].plot(1e6 * settled[:, 0], settled[:, 2], label=f'u = {amplitude} sin 4$\\pi$t', linewidth=1.0)
@@ -156,13 +156,13 @@ def draw_lugre_hysteresis(sliding: Array, presliding: Mapping[float, Array]) -> 
 
 
 def simulate_sine(amplitude: float, frequency: float, duration: float) -> Array:
-    """Return what :func:`simulate` does under a sine with amplitude [N] and frequency [Hz]."""
+    """Return the result of :func:`simulate` for a sine with amplitude [N] and frequency [Hz]."""
     time = SAMPLE_TIME * np.arange(round(duration / SAMPLE_TIME))
     return simulate(amplitude * np.sin(2.0 * np.pi * frequency * time))
 
 
 def simulate(control: Array) -> Array:
-    """Return position [m], velocity [m/s] and friction [N] of the mass of section 5.4 under a held force [N]."""
+    """Return position [m], velocity [m/s] and friction [N] of the mass of section 5.4 under a sampled force [N]."""
     plant = Plant(SECTION_5_4, SAMPLE_TIME)
     rows = [plant.output()]
     rows += [plant.step(tick, force) for tick, force in enumerate(control.tolist(), start=1)]
@@ -178,7 +178,7 @@ def _there_and_back(corners: Sequence[float], count: int) -> Array:
 
 
 def _figure(panels: int, title: str) -> tuple[Figure, Sequence[Axes]]:
-    # Not pyplot: a picture into a file needs no display.
+    # Not pyplot: writing a file needs no display.
     figure = Figure(figsize=(4.4 * panels, 3.9), layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(title)
@@ -207,7 +207,7 @@ def command_line() -> CommandParser:
 
 @command('friction_curves')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the plots; exit code 0 done, 1 if a file cannot be written."""
+    """Write the plots; exit code 0 done, 1 a file cannot be written."""
     directory = command_line().parse_args(arguments).directory
     for path in write_plots(directory):
         print(path)

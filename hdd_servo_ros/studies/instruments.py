@@ -1,5 +1,5 @@
 """
-Print the effect of each instrument on the tracking error: the tables of docs/results/validation.md.
+Effect of each instrument of the bench on the tracking error, one effect at a time: the tables of docs/results/validation.md.
 
     ros2 run hdd_servo_ros instruments [--params-file FILE ...] [--seconds 12]
 """
@@ -27,37 +27,37 @@ LDV_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
     ('ADC of 12 bits', {'adc_bits': 12}),
     ('demodulator delay 1 us', {'demodulator_delay': 1.0e-6}),
     ('demodulator delay 10 us', {'demodulator_delay': 1.0e-5}),
-    ('low pass 100 kHz', {'demodulator_bandwidth': 1.0e5}),
-    ('low pass 20 kHz', {'demodulator_bandwidth': 2.0e4}),
-    ('drop-outs, 10 a second, held', {'dropout_rate': 10.0}),
-    ('drop-outs, 10 a second, zero', {'dropout_rate': 10.0, 'dropout_effect': 'zero'}),
+    ('low-pass filter 100 kHz', {'demodulator_bandwidth': 1.0e5}),
+    ('low-pass filter 20 kHz', {'demodulator_bandwidth': 2.0e4}),
+    ('drop-outs, 10 per second, held', {'dropout_rate': 10.0}),
+    ('drop-outs, 10 per second, zero', {'dropout_rate': 10.0, 'dropout_effect': 'zero'}),
 )
 DSP_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
     ('DAC of 16 bits, 10 V', {'dsp.dac_bits': 16, 'dsp.dac_range': 10.0}),
     ('DAC of 12 bits, 10 V', {'dsp.dac_bits': 12, 'dsp.dac_range': 10.0}),
     ('computation delay of one sample', {'dsp.computation_delay': 1}),
 )
-# Noise of the sensor, filter on the reference.
+# Whether the sensor has noise, and whether the reference is filtered.
 DIFFERENCES = ((True, True), (False, True), (True, False), (False, False))
 
 
 def errors(sections: Sections, sample_time: float, seconds: float) -> list[str]:
     """
-    Return, for each controller and frequency, rms and largest error [nm] of a 2 um sine after the transient.
+    Return rms and maximum error [nm] on a 2 µm sine after the transient, for each controller and frequency.
 
-    ``lost`` stands for an rms error that is no smaller than the sine.
+    If the rms error is not below the amplitude of the sine, the loop is reported as ``unstable``.
     """
     texts = []
     for controller in CONTROLLERS:
         for frequency in FREQUENCIES:
             found = track(controller, {}, sections, sample_time, frequency, seconds, TRANSIENT)
-            lost = not found.rms_error < 1e3 * AMPLITUDE
-            texts.append('lost' if lost else f'{found.rms_error:.1f} / {found.max_error:.1f}')
+            stable = found.rms_error < 1e3 * AMPLITUDE  # false for NaN
+            texts.append('unstable' if not stable else f'{found.rms_error:.1f} / {found.max_error:.1f}')
     return texts
 
 
 def with_values(sections: Sections, **values: Mapping[str, object]) -> Sections:
-    """Return sections in which ``values`` of some nodes stand over what was there."""
+    """Return sections with the parameters of some nodes overridden by ``values``."""
     return {**sections, **{node: {**sections.get(node, {}), **own} for node, own in values.items()}}
 
 
@@ -79,18 +79,18 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='instruments',
-        description='Tabulate what each instrument of the bench does to the tracking error of a 2 um sine.',
+        description='Tabulate the effect of each instrument of the bench on the tracking error of a 2 um sine.',
         epilog='Exit code: 0 done, 2 invalid arguments or parameters.',
     )
-    parser.add_argument('--params-file', nargs='*', default=[], help='parameter files, later ones win')
+    parser.add_argument('--params-file', nargs='*', default=[], help='parameter files; later files take precedence')
     parser.add_argument('--sample-time', type=float, default=1e-4, help='T [s]')
-    parser.add_argument('--seconds', type=float, default=12.0, help='length of the runs [s]')
+    parser.add_argument('--seconds', type=float, default=12.0, help='duration of the runs [s]')
     return parser
 
 
 @command('instruments')
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the tables; 0 done, 2 invalid arguments or parameters."""
+    """Print the tables; exit code 0 done, 2 invalid arguments or parameters."""
     options = command_line().parse_args(arguments)
     _print_tables(options)
     return 0
@@ -99,7 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _print_tables(options: argparse.Namespace) -> None:
     TimerParameters(sample_time=options.sample_time, duration=0.0)
     if not options.seconds > TRANSIENT:
-        raise ArgumentError(f'--seconds {options.seconds:g} is no more than the {TRANSIENT:g} s that do not count')
+        raise ArgumentError(
+            f'--seconds {options.seconds:g} is rejected: expected more than the transient of {TRANSIENT:g} s'
+        )
     sections = read_parameter_files(options.params_file)
     print(f'2 um sine, {options.seconds:g} s, after {TRANSIENT:g} s: rms / max error of the head [nm]\n')
     _print_head('effect')
@@ -109,7 +111,7 @@ def _print_tables(options: argparse.Namespace) -> None:
     for name, values in DSP_EFFECTS:
         _print_row([name, *errors(_with_controllers(sections, values), options.sample_time, options.seconds)])
 
-    print('\nVelocity from differences of displacement behind a low pass of 2 kHz\n')
+    print('\nVelocity from differences of displacement, after a 2 kHz low-pass filter\n')
     _print_head('noise, reference')
     for noise, filter_reference in DIFFERENCES:
         values = {'velocity_source': 'difference', 'filter_reference': filter_reference}
@@ -119,7 +121,7 @@ def _print_tables(options: argparse.Namespace) -> None:
             adaptive_nn_controller={**values, 'velocity_bandwidth': 2000.0},
             pid_controller={**values, 'derivative_bandwidth': 2000.0},
         )
-        name = f'{"with" if noise else "without"} noise, reference {"filtered" if filter_reference else "as given"}'
+        name = f'{"with" if noise else "without"} noise, reference {"filtered" if filter_reference else "not filtered"}'
         _print_row([name, *errors(own, options.sample_time, options.seconds)])
 
 

@@ -1,5 +1,5 @@
 """
-`study`: the thesis's experiments, those with the best PID controllers, in mobile use and of seeks; figures and tables.
+`study`: figures and tables of the thesis, of the best PID controllers, of mobile use and of seeks.
 
     ros2 run hdd_servo_ros study chapter4|chapter5|baseline|mobile|seek [--without-ros] [--only FIGURE ...]
         [--output DIRECTORY]
@@ -18,36 +18,41 @@ from hdd_servo_ros.parameters.files import ArgumentError
 from hdd_servo_ros.studies.chapter import CHAPTERS, figures, make_figures
 
 MINIMUM_SAMPLES = 50
-"""Of a period of a reference, with ``--sample-time``: what the thesis has at 200 Hz with its 0.1 ms."""
+"""Minimum number of samples per reference period with ``--sample-time``; the thesis has 50 at 200 Hz and 0.1 ms."""
 
 
 def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='study',
-        description="Run the thesis's experiments, those in mobile use or of seeks: bags, figures and tables.",
-        epilog='A run that is there already, finished and with equal parameters, is not made again.',
+        description="Run the thesis's experiments, or those in mobile use or with seeks, and make figures and tables.",
+        epilog='A finished run with the same parameters is reused.',
     )
     parser.add_argument(
         'chapter',
         choices=CHAPTERS,
-        help='which part of the thesis; baseline: the best PIDs; mobile: vibration, shock, feedforward; '
+        help='chapter of the thesis, or baseline: the best PID controllers; mobile: vibration, shock, feedforward; '
         'seek: access times and settling',
     )
     parser.add_argument(
-        '--without-ros', action='store_true', help='run by simulate instead of the graph: the same bits, faster'
+        '--without-ros',
+        action='store_true',
+        help='use simulate instead of the node graph: faster, with bit-identical results',
     )
-    parser.add_argument('--only', nargs='+', default=[], metavar='FIGURE', help='these figures and tables only')
-    parser.add_argument('--list', action='store_true', help='list the figures and tables with their runs, and end')
+    parser.add_argument('--only', nargs='+', default=[], metavar='FIGURE', help='make only these figures and tables')
+    parser.add_argument('--list', action='store_true', help='list the figures and tables with their runs, and exit')
     parser.add_argument(
-        '--output', type=Path, metavar='DIRECTORY', help='default runs/CHAPTER, or runs/CHAPTER-without-ros'
+        '--output',
+        type=Path,
+        metavar='DIRECTORY',
+        help='output directory; default: runs/CHAPTER, or runs/CHAPTER-without-ros',
     )
     parser.add_argument(
         '--sample-time',
         type=float,
         metavar='T',
-        help="T [s] instead of the parameter files', for a quick look; it goes into a folder of its own; "
-        f'at least {MINIMUM_SAMPLES} samples a period of each reference',
+        help='sample time T [s] for a quick look, instead of that of the parameter files; the default output directory '
+        f'then has the suffix -TVALUE; every reference needs at least {MINIMUM_SAMPLES} samples per period',
     )
     return parser
 
@@ -60,19 +65,19 @@ def _default_output(options: argparse.Namespace) -> Path:
 
 
 def _reject_too_coarse(cases: Iterable[Case], defaults: Mapping[str, object], directory: Path) -> None:
-    """Reject a sample time at which the figures would be drawn from a few samples."""
+    """Reject a sample time with too few samples per reference period."""
     for case in cases:
         run = PlannedRun(case, defaults, directory)
         samples = run.period / run.sample_time
         if samples < MINIMUM_SAMPLES * (1.0 - 1e-9):
             raise ArgumentError(
-                f'--sample-time {run.sample_time:g} is rejected: {case.name} would have {samples:.3g} samples a period '
-                f'of its reference, not {MINIMUM_SAMPLES}; at most {run.period / MINIMUM_SAMPLES:.3g} s will do for it'
+                f'--sample-time {run.sample_time:g} is rejected: {case.name} would have {samples:.3g} samples per '
+                f'reference period, fewer than {MINIMUM_SAMPLES}; expected at most {run.period / MINIMUM_SAMPLES:.3g} s'
             )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; 0 done, 1 a run failed, 2 wrong arguments or parameters, 130 interrupted."""
+    """Run the study; exit code 0 done, 1 a run failed, 2 invalid arguments or parameters, 130 interrupted."""
     options = command_line().parse_args(arguments)
     defaults = {} if options.sample_time is None else {'deterministic_timer:sample_time': options.sample_time}
     directory = options.output or _default_output(options)

@@ -1,4 +1,4 @@
-"""How the studies draw and write tables."""
+"""Figures and tables of the studies: drawing and writing."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.reporting.decimation import rows_to_draw
 
-_PIECES = 2000
-"""More than a picture has columns."""
+_BUCKETS = 2000
+"""Number of buckets for the decimation of a signal: more than a figure has pixel columns."""
 
 
 def new_figure(title: str, width: float = 8.5, height: float = 5.0) -> Figure:
@@ -25,19 +25,19 @@ def new_figure(title: str, width: float = 8.5, height: float = 5.0) -> Figure:
 
 
 def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **style: Any) -> None:
-    """Draw a signal over time, of a long one no more than a picture shows, every peak among it."""
-    rows = rows_to_draw(values, _PIECES)
+    """Draw a signal over time, decimated to the resolution of the figure with all peaks kept."""
+    rows = rows_to_draw(values, _BUCKETS)
     axes.plot(time[rows], values[rows], **{'linewidth': 1.0, **style})
 
 
 def legend_above(*axes: Axes) -> None:
-    """Give axes their legend above the frame, where it hides nothing."""
+    """Place the legend of each axes above the frame, where it hides no data."""
     for axis in axes:
         axis.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False, borderaxespad=0.2)
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Give all axes a grid, write the figure as PNG, and return its file."""
+    """Add a grid to all axes, write the figure as PNG, and return the file."""
     for axes in figure.axes:
         axes.grid(alpha=0.3)
         axes.margins(x=0.02)
@@ -47,7 +47,7 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def write_table(path: Path, title: str, header: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
-    """Write a Markdown table, numbers with three digits, and return its file."""
+    """Write a Markdown table with numbers of three digits, and return the file."""
     lines = [title, '', _row(header), '|' + '---|' * len(header), *(_row(row) for row in rows)]
     file = path.with_suffix('.md')
     file.write_text('\n'.join(lines) + '\n', 'utf8')

@@ -1,4 +1,4 @@
-"""The PID controller with the least error under the peak control of the adaptive NN controller, for section 4.4."""
+"""PID controller with the least error at the peak control of the adaptive NN controller, for section 4.4."""
 
 import copy
 import itertools
@@ -17,38 +17,38 @@ from hdd_servo_ros.simulation.experiment import Experiment
 from hdd_servo_ros.studies.tuning_runs import Sections, metrics_of
 
 DURATION = 20.0
-"""Of the runs, of which the last half counts [s]."""
+"""Duration of the runs [s]; the error is evaluated over the last half."""
 SHORT = 0.2
-"""Length of the runs of the global search over ``DURATION``: the peak is at the start, and a PID settles soon."""
+"""Duration of the runs in the global search over ``DURATION``: the peak is at the start, and a PID settles soon."""
 COARSE = 1e-3
 """Sample time of the global search [s]."""
 RANGES = ((1.0, 1e3), (1e-3, 1e5), (0.1, 10.0))
-"""Searched ranges of k_p [1/s], k_i [1/s^2] and k_d, over the adaptive NN controller's k."""
+"""Search ranges of k_p [1/s], k_i [1/s^2] and k_d, relative to the feedback gain k of the adaptive NN."""
 LEAST_INTEGRAL = 0.01
-"""An integral below this part of k_p does nothing in 20 s, and is left out [1/s]."""
+"""Minimum k_i / k_p [1/s]; a smaller k_i has no effect in 20 s, and is set to 0."""
 Gains = tuple[float, ...]
 
 _EXCESS_COST = 1e3
-"""Relative cost of a relative excess of the peak."""
+"""Relative increase of the cost per relative excess of the peak control."""
 
 
 def tune_pid_same_peak(
     sections: Sections, sample_time: float, report: Callable[[str], None] = lambda line: None
 ) -> dict[str, object]:
     """
-    Return PID gains with the least error under the peak control of the adaptive NN controller in ``sections``.
+    Return the PID gains with the least error at the peak control of the adaptive NN controller in ``sections``.
 
-    Differential evolution on short runs at a coarse sample time finds the start of Nelder-Mead searches, on short
-    runs and then on whole ones.
+    Differential evolution with short runs and a coarse sample time finds the starting point of Nelder-Mead searches,
+    first with short runs, then with full ones.
 
     Parameters
     ----------
     sections
-        Parameters of all blocks; the adaptive NN controller's k sets the scale of the search.
+        Parameters of all blocks; the feedback gain k of the adaptive NN controller sets the scale of the search.
     sample_time
         T [s].
     report
-        Receives lines of text on the progress.
+        Receives lines of text about the progress.
     """
     peak = _metrics(Experiment(sample_time, 'adaptive_nn', sections), DURATION).peak_control
     own: AdaptiveNnParameters = block_parameters('adaptive_nn_controller', sections.get('adaptive_nn_controller', {}))
@@ -58,14 +58,14 @@ def tune_pid_same_peak(
 
     def found(law: Gains, duration: float, time_step: float = sample_time) -> TrackingMetrics:
         pid = block_parameters('pid_controller', {**sections.get('pid_controller', {}), **_named(law)})
-        # A copy takes a third of the time of a new one, whose parameters are checked; both make the same rows.
+        # Copying takes a third of the time of a new experiment, which checks its parameters; the rows are equal.
         experiment = copy.deepcopy(at_rest[time_step])
         experiment.update('pid_controller', {PidParameters: pid})
         return _metrics(experiment, duration)
 
     def cost(law: Gains, duration: float, time_step: float = sample_time) -> float:
         metrics = found(law, duration, time_step)
-        # Finite, for the sake of what differential evolution computes of the costs.
+        # Finite, because differential evolution computes with the costs.
         if not math.isfinite(metrics.rms_error):
             return 1e9
         return metrics.rms_error * (1.0 + _EXCESS_COST * max(0.0, metrics.peak_control / peak - 1.0))
@@ -86,7 +86,7 @@ def tune_pid_same_peak(
         polish=False,
     ).x
     report(f'global search: {_named(_gains(best))}')
-    # Begun anew where it has ended: at the edge of what the peak allows, a simplex may close up too early.
+    # Restart at the result: at the limit of the peak control a simplex may collapse too early.
     for duration in (SHORT * DURATION, SHORT * DURATION, DURATION, DURATION):
         simplex = np.vstack([best, best + 0.1 * np.eye(3)])
         options = {'initial_simplex': simplex, 'maxfev': 80, 'xatol': 1e-4, 'fatol': 1e-9}
@@ -94,18 +94,18 @@ def tune_pid_same_peak(
     near = itertools.product(*({round_down(gain), round_up(gain)} if gain else {0.0} for gain in _gains(best)))
     rounded = min(near, key=lambda law: cost(law, DURATION))
     last = found(rounded, DURATION)
-    report(f'local search: rms error {last.rms_error:.3g}, peak control {last.peak_control:.4g} of {peak:.4g}')
+    report(f'local search: rms error {last.rms_error:.3g}, peak control {last.peak_control:.4g}, limit {peak:.4g}')
     return _named(rounded)
 
 
 def _gains(exponents: Sequence[float]) -> Gains:
-    """Return the gains of a point of the search."""
+    """Return the gains at a point of the search, given as logarithms."""
     proportional, integral, derivative = (math.exp(exponent) for exponent in exponents)
     return proportional, integral if integral > LEAST_INTEGRAL * proportional else 0.0, derivative
 
 
 def _named(law: Gains) -> dict[str, object]:
-    """Return gains under their ROS names."""
+    """Return the gains under their ROS parameter names."""
     return dict(zip(('proportional_gain', 'integral_gain', 'derivative_gain'), law, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The PID controller with the least error on sines under a peak sensitivity and a limit of the overshoot."""
+"""PID controller with the least error on sines for a maximum peak sensitivity and a maximum overshoot."""
 
 import dataclasses
 import itertools
@@ -24,40 +24,40 @@ from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, Sections, Steps, run_sine, track
 
 OVERSHOOT = 20.0
-"""Of steps, by default [%]."""
+"""Default limit of the overshoot of steps [%]."""
 DERIVATIVE_SHARES = (0.1, 6.0)
-"""Range of k_d, over the largest without a filter."""
+"""Search range of k_d, relative to the largest k_d without a filter."""
 HUMP = math.sqrt(FREQUENCIES[0] * FREQUENCIES[1])
 """
-Where the two searched ranges of sqrt(k_i/k_d)/(2 pi) meet [Hz]. About there the error has a maximum over k_i, since the
-integral takes off what the derivative gives: |C|^2 = k_p^2 + (k_d w - k_i/w)^2.
+Boundary between the two search ranges of sqrt(k_i/k_d)/(2 pi) [Hz]. Near it the error has a maximum over k_i, because
+integral and derivative cancel: ``|C|^2 = k_p^2 + (k_d w - k_i/w)^2``.
 """
 LARGEST_POLE = 0.9
-"""Of the derivative's filter."""
+"""Largest pole of the derivative filter."""
 LEAST_POLE = 0.005
-"""Below it the derivative's filter is left out."""
+"""Smallest pole of the derivative filter; below it there is no filter."""
 INTEGRAL_COST = 1.05
-"""What the integral may cost of the squared error, where steps count."""
+"""Allowed factor on the squared error for a larger k_i, with a limit of the overshoot."""
 _REJECTED = 1e9
-"""Cost of what breaks the rule, beyond any squared error [um^2]."""
+"""Cost of gains that violate the rule, above any squared error [um^2]."""
 _SINE_DURATION, _SINE_TRANSIENT = 1.0, 0.5
-"""Of the simulated sines [s]."""
+"""Duration of the simulated sines, and the transient within it [s]."""
 _FIRST_POINTS, _POPULATION = 500, 60
-"""Random points of which the global search takes the best, and how many it takes."""
+"""Number of random points, and number of the best of them with which the global search starts."""
 _START = (0.7, 0.0)
-"""k_d, over the largest without a filter, and k_i of the controller from whose run the command is taken."""
+"""k_d, relative to the largest without a filter, and k_i of the controller whose run yields the command."""
 
 
 Objective = Callable[[LinearController], float]
 
 
 def computation_delay(sections: Sections, node: str) -> int:
-    """Return by how many samples a controller's command comes late."""
+    """Return the computation delay of a controller [samples]."""
     return dsp_parameters(node, sections.get(node, {})).computation_delay
 
 
 def pid_gains(law: LinearController) -> dict[str, object]:
-    """Return the gains of the PID controller that acts as ``law``, under their ROS names."""
+    """Return the gains of the PID controller equivalent to ``law``, under their ROS parameter names."""
     return {
         'proportional_gain': law.proportional,
         'integral_gain': law.integral,
@@ -68,23 +68,23 @@ def pid_gains(law: LinearController) -> dict[str, object]:
 
 class PidSearch:
     """
-    The search for one drive; its parts are explained in :mod:`~hdd_servo_ros.studies.tune`.
+    PID search for one drive; :mod:`~hdd_servo_ros.studies.tune` explains the steps.
 
-    The errors on sines are estimated in the global search and simulated in the local one. At each point of the search
-    k_p is the largest that the peak sensitivity allows.
+    The global search estimates the errors on sines, the local search simulates them. At each point of the search, k_p
+    is the largest value that the peak sensitivity allows.
 
     Parameters
     ----------
     plant
-        The drive, also in ``sections``.
+        Parameters of the drive, equal to those in ``sections``.
     sample_time
         T [s].
     sections
-        Parameters of drive and vibrometer for the runs, and of the PID controller its computation delay.
+        Parameters of drive and vibrometer for the runs, and the computation delay of the PID controller.
     overshoot
-        Largest overshoot of steps [%]; infinity for no limit.
+        Limit of the overshoot of steps [%]; infinity for no limit.
     report
-        Receives lines of text on the progress.
+        Receives lines of text about the progress.
     """
 
     def __init__(
@@ -102,17 +102,17 @@ class PidSearch:
         self._margins = LoopMargins(plant, sample_time)
         self._delay = computation_delay(sections, 'pid_controller')
         self._steps = Steps(sections, sample_time)
-        # With hardly any k_p and no filter, k_d could reach this far.
-        self._reach = largest_gain_on_r(
+        # The largest k_d, with almost no k_p and no filter.
+        self._largest_derivative = largest_gain_on_r(
             self._margins, largest_lambda(self._margins, 100.0, delay=self._delay), delay=self._delay
         )
-        # The searched range of sqrt(k_i/k_d)/(2 pi), up to where k_d alone would have a loop gain of 1. [Hz]
-        crossover = max(plant.rigid_gain * self._reach / (2.0 * math.pi), 2.0 * HUMP)
-        self._whole = (0.1 * HUMP, crossover)
+        # Search range of sqrt(k_i/k_d)/(2 pi) [Hz], up to the crossover frequency of k_d alone.
+        crossover = max(plant.rigid_gain * self._largest_derivative / (2.0 * math.pi), 2.0 * HUMP)
+        self._integral_range = (0.1 * HUMP, crossover)
         self._estimate = self._estimate_of_errors(plant)
 
     def _estimate_of_errors(self, plant: PlantParameters) -> SineErrors:
-        start = self._law(_START[0] * self._reach, _START[1], 0.0)
+        start = self._law(_START[0] * self._largest_derivative, _START[1], 0.0)
         commands = {}
         for frequency in FREQUENCIES:
             rows = run_sine('pid', pid_gains(start), self._sections, self._sample_time, frequency, _SINE_DURATION)
@@ -123,23 +123,23 @@ class PidSearch:
         return SineErrors(plant, self._sample_time, commands, *noise)
 
     def _law(self, derivative: float, integral: float, bandwidth: float, digits: int = 15) -> LinearController:
-        """Return the controller with the largest k_p that the peak sensitivity allows; 0 if it allows none."""
+        """Return the controller with the largest k_p that the peak sensitivity allows; k_p = 0 if it allows none."""
         law = LinearController(0.0, derivative, integral, bandwidth, self._delay)
         proportional = largest_proportional_gain(self._margins, law)
         return dataclasses.replace(law, proportional=round_down(proportional, digits) if proportional > 0.0 else 0.0)
 
     def _at(self, point: Sequence[float]) -> LinearController:
-        """Return the controller at a point of the search: logarithms of k_d and k_i/k_d, and the filter's pole."""
+        """Return the controller at a point of the search; see :func:`_bounds`."""
         share, frequency, pole = point
-        derivative = math.exp(share) * self._reach
+        derivative = math.exp(share) * self._largest_derivative
         bandwidth = -math.log(pole) / (2.0 * math.pi * self._sample_time) if pole > LEAST_POLE else 0.0
         return self._law(derivative, derivative * (2.0 * math.pi * math.exp(frequency)) ** 2, bandwidth)
 
     def _checked(self, objective: Objective) -> Callable[[Sequence[float]], float]:
         """
-        Return the cost of a point: an objective where the rule is kept, more than any such where it is broken.
+        Return the cost function of points: the objective, or a larger value if the gains violate the rule.
 
-        A point that is no better than another one which keeps the rule needs no runs on steps: it is not the minimum.
+        Step runs are skipped if the objective is not below that of an earlier point that satisfies the rule.
         """
         best = math.inf
 
@@ -159,7 +159,7 @@ class PidSearch:
         return cost
 
     def _excess(self, law: LinearController) -> float:
-        """Return by how much the overshoot is beyond its limit [%]."""
+        """Return the overshoot minus its limit [%]."""
         if math.isinf(self._overshoot):
             return 0.0
         return self._steps.overshoot(pid_gains(law), self._overshoot) - self._overshoot
@@ -181,17 +181,19 @@ class PidSearch:
         return [run.rms_error for run in runs]
 
     def run(self) -> LinearController:
-        """Search, and return the controller; its gains have three digits or fewer."""
+        """Search and return the controller, with gains rounded to at most three digits."""
         point, estimate = self._best_by_estimate()
         point = self._improved(self._simulated, point)
         found = self._at(point)
-        self._report(f'least error: {self._described(found)}')
+        self._report(f'gains with the least error: {self._described(found)}')
         if math.isinf(self._overshoot):
             return self._rounded(found)
-        point = self._minimum(_integral_within(self._estimated, INTEGRAL_COST * estimate), self._whole, point).x
+        point = self._minimum(
+            _integral_within(self._estimated, INTEGRAL_COST * estimate), self._integral_range, point
+        ).x
         affordable = _integral_within(self._simulated, INTEGRAL_COST * self._simulated(found))
         found = self._at(self._improved(affordable, point))
-        self._report(f'largest integral: {self._described(found)}')
+        self._report(f'gains with the largest integral: {self._described(found)}')
         return self._rounded(found)
 
     def _described(self, law: LinearController) -> str:
@@ -203,10 +205,10 @@ class PidSearch:
     def _minimum(
         self, objective: Objective, integral_range: tuple[float, float], start: Sequence[float] = ()
     ) -> OptimizeResult:
-        """Search all k_d and filters, and a range of sqrt(k_i/k_d)/(2 pi) [Hz], with ``start`` among the first."""
+        """Search all k_d and filters in a range of sqrt(k_i/k_d)/(2 pi) [Hz]; ``start`` is one of the first points."""
         cost = self._checked(objective)
         bounds = _bounds(integral_range)
-        # Few points have any k_p, so that a search that began with some dozens of them might not find one.
+        # Few points allow any k_p, so that a search from a few dozen random points might not find one.
         low, high = np.transpose(bounds)
         points = low + (high - low) * np.random.default_rng(1).random((_FIRST_POINTS, len(bounds)))
         if len(start):
@@ -224,18 +226,18 @@ class PidSearch:
         )
 
     def _best_by_estimate(self) -> tuple[Sequence[float], float]:
-        """Return the best point of a global search on both sides of the hump, by the estimated cost, and this."""
+        """Return the best point of the global searches below and above the error maximum, and its estimated cost."""
         best: Sequence[float] = ()
         least = _REJECTED
-        for low, high in ((self._whole[0], HUMP), (HUMP, self._whole[1])):
+        for low, high in ((self._integral_range[0], HUMP), (HUMP, self._integral_range[1])):
             found = self._minimum(self._estimated, (low, high))
-            searched = f'sqrt(k_i/k_d) of {low:.0f} to {high:.0f} Hz'
+            searched = f'sqrt(k_i/k_d)/(2 pi) from {low:.0f} to {high:.0f} Hz'
             if found.fun >= _REJECTED:
-                self._report(f'{searched}: no PID controller keeps the rule')
+                self._report(f'{searched}: no PID controller satisfies the rule')
                 continue
             squares = self._estimate.mean_squares(self._at(found.x))
             errors = ' and '.join(f'{1e3 * math.sqrt(square):.1f} nm at {f:g} Hz' for f, square in squares.items())
-            self._report(f'{searched}: rms errors of about {errors}')
+            self._report(f'{searched}: estimated rms errors {errors}')
             if found.fun < least:
                 best, least = found.x, found.fun
         if least == _REJECTED:
@@ -246,10 +248,10 @@ class PidSearch:
         return best, least
 
     def _improved(self, objective: Objective, point: Sequence[float]) -> Sequence[float]:
-        """Return what a local search makes of a point."""
+        """Return the result of a local search that starts at a point."""
         cost = self._checked(objective)
-        bounds = _bounds(self._whole)
-        # Begun anew where it has ended: at the edge of what the rule allows, a simplex may close up too early.
+        bounds = _bounds(self._integral_range)
+        # Restart at the result: at the limits of the rule a simplex may collapse too early.
         for _ in range(2):
             share, frequency, pole = point
             simplex = [(share, frequency, pole), (share - 0.05, frequency, pole), (share, frequency - 0.05, pole)]
@@ -259,19 +261,19 @@ class PidSearch:
         return point
 
     def _rounded(self, law: LinearController) -> LinearController:
-        """Return the best controller near ``law`` whose gains have three digits."""
+        """Return the best controller near ``law`` with gains of three digits."""
         integrals = [_neighbors(law.integral)]
         if not math.isinf(self._overshoot):
-            # The first one that the other gains keep the rule with.
+            # Use the first of these with which some other gains satisfy the rule.
             integrals = [[round_down((1.0 - step) * law.integral)] for step in (0.0, 0.005, 0.01, 0.02, 0.04, 0.08)]
-        keeping: list[LinearController] = []
+        valid: list[LinearController] = []
         for some in integrals:
             near = itertools.product(_neighbors(law.derivative), some, _neighbors(law.bandwidth))
             laws = (self._law(*gains, digits=3) for gains in near)
-            keeping = keeping or [law for law in laws if self._keeps_the_rule(law)]
-        return min(keeping, key=self._simulated, default=law)
+            valid = valid or [law for law in laws if self._satisfies_the_rule(law)]
+        return min(valid, key=self._simulated, default=law)
 
-    def _keeps_the_rule(self, law: LinearController) -> bool:
+    def _satisfies_the_rule(self, law: LinearController) -> bool:
         return (
             law.proportional > 0.0
             and self._excess(law) <= 0.0
@@ -280,7 +282,7 @@ class PidSearch:
 
 
 def _integral_within(cost: Objective, most: float) -> Objective:
-    """Return an objective whose minimum has the largest k_i of those that cost no more than ``most``."""
+    """Return an objective whose minimum has the largest k_i with a cost of at most ``most``."""
 
     def objective(law: LinearController) -> float:
         own = cost(law)
@@ -290,13 +292,13 @@ def _integral_within(cost: Objective, most: float) -> Objective:
 
 
 def _bounds(integral_range: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the limits of a search: logarithms of k_d and of sqrt(k_i/k_d)/(2 pi), and the filter's pole."""
+    """Return the bounds of log relative k_d, log sqrt(k_i/k_d)/(2 pi) [Hz], and the pole of the filter."""
     (low_share, high_share), (low, high) = DERIVATIVE_SHARES, integral_range
     return [(math.log(low_share), math.log(high_share)), (math.log(low), math.log(high)), (0.0, LARGEST_POLE)]
 
 
 def _neighbors(value: float) -> list[float]:
-    """Return the two values with three digits about ``value`` and the next ones below and above, 0 for 0."""
+    """Return the two nearest values with three digits below and two above; only 0 for 0."""
     if value == 0.0:
         return [0.0]
     down, up = round_down(value), round_up(value)
@@ -311,7 +313,7 @@ def tune_pid(
     report: Callable[[str], None] = lambda line: None,
 ) -> dict[str, object]:
     """
-    Return the PID controller's gains by the rule of :mod:`~hdd_servo_ros.studies.tune`, under their ROS names.
+    Return the PID gains by the tuning rule of :mod:`~hdd_servo_ros.studies.tune`, under their ROS parameter names.
 
     Parameters
     ----------
@@ -321,6 +323,6 @@ def tune_pid(
     Raises
     ------
     ParameterError
-        If no PID controller keeps the rule.
+        If no PID controller satisfies the rule.
     """
     return pid_gains(PidSearch(plant, sample_time, sections, overshoot, report).run())

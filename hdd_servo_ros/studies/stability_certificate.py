@@ -1,11 +1,11 @@
 """
-The stability certificate of theorem 4.1 for a recorded run of the adaptive NN controller.
+Stability certificate of theorem 4.1 for a recorded run of the adaptive NN controller.
 
     ros2 run hdd_servo_ros stability_certificate RUN
 
-prints V(0), c1, c2, the bounds and how near the run came to them, for two choices of the ideal values (see
-``stability/ideal_values.py``), says which of the theorem's conditions the run keeps, and draws V, |r| and |e| with
-their bounds into the run's folder as ``certificate.png``.
+The command prints V(0), c1, c2, the bounds and the smallest margins to them for two choices of the ideal values (see
+``stability/ideal_values.py``), lists which conditions of the theorem the run satisfies, and draws V, ``|r|`` and
+``|e|`` with their bounds to ``certificate.png`` in the run directory.
 """
 
 import dataclasses
@@ -35,14 +35,14 @@ _POINTS = 4000
 
 
 class CertificateError(ValueError):
-    """A run of which no certificate can be given; says why."""
+    """The theorem does not apply to the run; the message states the reason."""
 
     exit_code = UNREADABLE
 
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """The certificates and conditions of a run, and its units."""
+    """Certificates, conditions and units of a run."""
 
     certificates: tuple[Certificate, ...]
     conditions: tuple[Condition, ...]
@@ -51,41 +51,43 @@ class Report:
 
 def certificate_of_run(directory: Path, extra_disturbance: float | None = None) -> Report:
     """
-    Return the stability certificate of a run folder.
+    Return the stability certificate of a run directory.
 
     Parameters
     ----------
     directory
-        The run folder.
+        The run directory.
     extra_disturbance
-        Bound of a disturbance from a node of its own [V]; needed if there was one.
+        Bound of the disturbance [V]; required if a node published one during the run.
 
     Raises
     ------
     CertificateError, ParameterError, WeightReplayError
-        If the theorem says nothing of this run, or its states cannot be recovered.
+        If the theorem does not apply to this run, or the controller states cannot be recovered.
     FileNotFoundError, ValueError
-        If there is no readable run.
+        If the directory has no readable run.
     """
     run = read_run_yaml(directory)
     nodes = {name.rsplit('/', 1)[-1]: node for name, node in run['nodes'].items()}
     for name in (CONTROLLER, DRIVE, SENSOR):
         if name not in nodes:
-            raise CertificateError(f'{directory}: no {name} took part, but {", ".join(nodes)}')
+            raise CertificateError(f'{directory}: the run has no {name}, only {", ".join(nodes)}')
     changed = _changed_nodes(directory) & {CONTROLLER, DRIVE, SENSOR}
     if changed:
         raise CertificateError(
-            f'{directory}: parameters of {", ".join(sorted(changed))} changed during the run; the theorem is about '
-            'one set of constants'
+            f'{directory}: parameters of {", ".join(sorted(changed))} changed during the run; the theorem applies only '
+            'to constant parameters'
         )
     if DISTURBANCE.name in {**run['topics'], **run.get('topics_left_out', {})} and extra_disturbance is None:
-        raise CertificateError(f'{directory}: a node published {DISTURBANCE.name}: say its bound with --disturbance')
-    of_controller = with_tuples(nodes[CONTROLLER]['parameters'])
-    controller = block_parameters(CONTROLLER, of_controller)
-    dsp = dsp_parameters(CONTROLLER, of_controller)
+        raise CertificateError(
+            f'{directory}: a node published {DISTURBANCE.name}; pass the bound of the disturbance with --disturbance'
+        )
+    values = with_tuples(nodes[CONTROLLER]['parameters'])
+    controller = block_parameters(CONTROLLER, values)
+    dsp = dsp_parameters(CONTROLLER, values)
     plant = block_parameters(DRIVE, with_tuples(nodes[DRIVE]['parameters']))
     sensor = block_parameters(SENSOR, with_tuples(nodes[SENSOR]['parameters']))
-    scales = sensor_scales(input_parameters(CONTROLLER, of_controller), sensor)
+    scales = sensor_scales(input_parameters(CONTROLLER, values), sensor)
     signals = RecordedRun.open(directory)
     sample_time = float(run['sample_time'])
     certificates = certify(signals, sample_time, plant, controller, dsp, scales, extra_disturbance or 0.0)
@@ -109,13 +111,13 @@ def _changed_nodes(directory: Path) -> set[str]:
 
 
 TITLES = {
-    'theorem': "the thesis's split (4.12), (4.13), over the region where the run went",
-    'run': 'for the friction that this run showed (says nothing of other runs)',
+    'theorem': 'with the ideal values of (4.12) and (4.13), over the region that the run covered',
+    'run': 'with the friction of this run (not valid for other runs)',
 }
 
 
 def table(report: Report) -> str:
-    """Return the report as text."""
+    """Return the report as a text table."""
     in_units, lines = report.units.of, []
     for certificate in report.certificates:
         bounds, ideal = certificate.bounds, certificate.ideal
@@ -126,7 +128,7 @@ def table(report: Report) -> str:
             f'  ideal values  sigma {ideal.sigma:.4g}, m {ideal.mass:.4g}, phi {ideal.phi:.4g}, |W*| {weights:.4g}',
             f'  V(0) {bounds.initial:.4g}, c1 {bounds.c1:.4g} 1/s (of {smallest}), c2 {bounds.c2:.4g}, '
             f'c2/c1 {bounds.ultimate:.4g}',
-            f'  {"":29}{"nearest":>12}{"bound":>12}{"margin":>12}{"bound/value":>12}{"tick":>9}{"violations":>12}',
+            f'  {"":29}{"closest":>12}{"bound":>12}{"margin":>12}{"bound/value":>12}{"tick":>9}{"violations":>12}',
         ]
         for each in certificate.checks:
             name = f'{each.name} [{in_units(each.unit)}]' if each.unit else each.name
@@ -142,22 +144,21 @@ def table(report: Report) -> str:
             late.append(('|e|', in_units('um'), certificate.late(certificate.e), bounds.e_of(bounds.ultimate)))
         for name, unit, value, limit in late:
             lines.append(
-                f'  {name} in the last half: {value:.4g} {unit}; ultimate bound (ii): {limit:.4g} {unit}, '
-                f'{limit / value if value > 0.0 else np.inf:.4g} times as large'
+                f'  {name} in the second half: {value:.4g} {unit}; ultimate bound (ii): {limit:.4g} {unit}, '
+                f'bound/value {limit / value if value > 0.0 else np.inf:.4g}'
             )
         lines.append('')
-    lines.append("the theorem's conditions in this run:")
+    lines.append('conditions of the theorem in this run:')
     width = max(len(each.name) for each in report.conditions)
     lines += [
-        f'  {each.name:<{width}}  {"kept" if each.holds else "NOT kept":<8}  {each.detail}'
-        for each in report.conditions
+        f'  {each.name:<{width}}  {"met" if each.holds else "NOT MET":<7}  {each.detail}' for each in report.conditions
     ]
     return '\n'.join(lines)
 
 
 def draw(report: Report, path: Path) -> None:
-    """Draw V, |r| and |e| with their bounds over time into a PNG file."""
-    # Not pyplot: a picture into a file needs no display.
+    """Draw V, ``|r|`` and ``|e|`` with their bounds over time into a PNG file."""
+    # Not pyplot: writing a file needs no display.
     figure = Figure(figsize=(11, 9), layout='constrained')
     FigureCanvasAgg(figure)
     axes = figure.subplots(3, 1, sharex=True)
@@ -178,7 +179,7 @@ def draw(report: Report, path: Path) -> None:
                 axis.semilogy(time[every], limits[every], '--', color=f'C{index}', label=label)
     first = report.certificates[0]
     for axis, values in zip(axes[1:], (first.r, first.e), strict=True):
-        # A zero crossing reaches down as far as a sample happens to come near it.
+        # Samples near a zero crossing would extend the logarithmic axis arbitrarily.
         largest = float(np.abs(values).max())
         axis.set_ylim(bottom=1e-5 * largest if largest > 0.0 else None)
     for axis, name in zip(axes, ('V (4.22)', f'|r| [{length}/s]', f'|e| [{length}]'), strict=True):
@@ -195,28 +196,28 @@ def command_line() -> CommandParser:
     parser = CommandParser(
         prog='stability_certificate',
         description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
-        'controller; the picture is certificate.png in the run folder.',
-        epilog='Exit code: 0 done (also where a bound is violated), 1 the picture cannot be written, 2 wrong '
+        'controller; the figure is certificate.png in the run directory.',
+        epilog='Exit code: 0 done (also where a bound is violated), 1 the figure cannot be written, 2 invalid '
         'arguments, 3 the run has no certificate or cannot be read.',
     )
-    parser.add_argument('run', type=Path, help='run folder')
-    parser.add_argument('--disturbance', type=float, help='bound of a disturbance from a node of its own [V]')
+    parser.add_argument('run', type=Path, help='run directory')
+    parser.add_argument('--disturbance', type=float, help='bound of the disturbance that a node published [V]')
     return parser
 
 
 @command('stability_certificate', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print and draw the certificate of a run; exit code 2 if there is none to give."""
+    """Print and draw the certificate of a run; see the help text for the exit codes."""
     parser = command_line()
     options = parser.parse_args(arguments)
     if options.disturbance is not None and not 0.0 <= options.disturbance < math.inf:
-        parser.error(f'--disturbance {options.disturbance:g} is no bound: a finite number at least 0 [V]')
+        parser.error(f'--disturbance {options.disturbance:g} is rejected: expected a finite number >= 0 [V]')
     with reading(options.run):
         report = certificate_of_run(options.run, options.disturbance)
     print(table(report))
-    picture = options.run / 'certificate.png'
-    draw(report, picture)
-    print(f'\npicture  {picture}')
+    figure = options.run / 'certificate.png'
+    draw(report, figure)
+    print(f'\nfigure  {figure}')
     return 0
 
 

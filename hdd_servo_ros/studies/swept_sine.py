@@ -1,10 +1,11 @@
 """
-A recorded sweep: its response from the bag alone, and what Levy's method and the iteration find in it.
+Frequency response of a recorded sweep, and its identification by Levy's method and by its iterative refinement.
 
     ros2 run hdd_servo_ros swept_sine RUN [--noise 0.01]
 
-Writes `response.csv` and `response.png` into the run's folder anew, the latter with the identified model drawn over the
-measurement (fig. 5.3), and prints the table of true and identified gain and modes.
+The command computes the response from the bag and replaces `response.csv` and `response.png` in the run directory;
+`response.png` shows the identified model over the measurement (fig. 5.3). It prints a table of the true and the
+identified gain and modes.
 """
 
 import dataclasses
@@ -29,14 +30,15 @@ from hdd_servo_ros.reporting.recorded_response import node_parameters, response_
 from hdd_servo_ros.reporting.response import CSV, PICTURE, describe
 
 FROM = 400.0
-"""Lowest frequency used [Hz]: below, the friction makes the response depend on the amplitude."""
+"""Lowest frequency used [Hz]; below it, the response depends on the amplitude because of friction."""
 ZEROS = 4
-"""Of (5.2) and (5.3) together; (5.1) to (5.5) have ten poles."""
+"""Number of zeros: those of (5.2) and (5.3) together."""
 POLES = 10
+"""Number of poles of (5.1) to (5.5)."""
 
 
 def with_noise(measured: FrequencyResponse, level: float, seed: int) -> FrequencyResponse:
-    """Return a measurement with complex noise of an rms of ``level`` times each point's magnitude, and no coherence."""
+    """Return a measurement with complex noise of rms ``level`` times the magnitude at each point, and no coherence."""
     rng = np.random.default_rng(seed)
     count = len(measured.frequency)
     noise = (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(2.0)
@@ -49,21 +51,21 @@ def with_noise(measured: FrequencyResponse, level: float, seed: int) -> Frequenc
 
 
 def true_modes(parameters: PlantParameters) -> list[tuple[float, float]]:
-    """Return natural frequency [Hz] and damping of the drive's resonances, by frequency."""
+    """Return natural frequency [Hz] and damping ratio of the resonances of the drive, in order of frequency."""
     poles = np.roots(transfer.resonance(parameters.resonance)[1])
     upper = sorted(poles[poles.imag > 0.0], key=abs)
     return [(abs(pole) / (2.0 * np.pi), -pole.real / abs(pole)) for pole in upper]
 
 
 def compare(parameters: PlantParameters, models: Mapping[str, Model]) -> str:
-    """Return a table (Markdown) of true and identified gain and modes; the deviations in brackets."""
+    """Return a Markdown table of the true and the identified gain and modes, with the deviations in parentheses."""
     found = {name: ([mode for mode in model.modes() if mode.pole.imag > 0.0], model) for name, model in models.items()}
     rows = [['', 'true', *found]]
     gain = parameters.rigid_gain
     rows.append(['gain', f'{gain:.5g}', *(_deviation(model.rigid_gain(), gain, 5) for _, model in found.values())])
     true = true_modes(parameters)
     for i, (frequency, damping) in enumerate(true):
-        # Those of highest frequency: a pair below them is the rigid body on the friction's spring.
+        # Take the pairs of highest frequency: a pair below them is the rigid body on the friction stiffness.
         modes = [pairs[len(pairs) - len(true) + i] if len(pairs) >= len(true) else None for pairs, _ in found.values()]
         rows.append(
             [
@@ -89,21 +91,23 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='swept_sine',
-        description='Compute the response of a recorded sweep from its bag alone (response.csv and response.png in the '
-        'run folder), and compare what two methods identify from it with the true drive.',
-        epilog='Exit code: 0 done, 1 a file cannot be written, 2 wrong arguments, 3 the run is not a sweep or cannot '
+        description='Compute the frequency response of a recorded sweep from its bag (response.csv and response.png in '
+        'the run directory), and compare the models identified by two methods with the true drive.',
+        epilog='Exit code: 0 done, 1 a file cannot be written, 2 invalid arguments, 3 the run is not a sweep or cannot '
         'be read.',
     )
-    parser.add_argument('run', type=Path, help='folder of a run of signal_analyzer')
-    parser.add_argument('--noise', type=float, default=0.0, help='relative rms of noise to add before identifying')
-    parser.add_argument('--seed', type=int, default=0, help='of that noise')
+    parser.add_argument('run', type=Path, help='run directory of signal_analyzer')
+    parser.add_argument(
+        '--noise', type=float, default=0.0, help='relative rms of the noise added before the identification'
+    )
+    parser.add_argument('--seed', type=int, default=0, help='seed of that noise')
     parser.add_argument('--from', type=float, default=FROM, dest='lowest', metavar='HZ', help='lowest frequency used')
     return parser
 
 
 @command('swept_sine', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Identify one run; exit code 3 if it is not a sweep or cannot be read, 1 if a file cannot be written."""
+    """Identify the drive from one run; exit code 3 not a sweep or unreadable, 1 a file cannot be written."""
     given = command_line().parse_args(arguments)
     with reading(given.run):
         run = RecordedRun.open(given.run)

@@ -1,4 +1,4 @@
-"""What tuned controllers do on the sines of the rule, as the table of `tune` has it, by a campaign."""
+"""Campaign with tuned controllers on the sines of the tuning rule, for the table of `tune`."""
 
 import dataclasses
 import math
@@ -17,16 +17,16 @@ _METRICS = ('rms_error', 'max_error', 'peak_control')
 @dataclasses.dataclass(frozen=True)
 class TunedLaw:
     """
-    A controller with its gains.
+    Controller with gains.
 
     Attributes
     ----------
     name
-        As the table has it.
+        Name in the table.
     controller
         ``'pid'`` or ``'adaptive_nn'``.
     gains
-        Its parameters, over those of the parameter files.
+        Parameters that override those of the parameter files.
     """
 
     name: str
@@ -37,20 +37,20 @@ class TunedLaw:
 @dataclasses.dataclass(frozen=True)
 class SineRun:
     """
-    A run of a law on a sine of 2 um.
+    Result of a run on a 2 µm sine.
 
     Attributes
     ----------
     law
-        Name of the law.
+        Name of the controller.
     frequency
-        Of the sine [Hz].
+        Frequency of the sine [Hz].
     rms_error, max_error
-        After the transient [nm]; NaN if the run diverged.
+        Errors after the transient [nm]; NaN if the run diverged.
     peak_control
-        Of the whole run [V]; NaN if it diverged.
+        Peak control of the entire run [V]; NaN if it diverged.
     mark
-        The verdict where the run does not track, as tables of reports have it; empty where it does.
+        Verdict on a run that does not track, as in the tables of reports; empty otherwise.
     """
 
     law: str
@@ -65,18 +65,18 @@ def runs_on_sines(
     laws: Sequence[TunedLaw], sections: Sections, sample_time: float, seconds: float
 ) -> Iterator[SineRun]:
     """
-    Run each law on both sines, and iterate over the runs, law by law.
+    Run each controller on both sines, and yield the results in order of the controllers.
 
     Parameters
     ----------
     laws
-        What runs.
+        Controllers to run.
     sections
         Parameters of drive, vibrometer and controllers.
     sample_time
         T [s].
     seconds
-        Length of the runs, rounded to whole samples [s].
+        Duration of the runs, rounded to whole samples [s].
     """
     values: dict[str, object] = {
         'deterministic_timer:sample_time': sample_time,
@@ -90,7 +90,7 @@ def runs_on_sines(
     table = Campaign(Spec('tune', (), values, controllers, points, metrics=_METRICS, after=TRANSIENT)).run()
     for law in laws:
         for row in table.where(controller=law.name).rows():
-            # What a run did before it diverged is not its error.
+            # The samples before a divergence do not give a valid error.
             rms_error, max_error, peak_control = (
                 row[name] if row['status'] == FINISHED else math.nan for name in _METRICS
             )

@@ -1,7 +1,7 @@
 """
-The simulated runs by which controllers are tuned: sines, and steps from rest.
+Simulated runs for the tuning of controllers: sines, and steps from rest.
 
-A search makes them one by one in its own process, since each depends on what came out of those before.
+A search simulates them one by one in its own process, because each point depends on the results of earlier ones.
 """
 
 import copy
@@ -17,17 +17,17 @@ from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.simulation.experiment import Experiment
 
 AMPLITUDE = 2.0
-"""Of the sines [um]."""
+"""Amplitude of the sines [um]."""
 FREQUENCIES = (100.0, 200.0)
-"""Of the sines by which the PID controller is judged [Hz]."""
+"""Frequencies of the sines on which the PID controller is tuned [Hz]."""
 TRANSIENT = 2.0
-"""What the tables leave out at the start of a run [s]."""
+"""Transient at the start of a run, which the tables ignore [s]."""
 HEIGHTS = (5.0, 0.5)
-"""Of the steps by which its overshoot is judged [um]."""
+"""Heights of the steps on which the overshoot is measured [um]."""
 _STEP_TIME = 1e-3
-"""When the steps come [s]."""
+"""Time of the steps [s]."""
 _STEP_DURATION = 0.05
-"""Of a run on a step: enough for the largest overshoot [s]."""
+"""Duration of a run with a step: enough for the largest overshoot [s]."""
 
 Sections = Mapping[str, Mapping[str, object]]
 
@@ -41,22 +41,22 @@ def run_sine(
     duration: float,
 ) -> SignalRows:
     """
-    Run a 2 um sine with one controller.
+    Run a 2 µm sine with one controller.
 
     Parameters
     ----------
     controller
         ``'pid'`` or ``'adaptive_nn'``.
     gains
-        Its parameters, over those in ``sections``.
+        Parameters that override those in ``sections``.
     sections
         Parameters of drive, vibrometer and controller.
     sample_time
         T [s].
     frequency
-        Of the sine [Hz].
+        Frequency of the sine [Hz].
     duration
-        Of the run [s].
+        Duration of the run [s].
     """
     node = f'{controller}_controller'
     parameters = {
@@ -76,18 +76,18 @@ def track(
     duration: float,
     transient: float,
 ) -> TrackingMetrics:
-    """Return the metrics of a run of :func:`run_sine` from ``transient`` [s] on."""
+    """Return the metrics of a run of :func:`run_sine` after the transient [s]."""
     return metrics_of(run_sine(controller, gains, sections, sample_time, frequency, duration), transient)
 
 
 def metrics_of(rows: SignalRows, transient: float, unit: float = NANOMETRES) -> TrackingMetrics:
-    """Return the metrics of a run from ``transient`` [s] on, errors as of :func:`tracking_metrics` in ``unit``."""
+    """Return the metrics of a run after the transient [s], with errors in ``unit``; see :func:`tracking_metrics`."""
     return tracking_metrics(rows.time, rows.reference[:, 0], rows.head[:, 0], rows.control[:, 0], transient, unit)
 
 
 class Steps:
     """
-    Lone steps from rest with the PID controller.
+    Single steps from rest with the PID controller.
 
     Parameters
     ----------
@@ -115,19 +115,19 @@ class Steps:
 
     def overshoot(self, gains: Mapping[str, object], limit: float = math.inf) -> float:
         """
-        Return the largest overshoot of the head's true position [% of the height]; infinity if the run fails.
+        Return the largest overshoot of the true head position [% of the height]; infinity if the run fails.
 
         Parameters
         ----------
         gains
-            Of the controller.
+            Gains of the controller.
         limit
-            Beyond it, the steps that are left are not run.
+            Once the overshoot exceeds this limit, the remaining steps are skipped [%].
         """
         parameters: PidParameters = block_parameters('pid_controller', {**self._own, **gains})
         largest = 0.0
         for at_rest in self._at_rest:
-            # A copy takes a third of the time of a new one, whose parameters are checked; both make the same rows.
+            # Copying takes a third of the time of a new experiment, which checks its parameters; the rows are equal.
             experiment = copy.deepcopy(at_rest)
             experiment.update('pid_controller', {PidParameters: parameters})
             rows = experiment.run(0, self._ticks)
@@ -141,5 +141,5 @@ class Steps:
 
 
 def bench_of(sections: Sections) -> dict[str, Mapping[str, object]]:
-    """Return the sections of drive and vibrometer."""
+    """Return the sections of the drive and the vibrometer."""
     return {node: sections.get(node, {}) for node in ('vcm_plant', 'ldv_sensor')}

@@ -17,7 +17,7 @@ from hdd_servo_ros.studies.chapter4.cases import (
     PID_BY_LAMBDA,
     at_sample_time,
 )
-from hdd_servo_ros.studies.chapter4.network_cases import as_printed, compensator, network, phi_instead, without
+from hdd_servo_ros.studies.chapter4.network_cases import as_printed, compensator, network, phi_only, without
 from hdd_servo_ros.studies.chapter4.table_ablation import ABLATION
 from hdd_servo_ros.studies.chapter4.table_lambda import NN_COARSE
 
@@ -125,7 +125,7 @@ def test_what_makes_the_network_earn_its_place(runs, value, share):
     assert found['normalized'] < 0.8 * found['strong'] < 0.8 * found['none']
     assert found['normalized'] < share * found['none']
     # phi_hat with the same constants gets as far, and chatters more.
-    instead = phi_instead(value)
+    instead = phi_only(value)
     assert runs.metrics(instead, LAST_HALF).rms_error < 1.2 * found['normalized']
     assert runs.chatter(cases['normalized'], LAST_HALF) < 0.5 * runs.chatter(instead, LAST_HALF)
 

@@ -122,7 +122,7 @@ def test_wrong_arguments_have_exit_code_2(tmp_path, capsys):
     error = capsys.readouterr().err
     assert 'fig_9_9' in error
     # 1/50 of the period of 5 rad/s.
-    assert 'would have 25.1 samples a period of its reference, not 50; at most 0.0251 s will do for it' in error
+    assert 'would have 25.1 samples per reference period, fewer than 50; expected at most 0.0251 s' in error
     assert 'a multiple of sample_time = 0.0003 s' in error
 
 

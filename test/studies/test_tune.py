@@ -242,7 +242,7 @@ def test_same_peak_finds_the_shipped(overlays):
         (['--same-peak', '--sample-time', '0'], 'sample_time: 0.0;'),
         (['--overshoot', 'much'], '--overshoot much is rejected: expected a number above 0 [%], or none'),
         (['--overshoot', '-5'], '--overshoot -5 is rejected'),
-        (['--seconds', '2'], '--seconds 2 is no more than the 2 s that do not count'),
+        (['--seconds', '2'], '--seconds 2 is rejected: expected more than the transient of 2 s'),
     ],
 )
 def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, said):

@@ -1,5 +1,5 @@
 """
-The adaptive NN controller against the best PID controllers: a module for each figure or table, and their ``cases.py``.
+Adaptive NN against the best PID controllers: one module per figure or table; ``cases.py`` has the shared runs.
 
-The best PID depends on how much its steps may overshoot, so that there is one for each limit.
+The best PID depends on the limit of the overshoot of steps, so there is one for each limit.
 """

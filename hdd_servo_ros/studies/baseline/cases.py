@@ -1,4 +1,4 @@
-"""The runs that several figures and tables of the baseline share."""
+"""Runs shared by several figures and tables of the baseline."""
 
 import dataclasses
 import math
@@ -9,25 +9,25 @@ FILE = 'seagate_7200_10.yaml'
 LAW = 'thesis_law.yaml'
 FOR_SINES = 'pid_for_sines.yaml'
 DURATION = 10.0
-"""Of all runs but those on steps [s]."""
+"""Duration of all runs except those with steps [s]."""
 TRANSIENT = 2.0
-"""The errors on sines count from here on [s]."""
+"""Transient before the errors on sines are evaluated [s]."""
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0, 60.0, 100.0, 200.0, 500.0)
-"""Of the sines of ``AMPLITUDE`` [Hz]."""
+"""Frequencies of the sines with ``AMPLITUDE`` [Hz]."""
 AMPLITUDE = 2.0
-"""Of the sines over frequency [um]."""
+"""Amplitude of the sines over frequency [um]."""
 AMPLITUDES = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Of the sines of ``FREQUENCY`` [um]."""
+"""Amplitudes of the sines with ``FREQUENCY`` [um]."""
 FREQUENCY = 100.0
-"""Of the sines over amplitude [Hz]."""
+"""Frequency of the sines over amplitude [Hz]."""
 LIMIT_FREQUENCIES = (50.0, 100.0, 200.0)
-"""By which the best PID controllers are shown [Hz]."""
+"""Frequencies at which the best PID controllers are compared [Hz]."""
 HEIGHTS = (0.5, 5.0)
-"""Of the steps by which their overshoot is measured [um]."""
+"""Heights of the steps for the measurement of their overshoot [um]."""
 STEP_TIME = 0.05
-"""Of these steps [s]."""
+"""Time of these steps [s]."""
 STEP_DURATION = 0.25
-"""Of the runs on them [s]."""
+"""Duration of the runs with steps [s]."""
 
 BEST_PIDS = {
     10.0: (0.606, 38.2, 1.58e-4, 2570.0),
@@ -36,13 +36,13 @@ BEST_PIDS = {
     50.0: (0.331, 1360.0, 2.09e-4, 1720.0),
     math.inf: (0.186, 2250.0, 2.26e-4, 1550.0),
 }
-"""k_p, k_i, k_d and the filter's corner by `tune --overshoot`, by the limit [%]; infinity for none."""
+"""k_p, k_i, k_d and corner frequency of the filter from `tune --overshoot`, by limit [%]; infinity for no limit."""
 PID_NAMES = ('proportional_gain', 'integral_gain', 'derivative_gain', 'derivative_bandwidth')
-"""Parameters of these gains."""
+"""Parameter names of these gains."""
 
 
 def limit_in_words(limit: float) -> str:
-    """Return a limit of the overshoot [%] as tables have it."""
+    """Return a limit of the overshoot [%] as tables show it."""
     return 'none' if math.isinf(limit) else f'{limit:g} %'
 
 
@@ -65,11 +65,11 @@ CONTROLLERS = {
     'PID, at most 20 % overshoot': ('pid', 'pid', ()),
     'PID for sines': ('pid_for_sines', 'pid', (FOR_SINES,)),
 }
-"""What is compared: name of the cases, controller, and overlays."""
+"""Prefix of the case names, controller and overlays of each compared controller."""
 OVER_FREQUENCY = {name: {f: _sine(*kind, f) for f in FREQUENCIES} for name, kind in CONTROLLERS.items()}
-"""By the controller's name and the frequency."""
+"""Cases by name of the controller and frequency."""
 OVER_AMPLITUDE = {name: {a: _sine(*kind, FREQUENCY, a) for a in AMPLITUDES} for name, kind in CONTROLLERS.items()}
-"""By the controller's name and the amplitude."""
+"""Cases by name of the controller and amplitude."""
 
 
 def _best_pid(limit: float, name: str, duration: float, **reference: object) -> Case:
@@ -85,7 +85,7 @@ BEST_PID_SINES = {
     }
     for limit in BEST_PIDS
 }
-"""By the limit and the frequency."""
+"""Cases by limit and frequency."""
 BEST_PID_STEPS = {
     limit: {
         h: _best_pid(limit, f'{h:g}_um', STEP_DURATION, waveform='step', amplitude=h, start_time=STEP_TIME)
@@ -93,4 +93,4 @@ BEST_PID_STEPS = {
     }
     for limit in BEST_PIDS
 }
-"""Lone steps from rest, by the limit and the height."""
+"""Cases with single steps from rest, by limit and height."""

@@ -1,4 +1,4 @@
-"""Writes the errors of several controllers over a quantity."""
+"""Table of the errors of several controllers over a quantity."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,16 +14,16 @@ def write_errors(
     runs: RecordedRuns, path: Path, title: str, quantity: str, compared: Mapping[str, Mapping[float, Case]]
 ) -> Path:
     """
-    Write rms and largest error of each controller, one row per value, and return the file.
+    Write rms and maximum error of each controller, one row per value, and return the file.
 
     Parameters
     ----------
     runs, path
-        As of a figure's ``make``.
+        See :meth:`~hdd_servo_ros.studies.chapter.Figure.make`.
     title, quantity
-        Of the table, and of its first column.
+        Title of the table, and head of its first column.
     compared
-        The cases by the controller's name and the value.
+        Cases by name of the controller and value of the quantity.
     """
     values = list(next(iter(compared.values())))
     rows = [(f'{value:g}', *(_errors(runs, cases[value]) for cases in compared.values())) for value in values]

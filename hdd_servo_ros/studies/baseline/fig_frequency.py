@@ -1,4 +1,4 @@
-"""Errors of the adaptive NN controller and of both PID controllers, over frequency and over amplitude."""
+"""Errors of the adaptive NN controller and both PID controllers over frequency and over amplitude."""
 
 from collections.abc import Mapping
 from pathlib import Path

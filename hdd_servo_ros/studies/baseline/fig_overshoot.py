@@ -1,4 +1,4 @@
-"""The best PID controller over the limit of the overshoot: errors on sines."""
+"""Errors of the best PID controller on sines over the limit of the overshoot."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ CASES = (
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the rms errors over the limits, and those of the adaptive NN controller as lines."""
+    """Draw the rms errors over the limit, and those of the adaptive NN controller as lines."""
     figure = new_figure(f'Best PID with Ms ≤ 2 over the limit of its overshoot, sine of {AMPLITUDE:g} µm')
     axes = figure.subplots()
     indices = range(len(BEST_PID_SINES))

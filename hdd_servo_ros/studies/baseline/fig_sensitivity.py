@@ -1,4 +1,4 @@
-"""Peak sensitivity with the estimates that sines of 2 um lead to, over frequency."""
+"""Peak sensitivity with the estimates adapted on 2 µm sines, over frequency."""
 
 import math
 from pathlib import Path
@@ -15,7 +15,7 @@ CASES = tuple(case for name in _SHOWN for case in OVER_FREQUENCY[name].values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw Ms with the estimates at the end as a line, and the largest along each run as a bar above it."""
+    """Draw Ms with the final estimates as a line, and the largest Ms during each run as a vertical bar."""
     figure = new_figure(f'Peak sensitivity with the learned estimates frozen, sine of {AMPLITUDE:g} µm', height=5.0)
     axes = figure.subplots()
     for color, name in enumerate(_SHOWN):

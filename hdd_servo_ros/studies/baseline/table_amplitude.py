@@ -1,4 +1,4 @@
-"""Table: errors of the adaptive NN controller and of both PID controllers over amplitude."""
+"""Table: errors of the adaptive NN controller and both PID controllers over amplitude."""
 
 from pathlib import Path
 
@@ -10,6 +10,6 @@ CASES = tuple(case for cases in OVER_AMPLITUDE.values() for case in cases.values
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row per amplitude: rms and largest error of each controller."""
+    """Write one row per amplitude: rms and maximum error of each controller."""
     title = f'Sine of {FREQUENCY:g} Hz, {TRANSIENT:g} to {DURATION:g} s: rms / max error [nm].'
     return write_errors(runs, path, title, 'amplitude [um]', OVER_AMPLITUDE)

@@ -1,4 +1,4 @@
-"""Table: errors of the adaptive NN controller and of both PID controllers over frequency."""
+"""Table: errors of the adaptive NN controller and both PID controllers over frequency."""
 
 from pathlib import Path
 
@@ -10,6 +10,6 @@ CASES = tuple(case for cases in OVER_FREQUENCY.values() for case in cases.values
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row per frequency: rms and largest error of each controller."""
+    """Write one row per frequency: rms and maximum error of each controller."""
     title = f'Sine of {AMPLITUDE:g} um, {TRANSIENT:g} to {DURATION:g} s: rms / max error [nm].'
     return write_errors(runs, path, title, 'frequency [Hz]', OVER_FREQUENCY)

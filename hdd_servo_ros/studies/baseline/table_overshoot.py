@@ -40,8 +40,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         f'2 % settling, {HEIGHTS[-1]:g} um [ms]',
     )
     title = (
-        f'Sine of {AMPLITUDE:g} um, {TRANSIENT:g} to {DURATION:g} s. Overshoot: the larger one of lone steps from rest '
-        f'of {" and ".join(f"{height:g}" for height in HEIGHTS)} um. Ms <= 2 in all rows.'
+        f'Sine of {AMPLITUDE:g} um, {TRANSIENT:g} to {DURATION:g} s. Overshoot: the larger one of single steps from '
+        f'rest of {" and ".join(f"{height:g}" for height in HEIGHTS)} um. Ms <= 2 in all rows.'
     )
     return write_table(path, title, header, rows)
 

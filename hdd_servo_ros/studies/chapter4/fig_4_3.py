@@ -10,7 +10,7 @@ CASES = (NN, PID)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw positions and errors of both."""
+    """Draw positions and errors of both controllers."""
     figure = new_figure('Fig. 4.3: output tracking, λ = 1 1/s')
     position, error = figure.subplots(2, 1, sharex=True)
     for case, label, color in ((PID, 'PID', 'C1'), (NN, 'adaptive NN', 'C0')):

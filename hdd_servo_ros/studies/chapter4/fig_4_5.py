@@ -1,4 +1,4 @@
-"""Fig. 4.5: norm of the network's weights, and what the network contributes to the control."""
+"""Fig. 4.5: norm of the network weights, and contribution of the network to the control."""
 
 from pathlib import Path
 
@@ -10,14 +10,14 @@ CASES = (NN,)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the norm, and the network's output beside the control's size."""
+    """Draw the norm of the weights and the output of the network; the title compares it with the control."""
     run = runs[NN]
     output = run.estimates['network']
     largest = abs(output[run.since(LAST_HALF)]).max()
     control = runs.metrics(NN, LAST_HALF).rms_control
     figure = new_figure(
-        f'Fig. 4.5: weights, λ = 1 1/s; in the last half the network gives at most {largest:.3f} N '
-        f'of {control:.1f} N rms'
+        f'Fig. 4.5: weights, λ = 1 1/s; in the last half, network output at most {largest:.3f} N, '
+        f'control {control:.1f} N rms'
     )
     norm, network = figure.subplots(2, 1, sharex=True)
     draw(norm, run.time, run.estimates['W_norm'])

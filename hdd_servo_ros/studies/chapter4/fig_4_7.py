@@ -1,4 +1,4 @@
-"""Fig. 4.7: tracking errors with different lambda."""
+"""Fig. 4.7: tracking errors for different lambda."""
 
 from pathlib import Path
 

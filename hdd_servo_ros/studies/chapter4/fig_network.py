@@ -1,4 +1,4 @@
-"""What the network is worth: error against chatter of the control, with it, without it, and with phi_hat instead."""
+"""Benefit of the network: error over control chatter, with it, without it, and with phi_hat in its place."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, LAST_PERIODS
-from hdd_servo_ros.studies.chapter4.network_cases import LEAKAGES, STRONG, compensator, network, phi_instead, without
+from hdd_servo_ros.studies.chapter4.network_cases import LEAKAGES, STRONG, compensator, network, phi_only, without
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
 
 _LAMBDA = 10.0
@@ -14,16 +14,16 @@ _NONE = without(_LAMBDA)
 _COMPENSATOR = compensator(_LAMBDA, slow=True)
 _BEST = network(_LAMBDA, STRONG, normalized=True)
 _SWEEPS = {
-    'phi_hat alone': [phi_instead(_LAMBDA, leakage) for leakage in LEAKAGES],
+    'phi_hat alone': [phi_only(_LAMBDA, leakage) for leakage in LEAKAGES],
     'network, normalized inputs': [network(_LAMBDA, leakage, normalized=True) for leakage in LEAKAGES],
 }
 CASES = (_NONE, _COMPENSATOR, *(case for sweep in _SWEEPS.values() for case in sweep))
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the last two periods' errors, and error over chatter for each leakage."""
+    """Draw the errors in the last two periods, and error over chatter for each leakage."""
     figure = new_figure(
-        r'What the network is worth: $\lambda$ = 10 1/s, $\sigma_\sigma = \sigma_m = 0.01$, $\Gamma$ or $k_\phi$ = 100',
+        r'Benefit of the network: $\lambda$ = 10 1/s, $\sigma_\sigma = \sigma_m = 0.01$, $\Gamma$ or $k_\phi$ = 100',
         height=6.5,
     )
     errors, trade = figure.subplots(2, 1)

@@ -1,4 +1,4 @@
-"""Table: the adaptive NN controller with parts of it switched off."""
+"""Table: adaptive NN controller with single terms disabled."""
 
 from pathlib import Path
 
@@ -22,11 +22,11 @@ CASES = tuple(ABLATION.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a variant."""
+    """Write one row per variant."""
     full = runs.metrics(NN, LAST_HALF).rms_error
     rows = []
     for label, case in ABLATION.items():
         found = runs.metrics(case, LAST_HALF)
         rows.append((label, 1e3 * found.rms_error, 1e3 * found.max_error, found.rms_error / full, found.peak_control))
-    header = ('variant', 'rms error [mm]', 'max error [mm]', 'over full', 'peak control [N]')
+    header = ('variant', 'rms error [mm]', 'max error [mm]', 'rms error / full', 'peak control [N]')
     return write_table(path, 'Last half of 20 s, lambda = 1 1/s.', header, rows)

@@ -7,13 +7,13 @@ from hdd_servo_ros.studies.chapter4.cases import LAST_HALF, NN_BY_LAMBDA, at_sam
 from hdd_servo_ros.studies.output import write_table
 
 COARSE = 1e-3
-"""The other sample time [s]; the parameter file has 1e-4."""
+"""Second sample time [s]; the parameter file has 1e-4."""
 NN_COARSE = {value: at_sample_time(case, COARSE) for value, case in NN_BY_LAMBDA.items()}
 CASES = (*NN_BY_LAMBDA.values(), *NN_COARSE.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a lambda."""
+    """Write one row per lambda."""
     rows = []
     for value, case in NN_BY_LAMBDA.items():
         found, coarse = (runs.metrics(either, LAST_HALF) for either in (case, NN_COARSE[value]))

@@ -1,4 +1,4 @@
-"""Table: the network's leakage, gain, lattice and place, and what each is worth."""
+"""Table: effect of leakage, gain, lattice and position of the network on the error."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from hdd_servo_ros.studies.chapter4.network_cases import (
     as_printed,
     compensator,
     network,
-    phi_instead,
+    phi_only,
     without,
 )
 from hdd_servo_ros.studies.output import write_table
@@ -24,7 +24,7 @@ ROWS = {
         f'... Gamma = {GAIN:g}, sigma_w = {STRONG:g}': network(value, normalized=False),
         '... and inputs normalized': network(value, normalized=True),
         '... and inputs from the reference': network(value, normalized=True, network_input='reference'),
-        f'... without network, k_phi = {GAIN:g}, sigma_phi = {STRONG:g}': phi_instead(value),
+        f'... without network, k_phi = {GAIN:g}, sigma_phi = {STRONG:g}': phi_only(value),
         "... with section 4.4's network and the compensator": compensator(value, slow=True),
     }
     for value in (1.0, 10.0)
@@ -33,7 +33,7 @@ CASES = tuple(case for rows in ROWS.values() for case in rows.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a variant and lambda."""
+    """Write one row per lambda and variant."""
     rows = []
     for value, variants in ROWS.items():
         for label, case in variants.items():

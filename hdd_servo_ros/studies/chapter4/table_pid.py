@@ -1,4 +1,4 @@
-"""Table: the adaptive NN controller and PID under the same peak control."""
+"""Table: adaptive NN controller and PID at the same peak control."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ CASES = tuple(cases[value] for cases in _CONTROLLERS.values() for value in COMPA
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a lambda and controller."""
+    """Write one row per lambda and controller."""
     rows = []
     for value in COMPARED_LAMBDAS:
         own = runs.metrics(NN_BY_LAMBDA[value], LAST_HALF).rms_error
@@ -29,5 +29,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             found = runs.metrics(cases[value], LAST_HALF)
             errors = (1e3 * found.rms_error, 1e3 * found.max_error, found.rms_error / own)
             rows.append((f'{value:g}', label, *errors, found.peak_control))
-    header = ('lambda [1/s]', 'controller', 'rms error [mm]', 'max error [mm]', 'over adaptive NN', 'peak control [N]')
+    header = (
+        'lambda [1/s]',
+        'controller',
+        'rms error [mm]',
+        'max error [mm]',
+        'rms error / adaptive NN',
+        'peak control [N]',
+    )
     return write_table(path, 'Last half of 20 s.', header, rows)
