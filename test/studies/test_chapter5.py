@@ -323,7 +323,7 @@ def test_random_drives_of_runs_with_other_drives_are_rejected(runs, monkeypatch)
     cases = (NN[100.0], PID[100.0])
     other = {case.name: {'vcm_plant': {'gain': float(index)}} for index, case in enumerate(cases)}
     monkeypatch.setattr(type(runs), 'parameters', lambda self, case: other[case.name])
-    with pytest.raises(ValueError, match=r'pid_100_hz has another drive than nn_100_hz'):
+    with pytest.raises(ValueError, match=r'the drives of pid_100_hz and nn_100_hz differ'):
         errors_on_random_drives(runs, cases, range(2))
 
 

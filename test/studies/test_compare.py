@@ -224,7 +224,7 @@ def test_one_controller_by_two_names(capsys):
     with Path('my_controller.py').open('a') as file:
         file.write('\nOther = MyController\n')
     assert main(['--controllers', PATH, 'my_controller:Other']) == 2
-    expected = f'compare: --controllers: {PATH} and my_controller:Other are both my_controller, so that their runs'
+    expected = f'compare: --controllers: {PATH} and my_controller:Other have the same label my_controller'
     assert capsys.readouterr().err.startswith(expected)
 
 

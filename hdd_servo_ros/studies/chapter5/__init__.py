@@ -1,5 +1,5 @@
 """
-The experiments of chapter 5 on the bench's drive: one module a figure or table, ``cases.py`` what several run.
+Experiments of chapter 5 on the default drive: one module per figure or table; ``cases.py`` has the shared runs.
 
-The thesis's figures are lost, its text alone says what they show; the drive's friction is calibrated after that text.
+The figures of the thesis are lost; only its text describes them. The friction of the drive is calibrated to that text.
 """

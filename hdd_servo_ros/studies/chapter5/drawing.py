@@ -1,4 +1,4 @@
-"""Layouts that several figures of chapter 5 share."""
+"""Layouts shared by several figures of chapter 5."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ ESTIMATES = {
     'phi_hat': (r'$\hat\varphi$ [mV]', 1e3, 'C2'),
     'W_norm': (r'$\|\hat W\|$ [mV]', 1e3, 'C3'),
 }
-"""Axis label, factor to its unit, and color of what figs. 5.11, 5.12, 5.17 and 5.18 show."""
+"""Axis label, scale factor and color of the signals in figs. 5.11, 5.12, 5.17 and 5.18."""
 Quantity = Callable[[RecordedRun], NDArray[np.float64]]
 
 
@@ -32,20 +32,20 @@ def draw_start_and_end(
     start: float = 0.5,
 ) -> Path:
     """
-    Draw a quantity of several runs, from their start on and over their last moments.
+    Draw a quantity of several runs at their start and at their end.
 
     Parameters
     ----------
     runs, path
-        As of a figure's ``make``.
+        See :meth:`~hdd_servo_ros.studies.chapter.Figure.make`.
     title, label
-        Of the figure, and of the quantity.
+        Title of the figure, and axis label of the quantity.
     cases
-        The runs by their name in the legend.
+        Runs by their name in the legend.
     quantity
-        What to draw of a run's run.
+        Function that returns the quantity of a run.
     end, start
-        How much of the end and of the start to draw [s].
+        Durations to draw at the end and at the start [s].
     """
     figure = new_figure(title)
     start_axes, end_axes = figure.subplots(2, 1)
@@ -65,7 +65,7 @@ def draw_start_and_end(
 
 
 def draw_estimates(runs: RecordedRuns, path: Path, title: str, case: Case) -> Path:
-    """Draw the four estimates of a run over the whole of it."""
+    """Draw the four estimates over an entire run."""
     figure = new_figure(title, height=6.5)
     run = runs[case]
     every = figure.subplots(len(ESTIMATES), 1, sharex=True)

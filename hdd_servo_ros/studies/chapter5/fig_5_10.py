@@ -1,4 +1,4 @@
-"""Fig. 5.10: control on the sine of 2 um at 200 Hz."""
+"""Fig. 5.10: control on the 2 µm sine at 200 Hz."""
 
 from pathlib import Path
 
@@ -10,5 +10,5 @@ CASES = tuple(compared(_FREQUENCY).values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw it for both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
+    """Draw both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
     return draw_control(runs, path, '5.10', _FREQUENCY)

@@ -1,4 +1,4 @@
-"""Fig. 5.11: estimates on the sine of 2 um at 100 Hz."""
+"""Fig. 5.11: estimates on the 2 µm sine at 100 Hz."""
 
 from pathlib import Path
 

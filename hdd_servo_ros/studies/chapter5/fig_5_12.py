@@ -1,4 +1,4 @@
-"""Fig. 5.12: estimates on the sine of 2 um at 200 Hz."""
+"""Fig. 5.12: estimates on the 2 µm sine at 200 Hz."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fig. 5.14: control on steps of 0.5 um."""
+"""Fig. 5.14: control on 0.5 µm steps."""
 
 from pathlib import Path
 
@@ -10,5 +10,5 @@ CASES = tuple(compared(_HEIGHT).values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw it for both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
+    """Draw both PID controllers, the law of the thesis, and the adaptive NN controller as shipped."""
     return draw_control(runs, path, '5.14', _HEIGHT)

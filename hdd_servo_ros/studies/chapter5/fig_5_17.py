@@ -1,4 +1,4 @@
-"""Fig. 5.17: estimates on steps of 0.5 um."""
+"""Fig. 5.17: estimates on 0.5 µm steps."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fig. 5.18: estimates on steps of 5 um."""
+"""Fig. 5.18: estimates on 5 µm steps."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fig. 5.19: tracking error over lambda on steps of 5 um."""
+"""Fig. 5.19: tracking error on 5 µm steps for different lambda."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ CASES = (*LAMBDA_STEPS.values(), *LAMBDA_INTEGRAL_STEPS.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the error after one edge, of the law of the thesis and with integral action."""
+    """Draw the error after one edge with the law of the thesis, and with integral action."""
     figure = new_figure('Fig. 5.19: tracking error on steps of 5 µm', height=5.5)
     every = figure.subplots(2, 1, sharex=True)
-    titles = ('law of the thesis, k held', r'with integral action, $\lambda_i = 0.138\,\lambda^2$')
+    titles = ('law of the thesis, fixed k', r'with integral action, $\lambda_i = 0.138\,\lambda^2$')
     for axes, title, cases in zip(every, titles, (LAMBDA_STEPS, LAMBDA_INTEGRAL_STEPS), strict=True):
         for value, case in cases.items():
             run = runs[case]

@@ -1,4 +1,4 @@
-"""Fig. 5.20: tracking error over lambda on the sine of 2 um at 100 Hz."""
+"""Fig. 5.20: tracking error on the 2 µm sine at 100 Hz for different lambda."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ CASES = tuple(LAMBDA_SINES.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the transient and the adapted error."""
-    title = 'Fig. 5.20: tracking error, sine of 2 µm at 100 Hz, k held'
+    """Draw the error in the transient and after adaptation."""
+    title = 'Fig. 5.20: tracking error, sine of 2 µm at 100 Hz, fixed k'
     cases = {rf'$\lambda$ = {value:g} 1/s': case for value, case in LAMBDA_SINES.items()}
     return draw_start_and_end(runs, path, title, 'error [nm]', cases, error, 0.01, start=0.05)

@@ -7,7 +7,7 @@ from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, HYSTERESI
 from hdd_servo_ros.studies.chapter5.measures import last_cycles, loop_areas
 from hdd_servo_ros.studies.output import new_figure, save
 
-_RUNS = {'without: only -k r': HYSTERESIS_OFF, 'with: the whole law': HYSTERESIS_ON}
+_RUNS = {'without: only -k r': HYSTERESIS_OFF, 'with: complete law': HYSTERESIS_ON}
 CASES = tuple(_RUNS.values())
 
 
@@ -23,7 +23,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         for axes, column, area in ((feedback, 2, areas.feedback), (command, 0, areas.command)):
             text = f'{name}\n{1e3 * area:.1f} mV µm'
             axes.plot(x, run.control[rows, column], linewidth=1.0, label=text)
-    for axes, title in ((feedback, 'feedback part -k r'), (command, 'whole command')):
+    for axes, title in ((feedback, 'feedback part -k r'), (command, 'command')):
         axes.set_title(title, fontsize=10)
         axes.set_xlabel('displacement [µm]')
         axes.set_ylim(-0.04, 0.05)

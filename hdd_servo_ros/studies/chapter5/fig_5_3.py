@@ -11,7 +11,7 @@ CASES = (WIDE,)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the measured response and that of the model."""
+    """Draw the responses of the measurement and of the model."""
     measured = response(runs, WIDE)
     model = identified(measured)[SANATHANAN_KOERNER]
     fitted = model.response(measured.frequency) * held(measured.frequency, measured.hold)

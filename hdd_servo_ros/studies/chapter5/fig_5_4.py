@@ -1,4 +1,4 @@
-"""Fig. 5.4: frequency response at low frequency, by amplitude of the excitation."""
+"""Fig. 5.4: frequency response at low frequency for different amplitudes of the excitation."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fig. 5.6: hysteresis of the bench's drive at 80 Hz, open loop."""
+"""Fig. 5.6: hysteresis of the default drive at 80 Hz, open loop."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ CASES = tuple(_RUNS.values())
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw command and friction over displacement."""
-    figure = new_figure(f'Fig. 5.6: hysteresis at {HYSTERESIS_FREQUENCY:g} Hz, sines of the command, open loop')
+    figure = new_figure(f'Fig. 5.6: hysteresis at {HYSTERESIS_FREQUENCY:g} Hz, sinusoidal command, open loop')
     command, friction = figure.subplots(1, 2)
     for amplitude, case in _RUNS.items():
         run = runs[case]
@@ -22,7 +22,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         command.plot(x, run.command[rows], linewidth=1.0, label=f'{amplitude:g} V')
         friction.plot(x, run.head[rows, 2], linewidth=1.0)
     command.set_ylabel('command [V]')
-    friction.set_ylabel('friction of the pivot [V]')
+    friction.set_ylabel('pivot friction [V]')
     for axes in (command, friction):
         axes.set_xlabel('displacement [µm]')
     command.legend(fontsize=8, loc='upper left')

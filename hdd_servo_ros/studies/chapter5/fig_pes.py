@@ -1,4 +1,4 @@
-"""Spectrum of the position error signal on the sines of 2 um."""
+"""Spectrum of the position error signal on the 2 µm sines."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ CASES = tuple(case for frequency in FREQUENCIES for case in compared(frequency).
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the amplitudes over frequency, one panel a sine."""
-    figure = new_figure('Position error signal: amplitude spectrum, lines of 2 Hz, 2 to 10 s', height=5.5)
+    """Draw the amplitudes over frequency, one panel per sine."""
+    figure = new_figure('Position error signal: amplitude spectrum, resolution 2 Hz, 2 to 10 s', height=5.5)
     every = figure.subplots(2, 1, sharex=True)
     for axes, frequency in zip(every, FREQUENCIES, strict=True):
         for index, (name, case) in enumerate(compared(frequency).items()):

@@ -1,4 +1,4 @@
-"""What the figures and tables of chapter 5 measure on recorded runs."""
+"""Measures of recorded runs for the figures and tables of chapter 5."""
 
 import dataclasses
 
@@ -10,21 +10,21 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import HYSTERESIS_FREQUENCY, STEP_FREQUENCY
 
 FIRST_MILLISECONDS = 5e-3
-"""What counts as the transient after an edge [s]."""
+"""Duration of the transient after an edge [s]."""
 START = 0.05
-"""What counts as the transient of a sine: five periods at 100 Hz [s]."""
+"""Duration of the transient on a sine: five periods at 100 Hz [s]."""
 
 
 def error(run: RecordedRun) -> NDArray[np.float64]:
-    """Return x - x_d of the head's true position [nm], shape (n,)."""
+    """Return the error x - x_d of the true head position [nm], shape (n,)."""
     return run.error * NANOMETRES
 
 
 def edges(run: RecordedRun) -> StepResponse:
     """
-    Return the answers to all edges of a square wave but the first, or to a lone step.
+    Return the responses to all edges of a square wave but the first, or to a single step.
 
-    The first edge of a square wave starts from rest and is half as high; the runs with a lone step are for that.
+    The first edge of a square wave starts from rest and has half the height; the single steps cover this case.
     """
     found = step_response(run.time, run.desired_position, run.position)
     if len(found) == 1:
@@ -35,32 +35,32 @@ def edges(run: RecordedRun) -> StepResponse:
 
 
 def error_after_edges(run: RecordedRun) -> float:
-    """Return the rms error over the first 5 ms after each edge from 1 s on [nm]."""
+    """Return the rms error over the first 5 ms after each edge, without the edges before 1 s [nm]."""
     since_edge = np.mod(run.time + 1e-9, 0.5 / STEP_FREQUENCY)
     chosen = (since_edge < FIRST_MILLISECONDS) & (run.time >= 1.0)
     return rms(error(run)[chosen])
 
 
 def last_cycles(run: RecordedRun, cycles: int) -> slice:
-    """Return the rows of the last periods of 80 Hz, without the first point repeated."""
+    """Return the rows of the last cycles at 80 Hz, without the end point of the last cycle."""
     rows = round(cycles / HYSTERESIS_FREQUENCY / run.sample_time)
     return slice(len(run.time) - rows, None)
 
 
 @dataclasses.dataclass(frozen=True)
 class LoopAreas:
-    """Areas of the loops over the true displacement, the mean of the last 2 s [V um]."""
+    """Mean areas of the hysteresis loops over the true displacement in the last 2 s [V um]."""
 
     feedback: float
-    """Of the feedback part of the command, -k r."""
+    """Area for the feedback part -k r of the command."""
     command: float
-    """Of the command."""
+    """Area for the command."""
     friction: float
-    """Of the pivot's friction."""
+    """Area for the pivot friction."""
 
 
 def loop_areas(run: RecordedRun) -> LoopAreas:
-    """Return the areas of a run at 80 Hz."""
+    """Return the loop areas of a run at 80 Hz."""
     cycles = round(2.0 * HYSTERESIS_FREQUENCY)
     rows = last_cycles(run, cycles)
     x = run.position[rows]

@@ -1,4 +1,4 @@
-"""Many drives drawn about the nominal one, and how well recorded controllers do on them, by a campaign."""
+"""Campaign with the controllers of recorded runs on random drives around the nominal one."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -18,23 +18,23 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.chapter5.cases import TRANSIENT
 
 SPREAD = 0.2
-"""Each quantity is drawn within this part of its nominal value, all values alike."""
+"""Relative half-width of the uniform distribution of each parameter around its nominal value."""
 BOUND = 1000.0
-"""A run is bounded if its error never exceeds this, from first to last tick [nm]: half of the sine's amplitude."""
+"""A run is bounded if its error never exceeds this at any tick [nm]: half the amplitude of the sine."""
 FRICTION = ('stiffness', 'bristle_damping', 'viscous_coefficient', 'coulomb_level', 'static_level', 'stribeck_velocity')
 
 DRAWN = ('gain', *(f'friction.{name}' for name in FRICTION), 'resonance.numerators', 'resonance.denominators')
-"""Parameters of the drive that differ from drive to drive."""
+"""Parameters that differ between the drives."""
 _METRICS = ('rms_error', 'max_error', f'{__name__}:largest_error')
 
 
 def random_drive(nominal: Mapping[str, Any], seed: int) -> dict[str, Any]:
     """
-    Return the parameters of a drive about a nominal one with LuGre friction and resonances in sections.
+    Return the parameters of a random drive around a nominal one with LuGre friction and second-order sections.
 
-    Drawn are the gain, the six numbers of the friction, and of each mode the frequency w and the damping: denominator
-    and numerator of its section are scaled alike, s^1 by both and s^0 by w^2. Each is drawn by itself, but a static
-    level below the Coulomb level is raised to it.
+    The gain, the six friction parameters, and the frequency w and damping of each mode are drawn independently. In the
+    numerator and the denominator of the section of a mode, s^1 is scaled by both factors and s^0 by that of w^2. A
+    static friction below the Coulomb friction is raised to it.
 
     Parameters
     ----------
@@ -65,20 +65,20 @@ def random_drive(nominal: Mapping[str, Any], seed: int) -> dict[str, Any]:
 
 
 def largest_error(run: RecordedRun) -> float:
-    """Return the largest error of the whole run [nm], as a metric of a campaign."""
+    """Return the largest error of the entire run [nm]; a metric of the campaign."""
     return NANOMETRES * float(np.abs(run.position - run.desired_position).max())
 
 
 def campaign_on_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequence[int]) -> Campaign:
     """
-    Return the campaign that makes recorded runs again on random drives; its controllers have the names of the cases.
+    Return the campaign that repeats recorded runs on random drives; its controllers have the names of the cases.
 
     Parameters
     ----------
     runs, cases
-        Which runs, all of the same nominal drive.
+        Recorded runs, all with the same nominal drive.
     drives
-        Their numbers.
+        Numbers of the drives, used as seeds.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def campaign_on_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequen
     nominal = runs.parameters(cases[0])['vcm_plant']
     for case in cases:
         if runs.parameters(case)['vcm_plant'] != nominal:
-            raise ValueError(f'{case.name} has another drive than {cases[0].name}')
+            raise ValueError(f'the drives of {case.name} and {cases[0].name} differ')
     points = []
     for number in drives:
         drawn = random_drive(nominal, number)
@@ -105,28 +105,28 @@ def campaign_on_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequen
 
 
 def _recorded(runs: RecordedRuns, case: Case) -> CampaignController:
-    """Return a recorded run with all its parameters."""
+    """Return the controller of a recorded run with all parameters of the run."""
     sections = {node: values for node, values in runs.parameters(case).items() if node != 'bag_recorder'}
     return CampaignController(case.name, runs[case].controller, values=named_values(sections))
 
 
 def errors_on_random_drives(runs: RecordedRuns, cases: Sequence[Case], drives: Sequence[int]) -> NDArray[np.float64]:
     """
-    Return how well recorded runs do on random drives, made by a campaign, with progress and time left on a terminal.
+    Return the errors of recorded runs on random drives from a campaign, with a progress bar on a terminal.
 
     Parameters
     ----------
     runs, cases, drives
-        As of :func:`campaign_on_drives`.
+        See :func:`campaign_on_drives`.
 
     Returns
     -------
     NDArray
-        rms and largest error after the transient, and the largest of the whole run [nm], NaN where it diverged; shape
-        (cases, drives, 3).
+        rms and maximum error after the transient, and largest error of the entire run [nm]; NaN if the run diverged;
+        shape (cases, drives, 3).
     """
     table = campaign_on_drives(runs, cases, drives).run(progress=sys.stderr.isatty())
     found: NDArray[np.float64] = np.stack([table[name] for name in _METRICS], axis=-1)
-    # What a run did before it diverged is not its error.
+    # The samples before a divergence do not give a valid error.
     found[table['status'] != FINISHED] = np.nan
     return np.asarray(found.reshape(len(drives), len(cases), len(_METRICS)).transpose(1, 0, 2))

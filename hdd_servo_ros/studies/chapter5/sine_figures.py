@@ -1,4 +1,4 @@
-"""What figs. 5.7 to 5.10 share: error and control on the sines."""
+"""Figs. 5.7 to 5.10: error and control on the sines."""
 
 from pathlib import Path
 
@@ -20,13 +20,13 @@ def compared(frequency: float) -> dict[str, Case]:
 
 
 def draw_error(runs: RecordedRuns, path: Path, number: str, frequency: float) -> Path:
-    """Draw a figure of the tracking errors."""
+    """Draw a figure with the tracking errors."""
     title = f'Fig. {number}: tracking error, sine of 2 µm at {frequency:g} Hz'
     return draw_start_and_end(runs, path, title, 'error [nm]', compared(frequency), error, 3.0 / frequency)
 
 
 def draw_control(runs: RecordedRuns, path: Path, number: str, frequency: float) -> Path:
-    """Draw a figure of the commands."""
+    """Draw a figure with the commands."""
     title = f'Fig. {number}: control, sine of 2 µm at {frequency:g} Hz'
     return draw_start_and_end(
         runs,

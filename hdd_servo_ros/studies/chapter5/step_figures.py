@@ -1,4 +1,4 @@
-"""What figs. 5.13 to 5.16 share: response and control on the steps."""
+"""Figs. 5.13 to 5.16: response and control on the steps."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ from hdd_servo_ros.studies.chapter5.cases import LAW_STEPS, PID_FOR_SINES_STEPS,
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
 
 _EDGE = 5.0
-"""Time of the rising edge that is drawn [s]."""
+"""Time of the drawn rising edge [s]."""
 _BEFORE = 0.002
 _AFTER = 0.015
-"""How much before and after it [s]."""
+"""Durations drawn before and after the edge [s]."""
 
 
 def compared(height: float) -> dict[str, Case]:
@@ -28,7 +28,7 @@ def compared(height: float) -> dict[str, Case]:
 
 
 def draw_response(runs: RecordedRuns, path: Path, number: str, height: float) -> Path:
-    """Draw a figure of the step responses, and of what they leave as error."""
+    """Draw a figure with the step responses and their errors."""
     figure = new_figure(f'Fig. {number}: response to a step of {height:g} µm', height=5.5)
     position, error = figure.subplots(2, 1, sharex=True)
     for index, (name, case) in enumerate(compared(height).items()):
@@ -40,17 +40,17 @@ def draw_response(runs: RecordedRuns, path: Path, number: str, height: float) ->
         draw(position, milliseconds, x, color=f'C{index}', label=name)
         draw(error, milliseconds, 100.0 * (x - x_d) / height, color=f'C{index}')
     error.axhspan(-2.0, 2.0, color='0.85', zorder=0)
-    # The PID for sines goes beyond it; the positions show how far.
+    # The PID for sines exceeds these limits; the position panel shows by how much.
     error.set_ylim(-20.0, 35.0)
     position.set_ylabel('position [µm]')
     error.set_ylabel('error [% of the step]')
-    error.set_xlabel('time after the edge [ms]; gray: the band of 2 %')
+    error.set_xlabel('time after the edge [ms]; gray: 2 % band')
     legend_above(position)
     return save(figure, path)
 
 
 def draw_control(runs: RecordedRuns, path: Path, number: str, height: float) -> Path:
-    """Draw a figure of the commands, whole and without their peaks."""
+    """Draw a figure with the commands in full range, and without the PID peaks."""
     figure = new_figure(f'Fig. {number}: control, step of {height:g} µm', height=5.5)
     whole, close = figure.subplots(2, 1, sharex=True)
     largest = 0.0
@@ -71,7 +71,7 @@ def draw_control(runs: RecordedRuns, path: Path, number: str, height: float) -> 
 
 
 def edge_window(time: NDArray[np.float64]) -> tuple[NDArray[np.float64], slice]:
-    """Return time since the edge that is drawn [ms], and the rows about it."""
+    """Return the time since the drawn edge [ms], and the drawn rows."""
     first, last = np.searchsorted(time, (_EDGE - _BEFORE, _EDGE + _AFTER))
     shown = slice(int(first), int(last))
     return 1e3 * (time[shown] - _EDGE), shown

@@ -1,4 +1,4 @@
-"""The swept sines of figs. 5.3 and 5.4."""
+"""Swept sines of figs. 5.3 and 5.4."""
 
 import math
 
@@ -15,16 +15,16 @@ from hdd_servo_ros.studies.swept_sine import FROM, POLES, ZEROS
 SANATHANAN_KOERNER = METHODS[0]
 
 WIDE = Case('swept_sine', 'signal_analyzer', (FILE, 'swept_sine.yaml'))
-"""10 Hz to 20 kHz, sampled fast enough for the fourth mode."""
+"""Sweep from 10 Hz to 20 kHz, with a sample time short enough for the fourth mode."""
 AMPLITUDES = (0.1, 0.05, 0.03, 0.01)
-"""Of fig. 5.4 [V]."""
+"""Amplitudes in fig. 5.4 [V]."""
 
 
 def _low(amplitude: float) -> Case:
     overrides = {
         'deterministic_timer:sample_time': 1e-4,
         'signal_analyzer:stop_frequency': 400.0,
-        'signal_analyzer:range_limits': (200.0,),  # a ROS node takes no empty list
+        'signal_analyzer:range_limits': (200.0,),  # a ROS node does not accept an empty list
         'signal_analyzer:points_per_decade': (30,),
         'signal_analyzer:amplitudes': (amplitude,),
     }
@@ -32,15 +32,15 @@ def _low(amplitude: float) -> Case:
 
 
 LOW = {amplitude: _low(amplitude) for amplitude in AMPLITUDES}
-"""10 to 400 Hz, by amplitude."""
+"""Sweeps from 10 to 400 Hz, by amplitude."""
 
 
 def response(runs: RecordedRuns, case: Case) -> FrequencyResponse:
-    """Return what the analyzer measured, from the bag."""
+    """Return the response measured by the analyzer, from the bag."""
     return response_of_run(runs[case])
 
 
 def identified(measured: FrequencyResponse) -> dict[str, Model]:
-    """Return the models of Levy's method and of the iteration, by the method's name, from where friction ends."""
+    """Return the models by Levy's method and by the iteration, by name of the method, above the range of friction."""
     used = measured.between(FROM, math.inf)
     return {method: identify_measured(used, POLES, ZEROS, method=method) for method in (LEVY, SANATHANAN_KOERNER)}

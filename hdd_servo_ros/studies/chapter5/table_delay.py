@@ -1,4 +1,4 @@
-"""Table: tracking errors with one sample of delay."""
+"""Table: tracking errors with one sample of computation delay."""
 
 from pathlib import Path
 
@@ -25,11 +25,11 @@ CASES = tuple(case for pair in _RUNS.values() for cases in pair for case in case
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a controller and frequency."""
+    """Write one row per controller and frequency."""
     rows = []
-    for name, (prompt, late) in _RUNS.items():
+    for name, (prompt, delayed) in _RUNS.items():
         for frequency in FREQUENCIES:
-            before, after = (runs.metrics(cases[frequency], TRANSIENT, NANOMETRES) for cases in (prompt, late))
+            before, after = (runs.metrics(cases[frequency], TRANSIENT, NANOMETRES) for cases in (prompt, delayed))
             rows.append(
                 (
                     name,
@@ -46,6 +46,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'rms error without delay [nm]',
         'rms error with one sample [nm]',
         'max error with one sample [nm]',
-        'rms error grows by',
+        'ratio of the rms errors',
     )
-    return write_table(path, 'Sine of 2 um, 2 to 10 s; one sample: tuned for it.', header, rows)
+    return write_table(
+        path, 'Sine of 2 um, 2 to 10 s; the controllers with one sample of delay are tuned for it.', header, rows
+    )

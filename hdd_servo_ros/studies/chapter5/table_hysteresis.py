@@ -1,4 +1,4 @@
-"""Table: area of the hysteresis loops at 80 Hz, with parts of the law switched off, and with PID."""
+"""Table: areas of the hysteresis loops at 80 Hz with terms of the law disabled, and with PID."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ CASES = tuple(_RUNS.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a variant."""
+    """Write one row per variant."""
     without = loop_areas(runs[HYSTERESIS_OFF]).feedback
     rows = []
     for name, case in _RUNS.items():
@@ -25,7 +25,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'variant',
         'feedback part [mV um]',
         'reduced by',
-        'whole command [mV um]',
+        'command [mV um]',
         'friction [mV um]',
         'rms error [nm]',
     )

@@ -1,4 +1,4 @@
-"""Table: identified gain and modes, by Levy's method and by the iteration, without and with 1 % noise."""
+"""Table: gain and modes identified by Levy's method and by the iteration, without and with 1 % noise."""
 
 from pathlib import Path
 
@@ -17,8 +17,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     measured = response(runs, WIDE)
     plant = block_parameters('vcm_plant', runs.parameters(WIDE)['vcm_plant'])
     parts = {
-        'Identified from the swept sine with the noise of the vibrometer.': identified(measured),
-        f'The same with {100.0 * _NOISE:g} % of complex noise on each point.': identified(
+        'Identified from the swept sine, with vibrometer noise.': identified(measured),
+        f'The same with {100.0 * _NOISE:g} % complex noise added to each point.': identified(
             with_noise(measured, _NOISE, _SEED)
         ),
     }

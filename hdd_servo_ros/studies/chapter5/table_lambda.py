@@ -1,4 +1,4 @@
-"""Table: what lambda does on the sine and on steps, k held."""
+"""Table: effect of lambda on the sine and on steps, with fixed k."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ CASES = (*LAMBDA_SINES.values(), *LAMBDA_STEPS.values(), *LAMBDA_INTEGRAL_STEPS.
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a lambda."""
+    """Write one row per lambda."""
     rows = []
     for value in LAMBDA_SINES:
         sine, step = runs[LAMBDA_SINES[value]], runs[LAMBDA_STEPS[value]]
@@ -53,7 +53,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
 
 
 def peak_sensitivity(runs: RecordedRuns, case: Case) -> float:
-    """Return Ms of the adapted loop -g r, g = k + 1/sigma_phi + max(S'S)/sigma_w, of a run."""
+    """Return Ms of the adapted loop -g r of a run, with g = k + 1/sigma_phi + max(S'S)/sigma_w."""
     nodes, sample_time = runs.parameters(case), runs[case].sample_time
     plant, law = (block_parameters(name, nodes[name]) for name in ('vcm_plant', 'adaptive_nn_controller'))
     return fragility.peak_sensitivity(AdaptiveNn(law, sample_time), plant)

@@ -1,4 +1,4 @@
-"""Table: position error signal on the sines: TMR, repeatable and non-repeatable parts, third harmonic."""
+"""Table: TMR, repeatable and non-repeatable parts, and third harmonic of the position error signal on the sines."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ CASES = tuple(case for frequency in FREQUENCIES for case in compared(frequency).
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a frequency and controller."""
+    """Write one row per frequency and controller."""
     rows = []
     for frequency in FREQUENCIES:
         for name, case in compared(frequency).items():
@@ -46,7 +46,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'TMR from the spectrum [nm]',
         'repeatable rms [nm]',
         'non-repeatable rms [nm]',
-        'amplitude at the frequency [nm]',
-        'at its third multiple [nm]',
+        'amplitude at the reference frequency [nm]',
+        'at the third harmonic [nm]',
     )
     return write_table(path, 'x - x_d of the head, sine of 2 um, 2 to 10 s.', header, rows)

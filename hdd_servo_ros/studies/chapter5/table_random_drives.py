@@ -1,4 +1,4 @@
-"""Table: 200 random drives, gain, modes and friction within +-20 %, by simulation without bags."""
+"""Table: 200 random drives with gain, modes and friction within +-20 %, simulated without bags."""
 
 from pathlib import Path
 
@@ -21,13 +21,13 @@ CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again on each of ``DRIVES`` drives, and write one row a frequency and controller."""
+    """Repeat the recorded runs on ``DRIVES`` drives, and write one row per frequency and controller."""
     cases = {(frequency, name): cases[frequency] for frequency in FREQUENCIES for name, cases in _RUNS.items()}
     errors = errors_on_random_drives(runs, list(cases.values()), range(DRIVES))
     rows, unbounded = [], []
     for ((frequency, name), case), (rms, largest, ever) in zip(cases.items(), errors.transpose(0, 2, 1), strict=True):
         nominal = runs.metrics(case, TRANSIENT, NANOMETRES).rms_error
-        # A run that diverged has no largest error: NaN, which is not below the bound.
+        # The largest error of a run that diverged is NaN, which is not below the bound.
         outside = np.flatnonzero(~(ever <= BOUND))
         bounded = f'{DRIVES - len(outside)} of {DRIVES}'
         rows.append(
@@ -40,12 +40,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'rms error, nominal drive [nm]',
         'median rms error [nm]',
         'worst rms error [nm]',
-        'worst error of all [nm]',
+        'largest error [nm]',
         'bounded',
     )
     title = (
-        f'Sine of 2 um, 2 to 10 s. The nominal drive from bags; {DRIVES} drives with gain, modes and friction drawn '
-        f'within +-20 %, simulated without recording. Bounded: the error never exceeds {BOUND:g} nm, from 0 s on.'
+        f'Sine of 2 um, 2 to 10 s. Nominal drive: from bags. {DRIVES} drives with random gain, modes and friction '
+        f'within +-20 %: simulated without recording. Bounded: the error never exceeds {BOUND:g} nm, from 0 s on.'
     )
     if unbounded:
         title += f' **NOT BOUNDED: {", ".join(unbounded)}.**'

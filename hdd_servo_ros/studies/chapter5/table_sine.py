@@ -1,4 +1,4 @@
-"""Table: tracking errors on the sines of 2 um, all controllers."""
+"""Table: tracking errors of all controllers on the 2 µm sines."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a controller and frequency."""
+    """Write one row per frequency and controller."""
     rows = []
     for frequency in FREQUENCIES:
         for name, cases in _RUNS.items():
@@ -50,6 +50,6 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'max error [nm]',
         'TMR [nm]',
         'peak control [V]',
-        "shipped controller's rms error over this one",
+        'rms error, shipped / this controller',
     )
     return write_table(path, 'Sine of 2 um, 2 to 10 s; peak control from 0 s.', header, rows)

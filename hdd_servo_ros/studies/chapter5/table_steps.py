@@ -1,4 +1,4 @@
-"""Table: steps of 0.5 and 5 um, lone ones from rest and those of a square wave."""
+"""Table: steps of 0.5 and 5 µm, single from rest and in a square wave."""
 
 import itertools
 from pathlib import Path
@@ -22,7 +22,7 @@ from hdd_servo_ros.studies.output import write_table
 
 _NAMES = ('law of the thesis', 'adaptive NN as shipped', 'PID, at most 20 % overshoot', 'PID for sines')
 _RUNS = {
-    'lone, from rest': dict(
+    'single, from rest': dict(
         zip(_NAMES, (LAW_FROM_REST, SHIPPED_FROM_REST, PID_FROM_REST, PID_FOR_SINES_FROM_REST), strict=True)
     ),
     'square wave': dict(zip(_NAMES, (LAW_STEPS, SHIPPED_STEPS, PID_STEPS, PID_FOR_SINES_STEPS), strict=True)),
@@ -31,7 +31,7 @@ CASES = tuple(case for kind in _RUNS.values() for cases in kind.values() for cas
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a height, kind of step and controller."""
+    """Write one row per height, kind of step and controller."""
     rows = []
     for height, (kind, by_controller) in itertools.product(HEIGHTS, _RUNS.items()):
         for name, cases in by_controller.items():
@@ -55,13 +55,13 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'controller',
         'overshoot [%]',
         '2 % settling [ms]',
-        'its median [ms]',
+        'median settling [ms]',
         'mean steady error [nm]',
         'peak control [V]',
     )
     title = (
-        f'10 s each. Lone: 0 to the height at {STEP_TIME:g} s. Square wave: -height/2 to height/2 and back at 10 Hz, '
-        'the worst of all edges but the first, unless it says median.'
+        f'10 s each. Single: 0 to the height at {STEP_TIME:g} s. Square wave: -height/2 to height/2 and back at 10 Hz; '
+        'the worst of all edges but the first, or the median of all edges but the first where stated.'
     )
     return write_table(path, title, header, rows)
 

@@ -1,4 +1,4 @@
-"""Table: the gains of section 5.5, as printed and as magnitudes."""
+"""Table: gains of section 5.5, as printed and as magnitudes."""
 
 from pathlib import Path
 
@@ -11,12 +11,12 @@ from hdd_servo_ros.studies.chapter5.thesis_gains_cases import READINGS
 from hdd_servo_ros.studies.output import write_table
 
 _DIVERGED = 1e5
-"""An error larger than this is none of a servo: 100 um, beyond the vibrometer's range of 80 um [nm]."""
+"""A run with a larger error diverged [nm]: 100 µm, outside the 80 µm range of the vibrometer."""
 CASES = tuple(case for cases in READINGS.values() for case in cases)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Write one row a run."""
+    """Write one row per run."""
     rows = []
     for name, cases in READINGS.items():
         for case in cases:

@@ -1,4 +1,4 @@
-"""The gains of section 5.5, in each way that they can be read."""
+"""Runs with the gains of section 5.5, for each interpretation of the printed values."""
 
 from hdd_servo_ros.studies.chapter5.cases import LAW, sine, steps
 
@@ -9,7 +9,7 @@ _LARGE_K = {'feedback_gain': 7.9e-5}
 
 PRINTED_SIGNS = sine('thesis_printed_signs', 'adaptive_nn', 100.0, *_FILES, **_PRINTED_SIGNS)
 MAGNITUDES = {f: sine('thesis_magnitudes', 'adaptive_nn', f, *_FILES) for f in (100.0, 200.0)}
-"""The reading that works, by frequency."""
+"""Interpretation with which the loop works, by frequency."""
 READINGS = {
     'printed signs, Gamma = 1': (PRINTED_SIGNS,),
     'printed signs, Gamma = k_w = 3e-8': (
@@ -24,4 +24,4 @@ READINGS = {
         sine('thesis_magnitudes_large_k', 'adaptive_nn', f, *_FILES, **_SMALL_GAMMA, **_LARGE_K) for f in (100.0, 200.0)
     ),
 }
-"""The runs of each reading, by its name."""
+"""Runs of each interpretation, by name."""
