@@ -21,7 +21,16 @@ from hdd_servo_ros.studies.mobile import (
     table_sources,
     table_vibration,
 )
-from hdd_servo_ros.studies.mobile.cases import BARS, CONTROLLERS, HARD, IN_VIBRATION, LATE, SHOCK, STILL_BAR, TRANSIENT
+from hdd_servo_ros.studies.mobile.cases import (
+    CONTROLLERS,
+    DELAYED,
+    HARD_MOUNT,
+    IN_VIBRATION,
+    NO_VIBRATION_LIMITS,
+    SHOCK,
+    TRANSIENT,
+    VIBRATION_LIMITS,
+)
 from hdd_servo_ros.studies.mobile.drawing import error
 from hdd_servo_ros.studies.mobile.shock_measures import peak_and_time
 from hdd_servo_ros.studies.mobile.sources import contributions
@@ -60,7 +69,7 @@ def runs(directory):
 
 
 def test_a_trial_with_the_recorded_seeds_is_the_recorded_run(runs):
-    for case in (IN_VIBRATION['pid']['network'], LATE['adaptive_nn'], HARD['pid']):
+    for case in (IN_VIBRATION['pid']['network'], DELAYED['adaptive_nn'], HARD_MOUNT['pid']):
         run = runs[case]
         own = dataclasses.replace(trial(runs, case, 1), duration=SHORT).error()
         np.testing.assert_array_equal(own, error(run)[run.since(TRANSIENT)])
@@ -101,14 +110,14 @@ def test_rotational_vibration(runs):
     found = three_sigma(runs, BASE, keys, SEEDS)
     pid, nn = ({key: found[controller, key] for key in keys} for controller in CONTROLLERS)
     assert pid['fxlms', 1e3].shape == (2, SEEDS)
-    assert STILL_BAR.low < pid['no vibration', 0.0].min()
-    assert pid['no vibration', 0.0].max() < STILL_BAR.high
-    for (method, bandwidth), bar in BARS.items():
+    assert NO_VIBRATION_LIMITS.low < pid['no vibration', 0.0].min()
+    assert pid['no vibration', 0.0].max() < NO_VIBRATION_LIMITS.high
+    for (method, bandwidth), limit in VIBRATION_LIMITS.items():
         values = pid[method, bandwidth if method != 'none' else 0.0]
         # The upper end of the fixed feedforward's range is missed by one seed in ten.
         slack = 1.05 if method == 'fixed' else 1.0
-        assert bar.low < values.min(), method
-        assert values.max() <= slack * bar.high, method
+        assert limit.low < values.min(), method
+        assert values.max() <= slack * limit.high, method
     for bandwidth in (1e3, 3e3):
         assert (pid['network', bandwidth] <= NETWORK_RATIO * pid['fxlms', bandwidth]).all()
         assert (nn['fxlms', bandwidth] <= pid['fxlms', bandwidth]).all()
@@ -118,14 +127,14 @@ def test_rotational_vibration(runs):
 
 def test_hard_mount(runs):
     keys = tuple((method, 1e3) for method in ('fxlms', 'network'))
-    found = three_sigma(runs, HARD, keys, SEEDS)
+    found = three_sigma(runs, HARD_MOUNT, keys, SEEDS)
     for controller in CONTROLLERS:
         fxlms, network = (found[controller, key] for key in keys)
         assert (network <= table_hard_mount.NETWORK_RATIO * fxlms).all()
 
 
 def test_one_sample_of_delay(runs):
-    found = three_sigma(runs, LATE, (('none', 0.0), ('fxlms', 1e3), ('fxlms', 3e3)), 1)
+    found = three_sigma(runs, DELAYED, (('none', 0.0), ('fxlms', 1e3), ('fxlms', 3e3)), 1)
     for controller in CONTROLLERS:
         assert 200.0 < found[controller, ('none', 0.0)].max() < 350.0
         assert found[controller, ('fxlms', 1e3)].max() < 18.0

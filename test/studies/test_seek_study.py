@@ -24,13 +24,13 @@ from hdd_servo_ros.studies.seek.cases import (
     BY_SECTORS,
     DWELL,
     FRICTIONS,
+    IN_VIBRATION,
     LEARNED,
     LEARNED_AFTER,
     LEARNING_LENGTHS,
     NARROW,
-    NARROW_BARS,
-    OVERSHOOT_BARS,
-    SHAKEN,
+    NARROW_LIMITS,
+    OVERSHOOT_LIMITS,
     TOLERANCE,
     to_and_fro,
 )
@@ -53,7 +53,7 @@ def runs(directory):
     return RecordedRuns(directory)
 
 
-@pytest.mark.parametrize('case', [BASE['final_state'], BASE['cnf'], SHAKEN], ids=lambda case: case.name)
+@pytest.mark.parametrize('case', [BASE['final_state'], BASE['cnf'], IN_VIBRATION], ids=lambda case: case.name)
 def test_a_trial_with_the_recorded_seeks_is_the_recorded_run(runs, case):
     targets = runs.parameters(case)['reference_generator']['seek.targets']
     found = seek_trial(runs, case, targets).measures()
@@ -77,7 +77,7 @@ def test_what_does_not_arrive_is_named():
 
 
 def test_random_seeks_follow_the_seed_and_all_arrive(runs):
-    for case in (SHAKEN, BY_SECTORS):
+    for case in (IN_VIBRATION, BY_SECTORS):
         one, same, other = (random_seeks(runs, case, 40, 0.02, seed).measures() for seed in (1, 1, 2))
         np.testing.assert_array_equal(one, same)
         assert len(one) == 40
@@ -90,33 +90,33 @@ def test_random_seeks_follow_the_seed_and_all_arrive(runs):
     assert np.median(one['time']) < 1.0
 
 
-def test_nominal_and_varied_drives_keep_the_bars(runs):
+def test_nominal_and_varied_drives_keep_the_limits(runs):
     found = table_times.by_kind(runs, (10.0, 100.0), 2, 2)
     assert len(found) == 6
     for (kind, length), seeks in found.items():
         assert len(seeks) == 6 * (8 if kind == 'corners' else 2)
-        assert seeks['time'].max() <= table_times.bar_of(kind, length)
-        assert seeks['overshoot'].max() <= OVERSHOOT_BARS['nominal' if kind == 'nominal' else 'varied']
+        assert seeks['time'].max() <= table_times.limit_of(kind, length)
+        assert seeks['overshoot'].max() <= OVERSHOOT_LIMITS['nominal' if kind == 'nominal' else 'varied']
 
 
-def test_friction_is_learned_and_the_bars_are_kept_then(runs):
+def test_friction_is_learned_and_the_limits_are_kept_then(runs):
     for length in LEARNING_LENGTHS:
         for friction in FRICTIONS:
             case = LEARNED[length, friction]
             times, level = narrow_times(runs, case), levels(runs, case)
             assert level[0] == 1.0
             assert level[LEARNED_AFTER:] == pytest.approx(friction, abs=0.03)
-            assert times[LEARNED_AFTER:].max() <= NARROW_BARS[length][0 if friction == 1.0 else 1]
+            assert times[LEARNED_AFTER:].max() <= NARROW_LIMITS[length][0 if friction == 1.0 else 1]
             if friction != 1.0:
                 assert times[0] > 1.5 * times[-1]
 
 
-def test_cnf_and_ptos_against_their_bars(runs):
+def test_cnf_and_ptos_against_their_limits(runs):
     lengths = (50.0, 100.0, 1000.0)
     found = access_measures(runs, ('ptos', 'cnf', 'trajectory', 'pid'), lengths, 1)
     for length in lengths[:2]:
         for name in ('time', 'settling'):
-            assert found['cnf', length][name].max() <= table_methods.CNF_BAR * found['ptos', length][name].max()
+            assert found['cnf', length][name].max() <= table_methods.CNF_LIMIT * found['ptos', length][name].max()
     # CNF is a law for short seeks.
     assert found['cnf', 1000.0]['time'].min() > found['ptos', 1000.0]['time'].max()
     # The trajectory spares the controller the step.

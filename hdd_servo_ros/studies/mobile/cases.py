@@ -1,4 +1,4 @@
-"""The recorded runs that several figures and tables share, and the bars that the results are held to."""
+"""The recorded runs that several figures and tables share, and the limits that the results are held to."""
 
 import dataclasses
 
@@ -28,7 +28,7 @@ GAIN_ERRORS = (-0.125, 0.125)
 
 
 @dataclasses.dataclass(frozen=True)
-class Bar:
+class Limits:
     """Range in which at least 95 % of the runs must be."""
 
     high: float
@@ -42,14 +42,14 @@ class Bar:
         return f'<= {self.high:g} {self.unit}'
 
 
-STILL_BAR = Bar(6.0, 4.4)
+NO_VIBRATION_LIMITS = Limits(6.0, 4.4)
 """PID without vibration, 3 sigma."""
-BARS = {
-    ('none', 1000.0): Bar(83.0, 67.0),
-    ('fixed', 1000.0): Bar(44.0, 36.0),
-    ('fixed', 3000.0): Bar(22.0, 17.0),
-    ('fxlms', 1000.0): Bar(9.0),
-    ('fxlms', 3000.0): Bar(6.5),
+VIBRATION_LIMITS = {
+    ('none', 1000.0): Limits(83.0, 67.0),
+    ('fixed', 1000.0): Limits(44.0, 36.0),
+    ('fixed', 3000.0): Limits(22.0, 17.0),
+    ('fxlms', 1000.0): Limits(9.0),
+    ('fxlms', 3000.0): Limits(6.5),
 }
 """PID in the rotational vibration, 3 sigma, by method and bandwidth."""
 
@@ -74,7 +74,7 @@ IN_VIBRATION = {
     controller: {method: _vibration(controller, method) for method in METHODS} for controller in CONTROLLERS
 }
 """By controller and method, with the file's accelerometers: 1 kHz, gains too large by 12.5 %."""
-STILL = {
+NO_VIBRATION = {
     controller: dataclasses.replace(
         _vibration(controller, 'none', 'still'),
         overrides={
@@ -85,9 +85,9 @@ STILL = {
     for controller in CONTROLLERS
 }
 """The same without vibration and feedforward, by controller."""
-LATE = {controller: _vibration(controller, 'fxlms', 'delay', DELAY) for controller in CONTROLLERS}
+DELAYED = {controller: _vibration(controller, 'fxlms', 'delay', DELAY) for controller in CONTROLLERS}
 """In the vibration with one sample of computation delay and the gains that are tuned for it."""
-HARD = {
+HARD_MOUNT = {
     controller: Case(
         f'hard_mount_{controller}_network',
         controller,

@@ -9,23 +9,25 @@ from numpy.typing import NDArray
 
 from hdd_servo_ros.analysis.metrics import NANOMETRES, power_spectral_density
 from hdd_servo_ros.recording.recorded_run import RecordedRun
-from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, IN_VIBRATION, STILL, TRANSIENT
+from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, IN_VIBRATION, NO_VIBRATION, TRANSIENT
 
 RUNNING = 0.05
 """Time over which a running rms is taken [s]."""
 RESOLUTION = 5.0
 """Of spectra [Hz]."""
-STILL_NAME = 'no vibration'
+NO_VIBRATION_NAME = 'no vibration'
 STYLES: dict[str, dict[str, Any]] = {
     'none': {'color': '0.35', 'label': 'no feedforward'},
     'fixed': {'color': 'C1', 'label': 'fixed'},
     'fxlms': {'color': 'C0', 'label': 'fxlms'},
     'iir': {'color': 'C4', 'label': 'iir'},
     'network': {'color': 'C3', 'label': 'network'},
-    STILL_NAME: {'color': 'C2', 'label': STILL_NAME, 'linestyle': '--'},
+    NO_VIBRATION_NAME: {'color': 'C2', 'label': NO_VIBRATION_NAME, 'linestyle': '--'},
 }
 """Of the lines, by the method of feedforward."""
-COMPARED = {controller: {**IN_VIBRATION[controller], STILL_NAME: STILL[controller]} for controller in CONTROLLERS}
+COMPARED = {
+    controller: {**IN_VIBRATION[controller], NO_VIBRATION_NAME: NO_VIBRATION[controller]} for controller in CONTROLLERS
+}
 """The runs that are drawn together, by controller and line."""
 
 

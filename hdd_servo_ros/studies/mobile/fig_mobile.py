@@ -5,8 +5,15 @@ from pathlib import Path
 import numpy as np
 
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.mobile.cases import IN_VIBRATION, SHOCK, STILL
-from hdd_servo_ros.studies.mobile.drawing import STILL_NAME, STYLES, common_legend, density, error, over_frequency
+from hdd_servo_ros.studies.mobile.cases import IN_VIBRATION, NO_VIBRATION, SHOCK
+from hdd_servo_ros.studies.mobile.drawing import (
+    NO_VIBRATION_NAME,
+    STYLES,
+    common_legend,
+    density,
+    error,
+    over_frequency,
+)
 from hdd_servo_ros.studies.mobile.fig_shock import draw_error, legend
 from hdd_servo_ros.studies.output import draw, new_figure, save
 
@@ -14,7 +21,7 @@ _METHODS = ('none', 'fixed', 'fxlms')
 _START = 0.4
 """How much of the start is drawn [s]."""
 _SHAKEN = {method: IN_VIBRATION['pid'][method] for method in _METHODS}
-CASES = (*_SHAKEN.values(), STILL['pid'], *SHOCK[63.0]['pid'].values())
+CASES = (*_SHAKEN.values(), NO_VIBRATION['pid'], *SHOCK[63.0]['pid'].values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
@@ -27,7 +34,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         draw(panels['start'], run.time[rows], error(run)[rows], **{**STYLES[method], 'linewidth': 0.9})
     panels['start'].set_ylabel('error [nm]')
     panels['start'].set_xlabel('time [s]: rotational vibration of 12.5 rad/s² from 10 to 500 Hz')
-    spectra = {**_SHAKEN, STILL_NAME: STILL['pid']}
+    spectra = {**_SHAKEN, NO_VIBRATION_NAME: NO_VIBRATION['pid']}
     for method, case in spectra.items():
         frequencies, power = density(runs[case])
         panels['spectrum'].semilogy(frequencies, np.sqrt(power), linewidth=1.0, **STYLES[method])

@@ -1,7 +1,7 @@
 """The recorded runs with repeatable runout that the figure and the table share."""
 
 from hdd_servo_ros.campaign.case import Case
-from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, FILE, Bar
+from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, FILE, Limits
 
 RATES = {84: '10.08 kHz', 220: '26.4 kHz'}
 """Sampling frequencies by the number of servo sectors."""
@@ -13,7 +13,7 @@ _REVOLUTIONS = {84: 240, 220: 30}
 """Of the recorded runs."""
 FIRST = 10
 """Revolutions after which the repeatable error counts."""
-RPE, NRPE, SENSITIVITY = Bar(0.1, unit=''), Bar(1.03, unit=''), Bar(2.2, unit='')
+RPE, NRPE, SENSITIVITY = Limits(0.1, unit=''), Limits(1.03, unit=''), Limits(2.2, unit='')
 """Of the errors over those without cancellation, and of the peak sensitivity."""
 ALONE: dict[str, object] = {
     'disturbance_generator:flutter.enabled': False,

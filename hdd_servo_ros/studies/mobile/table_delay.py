@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.mobile.cases import LATE, TRANSIENT
+from hdd_servo_ros.studies.mobile.cases import DELAYED, TRANSIENT
 from hdd_servo_ros.studies.mobile.trials import DURATION
 from hdd_servo_ros.studies.mobile.vibration_table import write_vibration
 
 SEEDS = 5
-CASES = tuple(LATE.values())
+CASES = tuple(DELAYED.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
@@ -19,4 +19,4 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'seeds and gains of the accelerometers that are 12.5 % too small and too large. PID: k_p 0.146, k_i 8.68, '
         'k_d 8.67e-5, no filter.'
     )
-    return write_vibration(runs, path, title, LATE, SEEDS, held_to_bars=False)
+    return write_vibration(runs, path, title, DELAYED, SEEDS, with_limits=False)

@@ -11,16 +11,16 @@ from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.mobile.cases import (
     CONTROLLERS,
     DELAY,
+    DELAYED,
     FILE,
-    HARD,
-    LATE,
+    HARD_MOUNT,
     SHOCK_DURATION,
     SHOCKS,
     TRANSIENT,
     method_of,
 )
 from hdd_servo_ros.studies.mobile.shock_measures import BEFORE, LIMIT, peak_and_time
-from hdd_servo_ros.studies.mobile.table_parasitic import OWN_GAIN
+from hdd_servo_ros.studies.mobile.table_parasitic import UNIT_COUPLING
 from hdd_servo_ros.studies.mobile.trials import DURATION, Trial, on_trials, trial
 from hdd_servo_ros.studies.output import write_table
 
@@ -48,7 +48,7 @@ _NSS = {
     )
     for controller in CONTROLLERS
 }
-CASES = (*LATE.values(), *_SHOCK.values(), *_NSS.values())
+CASES = (*DELAYED.values(), *_SHOCK.values(), *_NSS.values())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _errors(controller: str, method: str, bandwidth: float) -> list[Mapping[str,
 
 
 def _hard_mount(runs: RecordedRuns) -> list[_Row]:
-    cubic = {key: value for key, value in HARD['pid'].overrides.items() if ':coupling.' in key}
+    cubic = {key: value for key, value in HARD_MOUNT['pid'].overrides.items() if ':coupling.' in key}
     return [
         _Row(
             'hard mount',
@@ -139,7 +139,7 @@ def _hard_mount(runs: RecordedRuns) -> list[_Row]:
             '1 kHz',
             _seeded(runs, case, [{**change, **cubic} for change in _errors(controller, method, 1000.0)]),
         )
-        for controller, case in LATE.items()
+        for controller, case in DELAYED.items()
         for method in ('none', 'fxlms', 'network')
     ]
 
@@ -158,10 +158,10 @@ def _shock(runs: RecordedRuns) -> list[_Row]:
 
 def _parasitic(runs: RecordedRuns) -> list[_Row]:
     rows = []
-    for controller, case in LATE.items():
+    for controller, case in DELAYED.items():
         for method in ('none', 'fixed', 'fxlms', 'network'):
             changes: list[Mapping[str, object]] = [
-                {**_of(controller, method, 1000.0, 0.125), 'accelerometer:parasitic_gain': share * OWN_GAIN}
+                {**_of(controller, method, 1000.0, 0.125), 'accelerometer:parasitic_gain': share * UNIT_COUPLING}
                 for share in SHARES
             ]
             trials = tuple(
@@ -188,7 +188,7 @@ def _nss(runs: RecordedRuns) -> list[_Row]:
 def _untuned(runs: RecordedRuns) -> list[_Row]:
     """Return the loops with the gains that are tuned without delay."""
     rows = []
-    for controller, case in LATE.items():
+    for controller, case in DELAYED.items():
         tuned = trial(runs, case, 1, {method_of(controller): 'none'})
         node = f'{controller}_controller'
         own = {name: value for name, value in tuned.parameters[node].items() if name.startswith(('dsp.', 'observer.'))}

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.mobile.cases import BANDWIDTHS, CONTROLLERS, HARD, TRANSIENT
+from hdd_servo_ros.studies.mobile.cases import BANDWIDTHS, CONTROLLERS, HARD_MOUNT, TRANSIENT
 from hdd_servo_ros.studies.mobile.trials import DURATION, count, median_and_tail
 from hdd_servo_ros.studies.mobile.vibration_table import three_sigma
 from hdd_servo_ros.studies.output import write_table
@@ -11,14 +11,14 @@ from hdd_servo_ros.studies.output import write_table
 SEEDS = 10
 NETWORK_RATIO = 0.75
 """The network must have no more than this of the 3 sigma of fxlms in the same run."""
-CASES = tuple(HARD.values())
+CASES = tuple(HARD_MOUNT.values())
 _WITHOUT = ('none', 0.0)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Make the recorded runs again with other methods, sensors and seeds: one row per controller and sensor."""
     adaptive = tuple((method, bandwidth) for method in ('fxlms', 'network') for bandwidth in BANDWIDTHS)
-    found = three_sigma(runs, HARD, (_WITHOUT, *adaptive), SEEDS)
+    found = three_sigma(runs, HARD_MOUNT, (_WITHOUT, *adaptive), SEEDS)
     rows = []
     for controller, name in CONTROLLERS.items():
         without = median_and_tail(found[controller, _WITHOUT])
@@ -35,7 +35,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'fxlms [nm]',
         'network [nm]',
         'network / fxlms in the same run',
-        'bar',
+        'limit',
         'runs that keep it',
     )
     title = (

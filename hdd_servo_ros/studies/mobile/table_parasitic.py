@@ -15,7 +15,7 @@ DURATION = 5.0
 """Of a run [s]: a coupled loop can take seconds until its weights have made it unstable."""
 SHARES = (-0.5, -0.3, -0.1, 0.1, 0.3, 0.5)
 """Of the loop's own gain."""
-OWN_GAIN = 40.3
+UNIT_COUPLING = 40.3
 """Parasitic acceleration per volt at which the coupled loop gain is 1: lever times gain over arm radius [m/s^2/V]."""
 LARGEST_RATIO = 1.05
 """Feedforward may have this much of the error without it."""
@@ -68,7 +68,7 @@ def _coupled(runs: RecordedRuns, controller: str, vibrates: bool, method: str, b
         method_of(controller): method,
         'disturbance_generator:vibration.rotational.enabled': vibrates,
         'accelerometer:bandwidth': bandwidth,
-        'accelerometer:parasitic_gain': share * OWN_GAIN,
+        'accelerometer:parasitic_gain': share * UNIT_COUPLING,
     }
     return dataclasses.replace(trial(runs, _BASE[controller], SEED, changes), duration=DURATION, transient=0.0)
 

@@ -21,7 +21,7 @@ from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 20
 DELAYED_SEEDS = 5
-"""Of the rows with one sample of delay, which are not held to bars."""
+"""Of the rows with one sample of delay, which are not held to limits."""
 CASES = tuple(CANCELED.values())
 _NO_SEQUENCE = 'disturbance_generator:runout.repeatable.sequence'
 

@@ -7,13 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
-from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, GAIN_ERRORS, METHODS, SHOCK, SHOCK_DURATION, Bar, method_of
+from hdd_servo_ros.studies.mobile.cases import (
+    CONTROLLERS,
+    GAIN_ERRORS,
+    METHODS,
+    SHOCK,
+    SHOCK_DURATION,
+    Limits,
+    method_of,
+)
 from hdd_servo_ros.studies.mobile.shock_measures import BEFORE, LIMIT, peak_and_time
 from hdd_servo_ros.studies.mobile.trials import Trial, count, on_trials, quantile, trial
 from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 10
-PEAK, OUTSIDE = Bar(110.0), Bar(0.5, unit='ms')
+PEAK, OUTSIDE = Limits(110.0), Limits(0.5, unit='ms')
 """PID with the fixed feedforward after 63 G."""
 CASES = tuple(cases['fixed'] for by_controller in SHOCK.values() for cases in by_controller.values())
 
@@ -34,17 +42,17 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     parts = np.split(found, np.cumsum([len(trials) for trials in due.values()])[:-1])
     rows = []
     for (level, controller, method), part in zip(due, parts, strict=True):
-        is_held = (level, controller, method) == (63.0, 'pid', 'fixed')
-        kept = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if is_held else ''
-        bar = f'{PEAK}, {OUTSIDE}' if is_held else ''
-        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), bar, kept))
+        has_limit = (level, controller, method) == (63.0, 'pid', 'fixed')
+        kept = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if has_limit else ''
+        limit = f'{PEAK}, {OUTSIDE}' if has_limit else ''
+        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), limit, kept))
     header = (
         'shock',
         'controller',
         'feedforward',
         'peak [nm]',
         f'time beyond {LIMIT:g} nm [ms]',
-        'bar',
+        'limit',
         'runs that keep it',
     )
     title = (

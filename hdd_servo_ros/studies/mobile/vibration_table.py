@@ -11,12 +11,12 @@ from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.mobile.cases import (
     BANDWIDTHS,
-    BARS,
     CONTROLLERS,
     GAIN_ERRORS,
     METHODS,
-    STILL_BAR,
-    Bar,
+    NO_VIBRATION_LIMITS,
+    VIBRATION_LIMITS,
+    Limits,
     method_of,
 )
 from hdd_servo_ros.studies.mobile.trials import Trial, count, median_and_tail, on_trials, trial
@@ -81,7 +81,7 @@ def three_sigma(
 
 
 def write_vibration(
-    runs: RecordedRuns, path: Path, title: str, cases: Mapping[str, Case], seeds: int, held_to_bars: bool = True
+    runs: RecordedRuns, path: Path, title: str, cases: Mapping[str, Case], seeds: int, with_limits: bool = True
 ) -> Path:
     """
     Write one row per method and bandwidth of the accelerometers, and return the file.
@@ -94,8 +94,8 @@ def write_vibration(
         What the runs are.
     cases, seeds
         As of :func:`three_sigma`.
-    held_to_bars
-        Whether the bars hold for these runs.
+    with_limits
+        Whether the limits hold for these runs.
     """
     keys = rows_of()
     found = three_sigma(runs, cases, keys, seeds)
@@ -104,20 +104,22 @@ def write_vibration(
         pid, nn = (found[controller, key] for controller in CONTROLLERS)
         method, bandwidth = key
         cells: list[str] = [method, f'{1e-3 * bandwidth:g} kHz' if bandwidth else '', median_and_tail(pid)]
-        if held_to_bars:
-            cells += _against_bar(key, pid, found['pid', ('fxlms', bandwidth)] if method == 'network' else None)
+        if with_limits:
+            cells += _limit_cells(key, pid, found['pid', ('fxlms', bandwidth)] if method == 'network' else None)
         rows.append((*cells, median_and_tail(nn), count(nn <= pid)))
-    bars = ('bar', 'runs that keep it') if held_to_bars else ()
-    header = ('feedforward', 'sensor', 'PID [nm]', *bars, 'adaptive NN [nm]', 'not worse than PID in the same run')
+    limits = ('limit', 'runs that keep it') if with_limits else ()
+    header = ('feedforward', 'sensor', 'PID [nm]', *limits, 'adaptive NN [nm]', 'not worse than PID in the same run')
     return write_table(path, title, header, rows)
 
 
-def _against_bar(key: Key, pid: NDArray[np.float64], fxlms: NDArray[np.float64] | None) -> tuple[str, str]:
-    """Return the bar of a row, and how many runs keep it."""
+def _limit_cells(key: Key, pid: NDArray[np.float64], fxlms: NDArray[np.float64] | None) -> tuple[str, str]:
+    """Return the limit of a row, and how many runs keep it."""
     method, bandwidth = key
     if fxlms is not None:
         return f'<= {NETWORK_RATIO:g} of fxlms', count(pid <= NETWORK_RATIO * fxlms)
-    bar: Bar | None = STILL_BAR if method == _STILL else BARS.get((method, bandwidth or 1000.0))
-    if bar is None:
+    limit: Limits | None = (
+        NO_VIBRATION_LIMITS if method == _STILL else VIBRATION_LIMITS.get((method, bandwidth or 1000.0))
+    )
+    if limit is None:
         return '', ''
-    return str(bar), count((pid >= bar.low) & (pid <= bar.high))
+    return str(limit), count((pid >= limit.low) & (pid <= limit.high))

@@ -1,4 +1,4 @@
-"""The recorded runs that figures and tables share, and the bars that the results are held to."""
+"""The recorded runs that figures and tables share, and the limits that the results are held to."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,13 +21,13 @@ TOLERANCE, NARROW, NEAR = 0.1, 0.025, 2.0
 """Position errors of arrival, of the narrow arrival, and at which settling begins [um]."""
 LENGTHS = (1.0, 5.0, 10.0, 50.0, 100.0, 150.0)
 """Of the seeks that the tables are about [um]."""
-NOMINAL_BARS = dict(zip(LENGTHS, (0.8, 1.0, 1.3, 1.6, 2.0, 2.2), strict=True))
-NOMINAL_AIMS = dict(zip(LENGTHS, (0.75, 0.95, 1.1, 1.4, 1.6, 1.8), strict=True))
-ROBUST_BARS = dict(zip(LENGTHS, (0.9, 1.1, 1.5, 1.9, 2.4, 2.7), strict=True))
+NOMINAL_LIMITS = dict(zip(LENGTHS, (0.8, 1.0, 1.3, 1.6, 2.0, 2.2), strict=True))
+NOMINAL_GOALS = dict(zip(LENGTHS, (0.75, 0.95, 1.1, 1.4, 1.6, 1.8), strict=True))
+ROBUST_LIMITS = dict(zip(LENGTHS, (0.9, 1.1, 1.5, 1.9, 2.4, 2.7), strict=True))
 """Seek times by length [ms]."""
-OVERSHOOT_BARS = {'nominal': 0.1, 'varied': 0.5}
+OVERSHOOT_LIMITS = {'nominal': 0.1, 'varied': 0.5}
 """[um]."""
-NARROW_BARS = {10.0: (1.5, 1.8), 50.0: (2.1, 2.6)}
+NARROW_LIMITS = {10.0: (1.5, 1.8), 50.0: (2.1, 2.6)}
 """Seek times into +-25 nm by length [ms]: nominal, and with friction +-20 % after 20 seeks."""
 LEARNED_AFTER = 20
 """Number of seeks after which the friction's level is learned."""
@@ -116,7 +116,7 @@ LEARNED = {
     for friction in FRICTIONS
 }
 """The same with the friction learned, over thirty seeks."""
-SHAKEN = _case('shaken', to_and_fro(50.0, 4), VIBRATION, seek_controller__feedforward_dot_method='fxlms')
+IN_VIBRATION = _case('shaken', to_and_fro(50.0, 4), VIBRATION, seek_controller__feedforward_dot_method='fxlms')
 """In the rotational vibration, with feedforward."""
 BY_SECTORS = Case(
     'by_servo_sectors', 'seek', (FILE, NSS, NSS_RATE, SERVO), {'deterministic_timer:duration': 0.199999296}

@@ -6,7 +6,7 @@ import numpy as np
 
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.output import new_figure, save
-from hdd_servo_ros.studies.seek.cases import FRICTIONS, LEARNED, LEARNED_AFTER, LEARNING_LENGTHS, NARROW_BARS
+from hdd_servo_ros.studies.seek.cases import FRICTIONS, LEARNED, LEARNED_AFTER, LEARNING_LENGTHS, NARROW_LIMITS
 from hdd_servo_ros.studies.seek.drawing import FRICTION_STYLES
 from hdd_servo_ros.studies.seek.learning import levels, narrow_times
 
@@ -28,8 +28,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             upper.plot(number, times, 'o-', **style)
             lower.plot(number, level, 'o-', **style)
             lower.axhline(friction, color=style['color'], linewidth=0.8, linestyle=':')
-        upper.axhline(NARROW_BARS[length][1], xmin=0.66, color='black', linewidth=1.0, linestyle='--')
-        upper.text(30.0, 1.06 * NARROW_BARS[length][1], 'bar', ha='right', va='bottom', fontsize=8)
+        upper.axhline(NARROW_LIMITS[length][1], xmin=0.66, color='black', linewidth=1.0, linestyle='--')
+        upper.text(30.0, 1.06 * NARROW_LIMITS[length][1], 'limit', ha='right', va='bottom', fontsize=8)
         upper.axvline(LEARNED_AFTER + 0.5, color='0.6', linewidth=0.8)
         upper.set_yscale('log')
         upper.set_yticks(_TIMES, [f'{time:g}' for time in _TIMES])

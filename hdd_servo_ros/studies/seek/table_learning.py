@@ -13,7 +13,7 @@ from hdd_servo_ros.studies.seek.cases import (
     LEARNED,
     LEARNED_AFTER,
     LEARNING_LENGTHS,
-    NARROW_BARS,
+    NARROW_LIMITS,
     NO_FRICTION,
     UNLEARNED,
     to_and_fro,
@@ -46,8 +46,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             fixed = times[length, friction, UNLEARNED[length, friction].name]
             learned = times[length, friction, LEARNED[length, friction].name]
             late = learned[:, LEARNED_AFTER:]
-            bar = NARROW_BARS[length][0 if friction == 1.0 else 1]
-            verdict = f'{bar:g}: ' + ('kept' if late.max() <= bar + 1e-9 else '**missed**')
+            limit = NARROW_LIMITS[length][0 if friction == 1.0 else 1]
+            verdict = f'{limit:g}: ' + ('kept' if late.max() <= limit + 1e-9 else '**missed**')
             first = f'{np.median(learned[:, 0]):.2f}'
             rows.append(
                 (f'{length:g}', f'{friction:g}', 'yes', median_and_worst(fixed), first, median_and_worst(late), verdict)
@@ -63,6 +63,6 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'not learned',
         'learning, first seek',
         f'learning, after {LEARNED_AFTER} seeks',
-        'bar',
+        'limit',
     )
     return write_table(path, title, header, rows)

@@ -15,9 +15,9 @@ LENGTHS = (1.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 1000.0)
 """Of the seeks [um]."""
 SEEDS = 20
 CASES = (*BASE.values(), PID)
-PTOS_BARS = {100.0: 2.5, 150.0: 2.5, 1000.0: 1.7}
+PTOS_LIMITS = {100.0: 2.5, 150.0: 2.5, 1000.0: 1.7}
 """Longest time of PTOS over T*, by length."""
-CNF_BAR = 0.8
+CNF_LIMIT = 0.8
 """Longest time of CNF over that of PTOS."""
 
 
@@ -29,8 +29,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         by_method = {method: found[method, length] for method in METHODS}
         ptos, cnf = by_method['ptos'], by_method['cnf']
         over_optimal = float(ptos['time'].max()) / (1e3 * time_optimal_seek(plant, length).time)
-        bar = PTOS_BARS.get(length)
-        verdict = '' if bar is None else f'{bar:g}: ' + ('kept' if over_optimal <= bar else '**missed**')
+        limit = PTOS_LIMITS.get(length)
+        verdict = '' if limit is None else f'{limit:g}: ' + ('kept' if over_optimal <= limit else '**missed**')
         ratios = [float(np.median(cnf[name]) / np.median(ptos[name])) for name in ('time', 'settling')]
         worst = float(cnf['time'].max() / ptos['time'].max())
         rows.append(
@@ -42,7 +42,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                 *(median_and_worst(each['settling']) for each in (ptos, cnf)),
                 f'{ratios[0]:.2f}, {worst:.2f}',
                 f'{ratios[1]:.2f}',
-                'kept' if max(ratios[0], worst) <= CNF_BAR else '**missed**',
+                'kept' if max(ratios[0], worst) <= CNF_LIMIT else '**missed**',
                 *(f'{1e3 * each["overshoot"].max():.0f}' for each in (ptos, cnf)),
             )
         )
@@ -55,12 +55,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'length [um]',
         *METHODS.values(),
         'PTOS over T*',
-        'bar',
+        'limit',
         'settling, PTOS',
         'settling, CNF',
         'CNF / PTOS: median, worst',
         'CNF / PTOS: settling',
-        'bar',
+        'limit',
         'overshoot, PTOS [nm]',
         'overshoot, CNF [nm]',
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hdd_servo_ros.campaign.case import Case
 from hdd_servo_ros.campaign.recorded_runs import RecordedRuns
 from hdd_servo_ros.studies.output import write_table
-from hdd_servo_ros.studies.seek.cases import BASE, BY_SECTORS, SHAKEN
+from hdd_servo_ros.studies.seek.cases import BASE, BY_SECTORS, IN_VIBRATION
 from hdd_servo_ros.studies.seek.trials import Measures, measured, random_seeks
 
 SEEKS = 1000
@@ -22,12 +22,12 @@ EDGES = (0.1, 0.5, 1.0, 5.0, 10.0, 50.0, 100.0, 150.1)
 NO_FEEDFORWARD = {'seek_controller:feedforward.method': 'none'}
 RUNS: dict[str, tuple[Case, dict[str, object]]] = {
     'at rest': (BASE['final_state'], {}),
-    'vibration, fxlms': (SHAKEN, {}),
-    'vibration, no feedforward': (SHAKEN, dict(NO_FEEDFORWARD)),
+    'vibration, fxlms': (IN_VIBRATION, {}),
+    'vibration, no feedforward': (IN_VIBRATION, dict(NO_FEEDFORWARD)),
     'servo sensor, NSS disturbances': (BY_SECTORS, {}),
 }
 """Which run, and what differs from it."""
-CASES = (BASE['final_state'], SHAKEN, BY_SECTORS)
+CASES = (BASE['final_state'], IN_VIBRATION, BY_SECTORS)
 
 
 def by_run(runs: RecordedRuns, seeks: int) -> dict[str, Measures]:

@@ -12,11 +12,11 @@ from hdd_servo_ros.studies.output import write_table
 from hdd_servo_ros.studies.seek.cases import (
     BASE,
     LENGTHS,
-    NARROW_BARS,
-    NOMINAL_AIMS,
-    NOMINAL_BARS,
-    OVERSHOOT_BARS,
-    ROBUST_BARS,
+    NARROW_LIMITS,
+    NOMINAL_GOALS,
+    NOMINAL_LIMITS,
+    OVERSHOOT_LIMITS,
+    ROBUST_LIMITS,
 )
 from hdd_servo_ros.studies.seek.trials import (
     VARIED,
@@ -60,9 +60,9 @@ def by_kind(
     }
 
 
-def bar_of(kind: str, length: float) -> float:
+def limit_of(kind: str, length: float) -> float:
     """Return the longest time that is allowed [ms]."""
-    return NOMINAL_BARS[length] if kind == 'nominal' else ROBUST_BARS[length]
+    return NOMINAL_LIMITS[length] if kind == 'nominal' else ROBUST_LIMITS[length]
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
@@ -72,20 +72,20 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for kind in KINDS:
         for length in LENGTHS:
             seeks = found[kind, length]
-            worst, bar = float(seeks['time'].max()), bar_of(kind, length)
+            worst, limit = float(seeks['time'].max()), limit_of(kind, length)
             optimal = 1e3 * time_optimal_seek(plant, length).time
             fastest = 1e3 * fastest_seek(plant, runs[CASES[0]].sample_time, length).time
             over = float(seeks['overshoot'].max())
-            allowed = OVERSHOOT_BARS['nominal' if kind == 'nominal' else 'varied']
-            narrow = NARROW_BARS.get(length, (float('nan'),))[0] if kind == 'nominal' else float('nan')
+            allowed = OVERSHOOT_LIMITS['nominal' if kind == 'nominal' else 'varied']
+            narrow = NARROW_LIMITS.get(length, (float('nan'),))[0] if kind == 'nominal' else float('nan')
             rows.append(
                 (
                     kind,
                     f'{length:g}',
                     len(seeks),
                     f'{np.median(seeks["time"]):.2f} / {worst:.2f}',
-                    f'{bar:g}' + (f' ({NOMINAL_AIMS[length]:g})' if kind == 'nominal' else ''),
-                    'kept' if worst <= bar + 1e-9 else '**missed**',
+                    f'{limit:g}' + (f' ({NOMINAL_GOALS[length]:g})' if kind == 'nominal' else ''),
+                    'kept' if worst <= limit + 1e-9 else '**missed**',
                     f'{1e3 * over:.0f}' + ('' if over <= allowed else ' **missed**'),
                     f'{np.median(seeks["narrow_time"]):.2f} / {seeks["narrow_time"].max():.2f}',
                     '' if np.isnan(narrow) else f'{narrow:g}',
@@ -104,11 +104,11 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'length [um]',
         'seeks',
         'into +-100 nm',
-        'bar',
+        'limit',
         '',
         'overshoot [nm]',
         'into +-25 nm',
-        'bar',
+        'limit',
         'T*, LP [ms]',
         'worst over T*, LP',
     )
