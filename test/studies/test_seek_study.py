@@ -143,15 +143,15 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
     for path in paths.values():
         assert path.suffix in ('.png', '.md')
         assert 100 < path.stat().st_size < 300_000, path
-    assert [row[5] for row in rows(paths['table_times'])] == ['kept'] * 6
+    assert [row[5] for row in rows(paths['table_times'])] == ['met'] * 6
     random = rows(paths['table_random'])
     assert [row[2] for row in random] == [row[3] for row in random]
     assert [row[2] for row in random if row[1] == '0.1 to 150'] == ['80'] * len(table_random.RUNS)
     methods = {row[0]: row for row in rows(paths['table_methods'])}
-    assert [methods[length][5] for length in ('100', '150', '1000')] == ['2.5: kept', '2.5: kept', '1.7: kept']
-    assert [methods[length][10] for length in ('50', '100', '1000')] == ['kept', 'kept', 'missed']
+    assert [methods[length][5] for length in ('100', '150', '1000')] == ['2.5: met', '2.5: met', '1.7: met']
+    assert [methods[length][10] for length in ('50', '100', '1000')] == ['met', 'met', 'not met']
     learning = rows(paths['table_learning'])
-    assert [row[6].split()[-1] for row in learning if row[6]] == ['kept'] * 6
+    assert [row[6].split()[-1] for row in learning if row[6]] == ['met'] * 6
     assert len(rows(paths['table_bounds'])) == len(table_bounds.LENGTHS)
 
 

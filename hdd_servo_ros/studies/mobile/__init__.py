@@ -1,1 +1,1 @@
-"""The drive in mobile use: vibration and shock, and what feedforward from accelerometers does against them."""
+"""Drive in mobile use: vibration and shock, and the effect of feedforward from accelerometers."""

@@ -1,4 +1,4 @@
-"""The recorded runs that several figures and tables share, and the limits that the results are held to."""
+"""Recorded runs shared by several figures and tables, and limits for the results."""
 
 import dataclasses
 
@@ -8,42 +8,42 @@ FILE = 'seagate_7200_10.yaml'
 VIBRATION = 'mobile_rotational_vibration.yaml'
 DELAY = 'one_sample_delay.yaml'
 SHOCKS = {63.0: 'mobile_shock_35.yaml', 300.0: 'mobile_shock_25.yaml'}
-"""Parameter files by the peak of their shock [G]."""
+"""Parameter files, by peak acceleration of the shock [G]."""
 TRANSIENT = 2.0
-"""Errors under vibration count from here on [s]."""
+"""Transient before the errors in vibration are evaluated [s]."""
 DURATION = 4.0
-"""Of the recorded runs under vibration [s]."""
+"""Duration of the recorded runs in vibration [s]."""
 SHOCK_DURATION = 0.7
-"""Of the recorded runs with a shock [s]."""
+"""Duration of the recorded runs with a shock [s]."""
 METHODS = ('none', 'fixed', 'fxlms', 'iir', 'network')
-"""Of feedforward."""
+"""Methods of feedforward."""
 CONTROLLERS = {'pid': 'PID', 'adaptive_nn': 'adaptive NN'}
-"""Their names in figures and tables."""
+"""Names of the controllers in figures and tables."""
 GAINS = 'PID: k_p 0.627, k_i 61.6, k_d 1.39e-4, filter 3170 Hz, as in seagate_7200_10.yaml'
-"""Which PID controller the tables are about."""
+"""PID gains, for the titles of the tables."""
 BANDWIDTHS = (1000.0, 3000.0)
-"""Of the accelerometers [Hz]."""
+"""Bandwidths of the accelerometers [Hz]."""
 GAIN_ERRORS = (-0.125, 0.125)
-"""Of the accelerometers."""
+"""Relative gain errors of the accelerometers."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Limits:
-    """Range in which at least 95 % of the runs must be."""
+    """Range that at least 95 % of the runs must meet."""
 
     high: float
     low: float = 0.0
     unit: str = 'nm'
 
     def __str__(self) -> str:
-        """Return the range as tables have it."""
+        """Return the range as tables show it."""
         if self.low > 0.0:
             return f'{self.low:g} to {self.high:g} {self.unit}'
         return f'<= {self.high:g} {self.unit}'
 
 
 NO_VIBRATION_LIMITS = Limits(6.0, 4.4)
-"""PID without vibration, 3 sigma."""
+"""Limits of 3 sigma with PID and without vibration."""
 VIBRATION_LIMITS = {
     ('none', 1000.0): Limits(83.0, 67.0),
     ('fixed', 1000.0): Limits(44.0, 36.0),
@@ -51,16 +51,16 @@ VIBRATION_LIMITS = {
     ('fxlms', 1000.0): Limits(9.0),
     ('fxlms', 3000.0): Limits(6.5),
 }
-"""PID in the rotational vibration, 3 sigma, by method and bandwidth."""
+"""Limits of 3 sigma with PID in rotational vibration, by method and bandwidth [Hz]."""
 
 
 def method_of(controller: str) -> str:
-    """Return the override's name that chooses a controller's method of feedforward."""
+    """Return the name of the override that selects the feedforward method of a controller."""
     return f'{controller}_controller:feedforward.method'
 
 
 def _vibration(controller: str, method: str, name: str = 'vibration', *overlays: str, **others: object) -> Case:
-    """Return a run in the rotational vibration; ``others`` are overrides, with ``__`` for the colon."""
+    """Return a run in rotational vibration; ``others`` are overrides, with ``__`` for the colon."""
     overrides = {key.replace('__', ':'): value for key, value in others.items()}
     return Case(
         f'{name}_{controller}_{method}',
@@ -73,7 +73,7 @@ def _vibration(controller: str, method: str, name: str = 'vibration', *overlays:
 IN_VIBRATION = {
     controller: {method: _vibration(controller, method) for method in METHODS} for controller in CONTROLLERS
 }
-"""By controller and method, with the file's accelerometers: 1 kHz, gains too large by 12.5 %."""
+"""Runs in vibration by controller and method, with accelerometers of 1 kHz and a gain error of +12.5 %."""
 NO_VIBRATION = {
     controller: dataclasses.replace(
         _vibration(controller, 'none', 'still'),
@@ -84,9 +84,9 @@ NO_VIBRATION = {
     )
     for controller in CONTROLLERS
 }
-"""The same without vibration and feedforward, by controller."""
+"""Runs without vibration and feedforward, by controller."""
 DELAYED = {controller: _vibration(controller, 'fxlms', 'delay', DELAY) for controller in CONTROLLERS}
-"""In the vibration with one sample of computation delay and the gains that are tuned for it."""
+"""Runs in vibration with one sample of computation delay and the gains tuned for it, by controller."""
 HARD_MOUNT = {
     controller: Case(
         f'hard_mount_{controller}_network',
@@ -94,14 +94,14 @@ HARD_MOUNT = {
         (FILE, VIBRATION),
         {
             **IN_VIBRATION[controller]['network'].overrides,
-            # The force is 30 % larger at twice its rms value, which is 12.5 rad/s^2 * 50.8 mm / gain.
+            # At twice its rms value of 12.5 rad/s^2 * 50.8 mm / gain, the force is 30 % larger.
             'disturbance_generator:coupling.cubic': 0.075,
             'disturbance_generator:coupling.cubic_scale': 0.0155,
         },
     )
     for controller in CONTROLLERS
 }
-"""In the vibration over a hard mount."""
+"""Runs in vibration with a nonlinear (hardening) mount, by controller."""
 
 
 def _shock(controller: str, level: float, method: str) -> Case:
@@ -117,4 +117,4 @@ SHOCK = {
     level: {controller: {m: _shock(controller, level, m) for m in ('none', 'fixed')} for controller in CONTROLLERS}
     for level in SHOCKS
 }
-"""By level, controller and method."""
+"""Runs with a shock by level, controller and method."""

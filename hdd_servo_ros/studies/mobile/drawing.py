@@ -1,4 +1,4 @@
-"""Colors, names and quantities that the figures share."""
+"""Colors, names and quantities shared by the figures."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from hdd_servo_ros.recording.recorded_run import RecordedRun
 from hdd_servo_ros.studies.mobile.cases import CONTROLLERS, IN_VIBRATION, NO_VIBRATION, TRANSIENT
 
 RUNNING = 0.05
-"""Time over which a running rms is taken [s]."""
+"""Window of the running rms [s]."""
 RESOLUTION = 5.0
-"""Of spectra [Hz]."""
+"""Frequency resolution of the spectra [Hz]."""
 NO_VIBRATION_NAME = 'no vibration'
 STYLES: dict[str, dict[str, Any]] = {
     'none': {'color': '0.35', 'label': 'no feedforward'},
@@ -24,20 +24,20 @@ STYLES: dict[str, dict[str, Any]] = {
     'network': {'color': 'C3', 'label': 'network'},
     NO_VIBRATION_NAME: {'color': 'C2', 'label': NO_VIBRATION_NAME, 'linestyle': '--'},
 }
-"""Of the lines, by the method of feedforward."""
+"""Line styles, by method of feedforward."""
 COMPARED = {
     controller: {**IN_VIBRATION[controller], NO_VIBRATION_NAME: NO_VIBRATION[controller]} for controller in CONTROLLERS
 }
-"""The runs that are drawn together, by controller and line."""
+"""Runs drawn together, by controller and line."""
 
 
 def error(run: RecordedRun) -> NDArray[np.float64]:
-    """Return x - x_d of the head's true position [nm], shape (n,)."""
+    """Return the error x - x_d of the true head position [nm], shape (n,)."""
     return run.error * NANOMETRES
 
 
 def running_rms(run: RecordedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return times [s] and the rms error of the ``RUNNING`` seconds before each [nm]."""
+    """Return times [s] and the rms error over the ``RUNNING`` seconds before each of them [nm]."""
     count = round(RUNNING / run.sample_time)
     squares = np.concatenate([[0.0], np.cumsum(error(run) ** 2)])
     rms = np.sqrt((squares[count:] - squares[:-count]) / count)
@@ -54,18 +54,18 @@ def density(run: RecordedRun) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def cumulative(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return 3 sigma of what is below each frequency, in the root of the density's unit times Hz."""
+    """Return 3 sigma of the components below each frequency, for a density in unit^2/Hz in this unit."""
     pieces = 0.5 * (power[1:] + power[:-1]) * np.diff(frequencies)
     return np.asarray(3.0 * np.sqrt(np.concatenate([[0.0], np.cumsum(pieces)])))
 
 
 def over_frequency(axes: Axes) -> None:
-    """Give axes a logarithmic axis of the frequencies that matter."""
+    """Set a logarithmic frequency axis from 10 Hz to 5 kHz."""
     axes.set_xscale('log')
     axes.set_xlim(10.0, 5000.0)
 
 
 def common_legend(figure: Figure, axes: Axes) -> None:
-    """Give a figure one legend below all its axes, with the lines of one of them."""
+    """Add one legend below all axes of a figure, with the lines of the given axes."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), fontsize=9, frameon=False)

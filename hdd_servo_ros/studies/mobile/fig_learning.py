@@ -1,4 +1,4 @@
-"""Learning curves in the rotational vibration: running rms of the error over time."""
+"""Learning curves in rotational vibration: running rms of the error over time."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ _TICKS = (1, 2, 5, 10, 20, 50, 100)
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw one panel per controller."""
-    title = f'Running rms of the error over {1e3 * RUNNING:g} ms in the rotational vibration'
+    title = f'Running rms of the error over {1e3 * RUNNING:g} ms in rotational vibration'
     figure = new_figure(title, height=6.0)
     every = figure.subplots(2, 1, sharex=True)
     for axes, (controller, name) in zip(every, CONTROLLERS.items(), strict=True):

@@ -1,4 +1,4 @@
-"""The drive shaken and knocked, PID: what feedforward from the accelerometers changes."""
+"""PID in rotational vibration and during a shock, with and without feedforward from accelerometers."""
 
 from pathlib import Path
 
@@ -19,22 +19,22 @@ from hdd_servo_ros.studies.output import draw, new_figure, save
 
 _METHODS = ('none', 'fixed', 'fxlms')
 _START = 0.4
-"""How much of the start is drawn [s]."""
-_SHAKEN = {method: IN_VIBRATION['pid'][method] for method in _METHODS}
-CASES = (*_SHAKEN.values(), NO_VIBRATION['pid'], *SHOCK[63.0]['pid'].values())
+"""Duration drawn at the start [s]."""
+_IN_VIBRATION = {method: IN_VIBRATION['pid'][method] for method in _METHODS}
+CASES = (*_IN_VIBRATION.values(), NO_VIBRATION['pid'], *SHOCK[63.0]['pid'].values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the error from the first tick on, its spectra, and the shock."""
-    figure = new_figure('PID in mobile use, with feedforward from accelerometers and without', width=9.0, height=5.6)
+    """Draw the error at the start, its spectra, and the error during the shock."""
+    figure = new_figure('PID in mobile use, with and without feedforward from accelerometers', width=9.0, height=5.6)
     panels = figure.subplot_mosaic([['start', 'start'], ['spectrum', 'shock']])
-    for method, case in _SHAKEN.items():
+    for method, case in _IN_VIBRATION.items():
         run = runs[case]
         rows = run.time <= _START
         draw(panels['start'], run.time[rows], error(run)[rows], **{**STYLES[method], 'linewidth': 0.9})
     panels['start'].set_ylabel('error [nm]')
     panels['start'].set_xlabel('time [s]: rotational vibration of 12.5 rad/s² from 10 to 500 Hz')
-    spectra = {**_SHAKEN, NO_VIBRATION_NAME: NO_VIBRATION['pid']}
+    spectra = {**_IN_VIBRATION, NO_VIBRATION_NAME: NO_VIBRATION['pid']}
     for method, case in spectra.items():
         frequencies, power = density(runs[case])
         panels['spectrum'].semilogy(frequencies, np.sqrt(power), linewidth=1.0, **STYLES[method])
@@ -45,7 +45,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for case in SHOCK[63.0]['pid'].values():
         draw_error(runs, panels['shock'], case)
     panels['shock'].set_ylabel('error [nm]')
-    panels['shock'].set_xlabel('time after a shock of 63 G begins [ms]')
+    panels['shock'].set_xlabel('time after the start of a 63 G shock [ms]')
     legend(panels['shock'])
     common_legend(figure, panels['spectrum'])
     return save(figure, path)

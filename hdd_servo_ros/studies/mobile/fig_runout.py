@@ -1,4 +1,4 @@
-"""Cancellation of repeatable runout, PID: the error by sector, learning over the revolutions, and spectra."""
+"""Cancellation of repeatable runout with PID: error by sector, learning curves over revolutions, and spectra."""
 
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,16 @@ from hdd_servo_ros.studies.output import new_figure, save
 
 SECTORS = 84
 _SHOWN = 40
-"""Revolutions of the learning curves."""
+"""Number of revolutions in the learning curves."""
 _SEGMENT = 20
-"""Revolutions of a segment of the spectra: their resolution is a twentieth of the speed."""
+"""Revolutions per segment of the spectra; the resolution is 1/20 of the rotation frequency."""
 _STYLES: dict[str, dict[str, Any]] = {'none': {'color': '0.35'}, 'repetitive': {'color': 'C0'}}
 _NAMES = {'none': 'no cancellation', 'repetitive': 'repetitive control'}
 CASES = (*DRAWN.values(), *DRAWN_ALONE.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw what repeats by sector above, learning curves and spectra below."""
+    """Draw the repeatable error by sector above, learning curves and spectra below."""
     figure = new_figure('Repeatable runout at 7200 1/min, 84 sectors, PID', width=9.5, height=6.4)
     panels = figure.subplot_mosaic([['sectors', 'sectors'], ['learning', 'spectrum']])
     for method, case in DRAWN.items():
@@ -34,7 +34,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             f'NRPE {parts.non_repeatable_three_sigma:.1f} nm 3 sigma'
         )
         panels['sectors'].step(np.arange(SECTORS), parts.repeatable, where='mid', label=label, **_STYLES[method])
-        panels['learning'].semilogy(*_by_revolution(error), **_STYLES[method], label=f'{_NAMES[method]}, all')
+        panels['learning'].semilogy(
+            *_by_revolution(error), **_STYLES[method], label=f'{_NAMES[method]}, all disturbances'
+        )
         late = error[FIRST * SECTORS :]
         frequencies, power = power_spectral_density(late, run.sample_time, _SEGMENT * SECTORS)
         panels['spectrum'].semilogy(
@@ -42,9 +44,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         )
     for method, case in DRAWN_ALONE.items():
         error = runs[case].track_error * NANOMETRES
-        label = f'{_NAMES[method]}, runout alone'
+        label = f'{_NAMES[method]}, runout only'
         panels['learning'].semilogy(*_by_revolution(error), linestyle='--', **_STYLES[method], label=label)
-    panels['sectors'].set_xlabel(f'servo sector, mean over revolutions from {FIRST + 1} on')
+    panels['sectors'].set_xlabel(f'servo sector, mean from revolution {FIRST + 1} on')
     panels['sectors'].set_ylabel('repeatable error [nm]')
     low, high = panels['sectors'].get_ylim()
     panels['sectors'].set_ylim(low, high + 0.35 * (high - low))
@@ -61,6 +63,6 @@ def make(runs: RecordedRuns, path: Path) -> Path:
 
 
 def _by_revolution(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of the first revolutions, and the rms error of each."""
+    """Return the numbers of the first revolutions and the rms error in each."""
     by_sector = error[: _SHOWN * SECTORS].reshape(_SHOWN, SECTORS)
     return np.arange(1, _SHOWN + 1), np.sqrt(np.mean(by_sector**2, axis=1))

@@ -1,4 +1,4 @@
-"""Shocks of 63 G and 300 G: the base, and the error of the head with feedforward and without."""
+"""Shocks of 63 G and 300 G: acceleration of the base, and head error with and without feedforward."""
 
 from pathlib import Path
 
@@ -16,12 +16,12 @@ from hdd_servo_ros.studies.output import draw, new_figure, save
 G = 9.80665
 """Standard gravity [m/s^2]."""
 _SHOWN = (-2.0, 12.0)
-"""From when to when, after the shock begins [ms]."""
+"""Drawn interval relative to the start of the shock [ms]."""
 CASES = tuple(case for by_controller in SHOCK.values() for cases in by_controller.values() for case in cases.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw one column per shock: the base above, each controller's errors below."""
+    """Draw one column per shock: base acceleration above, errors of each controller below."""
     figure = new_figure('Half-sine shocks of 2 ms, imbalance 2 %', width=10.0, height=7.0)
     every = figure.subplots(3, 2, sharex=True)
     for column, (level, by_controller) in enumerate(SHOCK.items()):
@@ -33,19 +33,19 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                 draw_error(runs, axes, case)
             axes.set_ylabel(f'{name}: error [nm]')
             legend(axes)
-        others[-1].set_xlabel('time after the shock begins [ms]')
+        others[-1].set_xlabel('time after the start of the shock [ms]')
     figure.align_ylabels()
     return save(figure, path)
 
 
 def legend(axes: Axes) -> None:
-    """Give axes with errors their legend, where the errors of a shock leave room for it."""
+    """Add the legend to axes with errors, where the curves leave room for it."""
     title = f'peak, time beyond {LIMIT:g} nm'
     axes.legend(title=title, fontsize=8, title_fontsize=8, frameon=False, loc='lower right')
 
 
 def draw_base(runs: RecordedRuns, axes: Axes, case: Case) -> None:
-    """Draw the linear acceleration of the base during a shock [G]."""
+    """Draw the linear base acceleration during a shock [G]."""
     run = runs[case]
     time = _since_shock(runs, case)
     rows = (time >= _SHOWN[0]) & (time <= _SHOWN[1])
@@ -67,6 +67,6 @@ def draw_error(runs: RecordedRuns, axes: Axes, case: Case) -> None:
 
 
 def _since_shock(runs: RecordedRuns, case: Case) -> NDArray[np.float64]:
-    """Return the time since the shock began [ms]."""
+    """Return the time since the start of the shock [ms]."""
     start = float(runs.parameters(case)['disturbance_generator']['shock.time'])
     return np.asarray(1e3 * (runs[case].time - start))

@@ -1,4 +1,4 @@
-"""What each source of disturbance contributes to the track error, by runs without it."""
+"""Contribution of each disturbance source to the track error, from runs without the source."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ CASES = tuple(CASES_BY_NAME.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw bars of total and contributions, one panel per run."""
+    """Draw bars for the total and the contributions, one panel per run."""
     figure = new_figure('PID: track error by source, 3 sigma', width=10.0, height=6.5)
     panels = np.ravel(figure.subplots(-(-len(CASES_BY_NAME) // 2), 2))
     for axes, (name, found) in zip(panels, contributions(runs, SEEDS).items(), strict=False):

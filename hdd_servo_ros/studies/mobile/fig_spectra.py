@@ -1,4 +1,4 @@
-"""Spectra of the error in the rotational vibration, with each feedforward and without."""
+"""Error spectra in rotational vibration, with each feedforward and without."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ CASES = tuple(case for cases in COMPARED.values() for case in cases.values())
 
 def make(runs: RecordedRuns, path: Path) -> Path:
     """Draw density and cumulative 3 sigma over frequency, one column per controller."""
-    title = f'Error in the rotational vibration, {TRANSIENT:g} to {DURATION:g} s, accelerometers of 1 kHz, gain +12.5 %'
+    title = f'Error in rotational vibration, {TRANSIENT:g} to {DURATION:g} s, accelerometers of 1 kHz, gain +12.5 %'
     figure = new_figure(title, width=10.0, height=6.5)
     every = figure.subplots(2, 2, sharex=True, sharey='row')
     for column, (controller, name) in enumerate(CONTROLLERS.items()):

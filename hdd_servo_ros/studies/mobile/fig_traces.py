@@ -1,4 +1,4 @@
-"""Error over time in the rotational vibration, when the feedforward has adapted."""
+"""Error over time in rotational vibration, after the feedforward has adapted."""
 
 from pathlib import Path
 
@@ -8,14 +8,14 @@ from hdd_servo_ros.studies.mobile.drawing import STYLES, error
 from hdd_servo_ros.studies.output import draw, legend_above, new_figure, save
 
 SHOWN = 0.15
-"""How much is drawn [s]."""
+"""Drawn duration [s]."""
 _METHODS = ('none', 'fixed', 'fxlms')
 CASES = tuple(IN_VIBRATION[controller][method] for controller in CONTROLLERS for method in _METHODS)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the acceleration of the base, and the errors of both controllers below it."""
-    figure = new_figure('In the rotational vibration: base, and error of the head', height=6.5)
+    """Draw the base acceleration, and the errors of both controllers below it."""
+    figure = new_figure('Rotational vibration: base acceleration and head error', height=6.5)
     top, *others = figure.subplots(3, 1, sharex=True)
     for axes, (controller, name) in zip(others, CONTROLLERS.items(), strict=True):
         for method in _METHODS:

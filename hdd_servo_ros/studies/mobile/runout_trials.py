@@ -1,4 +1,4 @@
-"""Runs with repeatable runout made again with other seeds and parameters, and what the cancellation does in them."""
+"""Repetitions of runs with repeatable runout for other seeds and parameters, and the effect of the cancellation."""
 
 import dataclasses
 from typing import NamedTuple
@@ -15,48 +15,48 @@ from hdd_servo_ros.studies.mobile.runout_cases import ALONE, FIRST, method_of
 from hdd_servo_ros.studies.mobile.trials import Trial, with_changes
 
 REVOLUTIONS = 480
-"""Of a trial: four seconds at 7200 1/min."""
+"""Number of revolutions in a trial: four seconds at 7200 1/min."""
 _SETTLED = 20
-"""Revolutions after which the error without anything that does not repeat is periodic."""
+"""Number of revolutions after which the error from repeatable runout alone is periodic."""
 
 
 class RunoutResult(NamedTuple):
-    """What the cancellation does in a run, over the same run without it."""
+    """Errors of a run with cancellation, relative to the same run without it."""
 
     rpe: float
     """
     RPE without cancellation, peak to peak after the first ten revolutions [nm].
 
-    With ``harmonics`` this and the other RPEs are those of its orders alone.
+    With the method ``harmonics``, all RPEs contain only the orders of the method.
     """
     rpe_ratio: float
-    """RPE with it over that."""
+    """RPE with / without cancellation."""
     nrpe_ratio: float
-    """NRPE with it over that without."""
+    """NRPE with / without cancellation."""
     stopped_ratio: float
-    """RPE over that without, if it stops learning after ten revolutions."""
+    """RPE with / without cancellation, if it stops learning after ten revolutions."""
     noise_ratio: float
     """
-    The same of an ideal mean of the error over the nine revolutions after the first one.
+    The same for an ideal mean of the error over revolutions 2 to 10.
 
-    It is wrong by the non-repeatable errors of the nine: no unbiased way to learn from them does better.
+    This mean contains the non-repeatable errors of the nine revolutions: no unbiased estimate from them is better.
     """
 
 
 def track_errors(trial: Trial, method: str, revolutions: int, stop: int | None = None) -> NDArray[np.float64]:
     """
-    Return the true track error of each revolution [um], shape (revolutions, sectors).
+    Return the true track error in each revolution [um], shape (revolutions, sectors).
 
     Parameters
     ----------
     trial
-        Which run.
+        Run to repeat.
     method
-        Of cancellation.
+        Method of cancellation.
     revolutions
-        How long it lasts.
+        Duration in revolutions.
     stop
-        After how many revolutions the cancellation stops learning; None for never.
+        Number of revolutions after which the cancellation stops learning; None for never.
     """
     experiment = experiment_of(trial, method)
     sectors = sectors_of(trial)
@@ -77,12 +77,12 @@ def experiment_of(trial: Trial, method: str) -> Experiment:
 
 
 def sectors_of(trial: Trial) -> int:
-    """Return the servo sectors per revolution."""
+    """Return the number of servo sectors per revolution."""
     return int(trial.parameters['servo_sensor']['sectors'])
 
 
 def effect(trial: Trial) -> RunoutResult:
-    """Return what the cancellation of a trial, which has one, does."""
+    """Return the effect of the cancellation of a trial."""
     sectors, method = sectors_of(trial), _method(trial)
     without = track_errors(trial, 'none', REVOLUTIONS)
     found = track_errors(trial, method, REVOLUTIONS)
@@ -95,7 +95,7 @@ def effect(trial: Trial) -> RunoutResult:
 
 
 def _of_orders(trial: Trial, mean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what a mean by sector has at the orders of the method harmonics, or all of it with repetitive."""
+    """Return a mean by sector, reduced to its orders for the method ``harmonics``."""
     if _method(trial) != 'harmonics':
         return mean
     orders = list(trial.parameters[f'{trial.controller}_controller']['runout.orders'])
@@ -106,7 +106,7 @@ def _of_orders(trial: Trial, mean: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def effect_alone(trial: Trial) -> float:
-    """Return the error in the revolution after the first ten over that without cancellation, from runout alone."""
+    """Return the error ratio with / without cancellation after ten revolutions, from runout alone."""
     alone = dataclasses.replace(trial, parameters=with_changes(trial.parameters, ALONE))
     without = track_errors(alone, 'none', _SETTLED + 1)[_SETTLED]
     found = track_errors(alone, _method(trial), FIRST + 1)[FIRST]
@@ -114,7 +114,7 @@ def effect_alone(trial: Trial) -> float:
 
 
 def peak_sensitivities(trial: Trial) -> tuple[float, float]:
-    """Return the peak sensitivity without and with the cancellation; infinity where the loop is unstable."""
+    """Return the peak sensitivity without and with the cancellation; infinity if the loop is unstable."""
     experiment = experiment_of(trial, _method(trial))
     delay = experiment.dsp.parameters.computation_delay
     assert experiment.observer is not None

@@ -1,4 +1,4 @@
-"""What each source contributes to the track error: recorded runs made again without it."""
+"""Contribution of each source to the track error, from repetitions of recorded runs without the source."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -37,21 +37,21 @@ CASES_BY_NAME: dict[str, Case] = {
 
 @dataclasses.dataclass(frozen=True)
 class Contributions:
-    """3 sigma of the track error with all sources, and what each contributes [nm]."""
+    """3 sigma of the track error with all sources, and contribution of each source [nm]."""
 
     total: float
     by_source: Mapping[str, float]
 
 
 def contributions(runs: RecordedRuns, seeds: int) -> dict[str, Contributions]:
-    """Return the contributions in each of :data:`CASES_BY_NAME`, over so many seeds."""
+    """Return the contributions in each of :data:`CASES_BY_NAME` over a number of seeds."""
     return {name: _of_case(runs, name, case, seeds) for name, case in CASES_BY_NAME.items()}
 
 
 def _of_case(runs: RecordedRuns, name: str, case: Case, seeds: int) -> Contributions:
     switches = {source: {f'{n}:{p}': off} for source, (n, p, off) in error_sources(runs.parameters(case)).items()}
     due = [_trial(runs, case, seed, changes) for changes in ({}, *switches.values()) for seed in range(1, seeds + 1)]
-    # Each run's own mean is no part of its sigma.
+    # Remove the mean of each run, which does not belong to sigma.
     errors = [error - error.mean() for error in on_trials(Trial.error, due, name, chunksize=1)]
     complete, *without = (np.concatenate(part) for part in np.split(np.array(errors), len(switches) + 1))
     return Contributions(

@@ -1,4 +1,4 @@
-"""Table: the same in the rotational vibration with one sample of computation delay."""
+"""Table: 3 sigma in rotational vibration with one sample of computation delay."""
 
 from pathlib import Path
 
@@ -12,11 +12,11 @@ CASES = tuple(DELAYED.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again with other methods, sensors and seeds, and write one row per method and sensor."""
+    """Repeat the recorded runs with other methods, sensors and seeds, and write one row per method and sensor."""
     title = (
         f'12.5 rad/s^2 rms from 10 to 500 Hz, one sample of computation delay and the gains of one_sample_delay.yaml: '
-        f"3 sigma of the head's position from {TRANSIENT:g} to {DURATION:g} s, median / 95 % quantile over {SEEDS} "
-        'seeds and gains of the accelerometers that are 12.5 % too small and too large. PID: k_p 0.146, k_i 8.68, '
+        f'3 sigma of the head position from {TRANSIENT:g} to {DURATION:g} s, median / 95 % quantile over {SEEDS} '
+        'seeds and accelerometer gain errors of -12.5 % and +12.5 %. PID: k_p 0.146, k_i 8.68, '
         'k_d 8.67e-5, no filter.'
     )
     return write_vibration(runs, path, title, DELAYED, SEEDS, with_limits=False)

@@ -1,4 +1,4 @@
-"""Table: shock, hard mount, parasitic coupling and NSS disturbances again with one sample of computation delay."""
+"""Table: shock, hard mount, parasitic coupling and NSS disturbances with one sample of computation delay."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -26,9 +26,9 @@ from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 3
 SHARES = (-0.5, -0.1, 0.1, 0.5)
-"""Parasitic coupling, of the loop's own gain without delay."""
+"""Parasitic coupling relative to that for a coupled loop gain of 1 without delay."""
 COUPLED_DURATION = 5.0
-"""Of a run with parasitic coupling [s]."""
+"""Duration of a run with parasitic coupling [s]."""
 _NSS_TRANSIENT = 0.5
 _SHOCK = {
     controller: Case(
@@ -53,9 +53,9 @@ CASES = (*DELAYED.values(), *_SHOCK.values(), *_NSS.values())
 
 @dataclasses.dataclass(frozen=True)
 class _Row:
-    """A row: what it is, the controller, feedforward and sensor, its trials, and what is measured."""
+    """Row of the table: disturbance, controller, feedforward, sensor, trials and kind of result."""
 
-    what: str
+    disturbance: str
     controller: str
     feedforward: str
     sensor: str
@@ -65,11 +65,11 @@ class _Row:
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again, and write one row per disturbance, controller, feedforward and sensor."""
+    """Repeat the recorded runs, and write one row per disturbance, controller, feedforward and sensor."""
     rows = [*_hard_mount(runs), *_shock(runs), *_parasitic(runs), *_nss(runs), *_untuned(runs)]
     table = []
     for row in rows:
-        found = on_trials(_measure, row.trials, row.what, chunksize=1)
+        found = on_trials(_measure, row.trials, row.disturbance, chunksize=1)
         if row.is_each_shown:
             text = f'{" / ".join(f"{sigma:.3g}" for sigma in found[:, 0])} nm'
         elif row.shock_time:
@@ -77,19 +77,21 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         else:
             text = 'unstable' if not np.isfinite(found[:, 0]).all() else f'{found[:, 0].max():.3g} nm'
         (warning, *_) = (*row.trials[0].warnings(), 'none')
-        table.append((row.what, CONTROLLERS[row.controller], row.feedforward, row.sensor, text, in_short(warning)))
-    header = ('disturbance', 'controller', 'feedforward', 'sensor', 'worst', 'warning at start')
+        table.append(
+            (row.disturbance, CONTROLLERS[row.controller], row.feedforward, row.sensor, text, in_short(warning))
+        )
+    header = ('disturbance', 'controller', 'feedforward', 'sensor', 'worst', 'warning at startup')
     title = (
-        'One sample of computation delay, gains of one_sample_delay.yaml but in the rows that name others: 3 sigma of '
-        f'the track error, or after a shock its peak and the time beyond {LIMIT:g} nm. Worst over {SEEDS} seeds and '
-        'gains of the accelerometers that are 12.5 % too small and too large; with parasitic coupling one value each '
-        f'for {", ".join(f"{share:+g}" for share in SHARES)} times the own gain of the loop without delay.'
+        'One sample of computation delay, gains of one_sample_delay.yaml unless the row states others: 3 sigma of the '
+        f'track error, or after a shock its peak and the time beyond {LIMIT:g} nm. Worst over {SEEDS} seeds and '
+        'accelerometer gain errors of -12.5 % and +12.5 %; with parasitic coupling one value per coupled loop gain '
+        f'(without delay) of {", ".join(f"{share:+g}" for share in SHARES)}.'
     )
     return write_table(path, title, header, table)
 
 
 def in_short(warning: str) -> str:
-    """Return the part of a warning that states the loop's margin."""
+    """Return the part of a warning that states the stability margin."""
     for phrase in ('is unstable', 'peak sensitivity of '):
         offset = warning.find(phrase)
         if offset >= 0:
@@ -98,7 +100,7 @@ def in_short(warning: str) -> str:
 
 
 def _measure(made: Trial) -> tuple[float, float, float]:
-    """Return 3 sigma [nm], peak [nm] and time beyond the limit [ms] of the error after the transient."""
+    """Return 3 sigma [nm], peak [nm] and time above the limit [ms] of the error after the transient."""
     error = made.error()
     return (3.0 * float(error.std()), *peak_and_time(error, made.sample_time))
 
@@ -186,7 +188,7 @@ def _nss(runs: RecordedRuns) -> list[_Row]:
 
 
 def _untuned(runs: RecordedRuns) -> list[_Row]:
-    """Return the loops with the gains that are tuned without delay."""
+    """Return the rows with the gains tuned for no delay."""
     rows = []
     for controller, case in DELAYED.items():
         tuned = trial(runs, case, 1, {method_of(controller): 'none'})

@@ -1,4 +1,4 @@
-"""Table: 3 sigma in the rotational vibration over a hard mount, whose force is not linear."""
+"""Table: 3 sigma in rotational vibration with a nonlinear (hardening) mount."""
 
 from pathlib import Path
 
@@ -10,13 +10,13 @@ from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 10
 NETWORK_RATIO = 0.75
-"""The network must have no more than this of the 3 sigma of fxlms in the same run."""
+"""Limit of the 3 sigma with the network relative to that of fxlms in the same run."""
 CASES = tuple(HARD_MOUNT.values())
 _WITHOUT = ('none', 0.0)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again with other methods, sensors and seeds: one row per controller and sensor."""
+    """Repeat the recorded runs with other methods, sensors and seeds, and write one row per controller and sensor."""
     adaptive = tuple((method, bandwidth) for method in ('fxlms', 'network') for bandwidth in BANDWIDTHS)
     found = three_sigma(runs, HARD_MOUNT, (_WITHOUT, *adaptive), SEEDS)
     rows = []
@@ -36,12 +36,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'network [nm]',
         'network / fxlms in the same run',
         'limit',
-        'runs that keep it',
+        'runs within the limit',
     )
     title = (
-        'The same vibration over a mount that hardens: the force is 30 % larger at twice its rms value '
-        f"(coupling.cubic 0.075, cubic_scale 0.0155 V). 3 sigma of the head's position from {TRANSIENT:g} to "
-        f'{DURATION:g} s, median / 95 % quantile over {SEEDS} seeds and gains of the accelerometers that are 12.5 % '
-        'too small and too large.'
+        'The same vibration with a hardening mount: at twice its rms value, the force is 30 % larger '
+        f'(coupling.cubic 0.075, cubic_scale 0.0155 V). 3 sigma of the head position from {TRANSIENT:g} to '
+        f'{DURATION:g} s, median / 95 % quantile over {SEEDS} seeds and accelerometer gain errors of -12.5 % and '
+        '+12.5 %.'
     )
     return write_table(path, title, header, rows)

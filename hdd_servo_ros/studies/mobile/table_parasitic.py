@@ -1,4 +1,4 @@
-"""Table: parasitic coupling from the actuator to the accelerometers, error with feedforward over that without."""
+"""Table: error ratio with / without feedforward for parasitic coupling from the actuator to the accelerometers."""
 
 import dataclasses
 from pathlib import Path
@@ -12,21 +12,21 @@ from hdd_servo_ros.studies.output import write_table
 
 SEED = 1
 DURATION = 5.0
-"""Of a run [s]: a coupled loop can take seconds until its weights have made it unstable."""
+"""Duration of a run [s]: the weights may take seconds to destabilize a coupled loop."""
 SHARES = (-0.5, -0.3, -0.1, 0.1, 0.3, 0.5)
-"""Of the loop's own gain."""
+"""Coupled loop gains: parasitic coupling relative to ``UNIT_COUPLING``."""
 UNIT_COUPLING = 40.3
 """Parasitic acceleration per volt at which the coupled loop gain is 1: lever times gain over arm radius [m/s^2/V]."""
 LARGEST_RATIO = 1.05
-"""Feedforward may have this much of the error without it."""
+"""Limit of the error with feedforward relative to that without it."""
 COUPLED = ('fixed', 'fxlms', 'network')
-"""The methods that are measured."""
+"""Tested methods of feedforward."""
 _BASE = {controller: cases['fxlms'] for controller, cases in IN_VIBRATION.items()}
 CASES = tuple(_BASE.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again with couplings, methods and sensors, and write one row per method."""
+    """Repeat the recorded runs with couplings, methods and sensors, and write one row per method."""
     references = [(controller, vibrates) for controller in CONTROLLERS for vibrates in (True, False)]
     rows = [(*reference, method, bw) for reference in references for method in COUPLED for bw in BANDWIDTHS]
     due = [_coupled(runs, *reference, 'none', 1000.0, 0.0) for reference in references]
@@ -53,12 +53,12 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'feedforward',
         'sensor',
         *(f'{share:+g}' for share in SHARES),
-        'largest error without / with it [nm]',
+        'largest error without / with feedforward [nm]',
     )
     title = (
-        f"3 sigma of the head's position from {TRANSIENT:g} to {DURATION:g} s with feedforward over that without, by "
-        "the parasitic coupling (part of the loop's own gain). "
-        f'**Bold**: more than {LARGEST_RATIO:g}. Largest error: from 0 s on, of all couplings.'
+        f'3 sigma of the head position from {TRANSIENT:g} to {DURATION:g} s, ratio with / without feedforward, by '
+        'parasitic coupling (as the coupled loop gain). '
+        f'**Bold**: above {LARGEST_RATIO:g}. Largest error: from 0 s on, over all couplings.'
     )
     return write_table(path, title, header, table)
 
@@ -74,7 +74,7 @@ def _coupled(runs: RecordedRuns, controller: str, vibrates: bool, method: str, b
 
 
 def _measure(coupled: Trial) -> tuple[float, float]:
-    """Return 3 sigma after the transient, and the largest error of the whole run [nm]."""
+    """Return 3 sigma after the transient, and the largest error of the entire run [nm]."""
     error = coupled.error()
     late = round(TRANSIENT / coupled.sample_time)
     return 3.0 * float(error[late:].std()), float(np.abs(error).max())

@@ -1,4 +1,4 @@
-"""Table: 200 random drives in the rotational vibration, PID, accelerometers of 1 kHz."""
+"""Table: 200 random drives in rotational vibration, with PID and accelerometers of 1 kHz."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ _SHARES = {'5 %': 0.05, 'median': 0.5, '95 %': 0.95, 'worst': 1.0}
 
 
 def on_random_drives(runs: RecordedRuns, drives: int) -> dict[str, NDArray[np.float64]]:
-    """Return 3 sigma of PID on so many random drives, each with a seed of its own [nm], by method."""
+    """Return 3 sigma with PID on random drives with different seeds [nm], by method."""
     due = [trial(runs, case, 1 + drive, drive=drive) for case in _COMPARED.values() for drive in range(drives)]
     found = on_trials(Trial.three_sigma, due, 'random drives').reshape(len(_COMPARED), drives)
     return dict(zip(_COMPARED, found, strict=True))
@@ -28,14 +28,14 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     rows, diverged = [], []
     for method, found in on_random_drives(runs, DRIVES).items():
         nominal = trial(runs, _COMPARED[method], 1).three_sigma()
-        lost = np.flatnonzero(~np.isfinite(found))
-        bounded = f'{len(found) - len(lost)} of {len(found)}'
+        unstable = np.flatnonzero(~np.isfinite(found))
+        bounded = f'{len(found) - len(unstable)} of {len(found)}'
         rows.append((method, nominal, *(quantile(found, share) for share in _SHARES.values()), bounded))
-        diverged += [f'{method} on drive {drive}' for drive in lost]
+        diverged += [f'{method} on drive {drive}' for drive in unstable]
     title = (
-        f'{DRIVES} drives with gain, modes and friction drawn within +-20 %, each with seeds of its own: 3 sigma of '
-        f"the head's position in the vibration from {TRANSIENT:g} to {DURATION:g} s [nm]. The feedforward knows the "
-        'nominal drive only; gains of the accelerometers 12.5 % too large.'
+        f'{DRIVES} drives with random gain, modes and friction within +-20 %, each with different seeds: 3 sigma of '
+        f'the head position in vibration from {TRANSIENT:g} to {DURATION:g} s [nm]. The feedforward uses the model of '
+        'the nominal drive; accelerometer gain error +12.5 %.'
     )
     if diverged:
         title += f' **DIVERGED: {", ".join(diverged)}.**'

@@ -1,4 +1,4 @@
-"""Table: repeatable and non-repeatable error with the cancellation of runout and without."""
+"""Table: repeatable and non-repeatable error with and without cancellation of runout."""
 
 from pathlib import Path
 
@@ -21,13 +21,13 @@ from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 20
 DELAYED_SEEDS = 5
-"""Of the rows with one sample of delay, which are not held to limits."""
+"""Number of seeds for the rows with one sample of delay, which have no limits."""
 CASES = tuple(CANCELED.values())
 _NO_SEQUENCE = 'disturbance_generator:runout.repeatable.sequence'
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again with other seeds and methods, and write one row per kind of run."""
+    """Repeat the recorded runs with other seeds and methods, and write one row per kind of run."""
     rows = []
     for delay in (0, 1):
         for (sectors, controller), case in CANCELED.items():
@@ -68,18 +68,18 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         'RPE ratio',
         'NRPE change [%]',
         'peak sensitivity without, with',
-        f'runout alone: ratio in revolution {FIRST + 1}',
-        f'runs that keep {RPE.high:g} for both, NRPE {100.0 * (NRPE.high - 1.0):.0f} %, '
+        f'runout only: ratio in revolution {FIRST + 1}',
+        f'runs within {RPE.high:g} for both ratios, NRPE {100.0 * (NRPE.high - 1.0):.0f} %, '
         f'sensitivity {SENSITIVITY.high:g}',
-        f'RPE ratio, learning stopped after {FIRST}',
-        'the same of an ideal mean',
+        f'RPE ratio, learning stopped after {FIRST} revolutions',
+        'RPE ratio, ideal mean',
     )
     title = (
         'Runout, flutter, force noise and sensor noise of nss_100ktpi.yaml with runout_cancellation.yaml; RPE peak to '
-        f'peak and NRPE 3 sigma of the true track error in revolutions {FIRST + 1} to {REVOLUTIONS}, over those of the '
+        f'peak and NRPE 3 sigma of the true track error in revolutions {FIRST + 1} to {REVOLUTIONS}, relative to the '
         f'same run without cancellation; median / 95 % quantile over {SEEDS} seeds of all disturbances and of the '
         f'sensor ({DELAYED_SEEDS} with a delay). repetitive: the runout has orders 1 to 3 and a sequence per sector. '
-        'harmonics: it has the orders alone, and the RPE is what the error has at these orders. The gains of the '
-        'controllers are those for no delay.'
+        'harmonics: the runout has only these orders, and the RPE contains only these orders. The controllers are '
+        'tuned for no delay.'
     )
     return write_table(path, title, header, rows)

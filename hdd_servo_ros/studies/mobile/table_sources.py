@@ -1,4 +1,4 @@
-"""Table: what each source of disturbance contributes to the track error, by runs without it."""
+"""Table: contribution of each disturbance source to the track error, from runs without the source."""
 
 from pathlib import Path
 
@@ -19,8 +19,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         for name, each in found.items()
     ]
     title = (
-        'PID: 3 sigma of the track error [nm], and what each source contributes to it, the root of the difference of '
-        f'the variances with and without it, over {SEEDS} seeds. Negative: the error is larger without this source. '
-        'Rest: what no source accounts for.'
+        'PID: 3 sigma of the track error [nm], and contribution of each source: the root of the difference of the '
+        f'variances with and without it, over {SEEDS} seeds. Negative: the error is larger without this source. '
+        'Rest: the part that no source accounts for.'
     )
     return write_table(path, title, ('', 'all', *columns), rows)

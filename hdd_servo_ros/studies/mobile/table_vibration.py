@@ -1,4 +1,4 @@
-"""Table: 3 sigma in the rotational vibration, five methods of feedforward, PID and adaptive NN controller."""
+"""Table: 3 sigma in rotational vibration with five feedforward methods, PID and adaptive NN controller."""
 
 from pathlib import Path
 
@@ -13,10 +13,10 @@ CASES = tuple(_BASE.values())
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Make the recorded runs again with other methods, sensors and seeds, and write one row per method and sensor."""
+    """Repeat the recorded runs with other methods, sensors and seeds, and write one row per method and sensor."""
     title = (
-        f"12.5 rad/s^2 rms from 10 to 500 Hz, no computation delay: 3 sigma of the head's position from {TRANSIENT:g} "
+        f'12.5 rad/s^2 rms from 10 to 500 Hz, no computation delay: 3 sigma of the head position from {TRANSIENT:g} '
         f'to {DURATION:g} s, median / 95 % quantile over {SEEDS} seeds of vibration, vibrometer and accelerometers and '
-        f'over gains of the accelerometers that are 12.5 % too small and too large. {GAINS}.'
+        f'accelerometer gain errors of -12.5 % and +12.5 %. {GAINS}.'
     )
     return write_vibration(runs, path, title, _BASE, SEEDS)

@@ -1,4 +1,4 @@
-"""Recorded runs made again with other seeds, parameters or drives, without bags."""
+"""Repetitions of recorded runs with other seeds, parameters or drives, without bags."""
 
 import dataclasses
 import sys
@@ -21,7 +21,7 @@ from hdd_servo_ros.studies.chapter5.random_drives import random_drive
 from hdd_servo_ros.studies.mobile.cases import TRANSIENT
 
 DURATION = 3.0
-"""Of a trial in the vibration [s]."""
+"""Duration of a trial in vibration [s]."""
 Item = TypeVar('Item')
 _SEEDED = ('disturbance_generator', 'ldv_sensor', 'servo_sensor', 'accelerometer')
 
@@ -29,20 +29,20 @@ _SEEDED = ('disturbance_generator', 'ldv_sensor', 'servo_sensor', 'accelerometer
 @dataclasses.dataclass(frozen=True)
 class Trial:
     """
-    One run that is not recorded.
+    Run without recording.
 
     Attributes
     ----------
     controller
-        Short name.
+        Short name of the controller.
     sample_time
         T [s].
     parameters
-        Of all nodes, by name.
+        Parameters of all nodes, by node and name.
     duration
-        How long it lasts [s].
+        Duration of the run [s].
     transient
-        Time before which nothing counts [s].
+        Transient before the error is evaluated [s].
     sensor
         ``'ldv'`` or ``'servo'``.
     """
@@ -55,14 +55,14 @@ class Trial:
     sensor: str = 'ldv'
 
     def error(self) -> NDArray[np.float64]:
-        """Return the track error [nm] of all ticks after the transient; not finite if the loop diverged."""
+        """Return the track error at all ticks after the transient [nm]; not finite if the loop diverged."""
         ticks = round(self.duration / self.sample_time) + 1
         rows = Experiment(self.sample_time, self.controller, self.parameters, sensor=self.sensor).run(0, ticks)
         late = rows.time >= self.transient - HALF_MICROSECOND
         return np.asarray(NANOMETRES * rows.track_error[late])
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what `rig` and `simulate` warn of before such a run."""
+        """Return the warnings that `rig` and `simulate` print before such a run."""
         return Experiment(self.sample_time, self.controller, self.parameters, sensor=self.sensor).warnings()
 
     def three_sigma(self) -> float:
@@ -74,16 +74,16 @@ def trial(
     runs: RecordedRuns, case: Case, seed: int, changes: Mapping[str, object] | None = None, drive: int | None = None
 ) -> Trial:
     """
-    Return a recorded run as a trial in the vibration.
+    Return the repetition of a recorded run as a trial.
 
     Parameters
     ----------
     runs, case
-        Which run.
+        Recorded run to repeat.
     seed
-        Of disturbances and sensors, instead of the recorded ones.
+        Seed of the disturbances and sensors; replaces the recorded seeds.
     changes
-        Other parameters than the recorded ones, under ``'node:parameter'``.
+        Parameters that replace the recorded ones, under ``'node:parameter'``.
     drive
         Number of a random drive (:func:`~hdd_servo_ros.studies.chapter5.random_drives.random_drive`); None for the
         recorded one.
@@ -103,7 +103,7 @@ def trial(
 def with_changes(
     parameters: Mapping[str, Mapping[str, Any]], changes: Mapping[str, object]
 ) -> dict[str, dict[str, Any]]:
-    """Return parameters of all nodes with others in their place, these under ``'node:parameter'``."""
+    """Return the parameters of all nodes with some replaced; ``changes`` has keys ``'node:parameter'``."""
     changed = {node: dict(values) for node, values in parameters.items()}
     for key, value in changes.items():
         node, name = key.split(':')
@@ -114,24 +114,24 @@ def with_changes(
 
 
 def on_trials(
-    measure: Callable[[Item], Any], due: Sequence[Item], what: str, chunksize: int = 4
+    measure: Callable[[Item], Any], due: Sequence[Item], label: str, chunksize: int = 4
 ) -> NDArray[np.float64]:
-    """Return what a method of the trials gives for each, by all cores, with progress on a terminal."""
+    """Return ``measure`` of each trial, computed on all cores with a progress bar on a terminal."""
     found = on_all_cores(measure, due, chunksize)
-    return np.array(list(tqdm(found, what, len(due), unit='run', disable=not sys.stderr.isatty())))
+    return np.array(list(tqdm(found, label, len(due), unit='run', disable=not sys.stderr.isatty())))
 
 
 def quantile(values: NDArray[np.float64], share: float) -> float:
-    """Return the smallest of the values that this share of them does not exceed; NaN counts as the largest."""
+    """Return the smallest value that at least this share of the values does not exceed; NaN is the largest."""
     in_order = np.sort(np.where(np.isnan(values), np.inf, values), axis=None)
     return float(np.quantile(in_order, share, method='inverted_cdf'))
 
 
 def median_and_tail(values: NDArray[np.float64]) -> str:
-    """Return median and 95 % quantile as tables have them."""
+    """Return median and 95 % quantile as tables show them."""
     return f'{quantile(values, 0.5):.3g} / {quantile(values, 0.95):.3g}'
 
 
 def count(fulfilled: NDArray[np.bool_]) -> str:
-    """Return how many of the runs fulfill something."""
+    """Return the number of runs that satisfy a condition, as tables show it."""
     return f'{np.count_nonzero(fulfilled)} of {fulfilled.size}'

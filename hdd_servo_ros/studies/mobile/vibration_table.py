@@ -1,4 +1,4 @@
-"""Writes the table of 3 sigma in the rotational vibration over methods, sensors and controllers."""
+"""Table of 3 sigma in rotational vibration over methods, sensors and controllers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,22 +23,22 @@ from hdd_servo_ros.studies.mobile.trials import Trial, count, median_and_tail, o
 from hdd_servo_ros.studies.output import write_table
 
 NETWORK_RATIO = 1.1
-"""The network may have this much of the 3 sigma of fxlms in the same run."""
-_STILL = 'no vibration'
+"""Limit of the 3 sigma with the network relative to that of fxlms in the same run."""
+_NO_VIBRATION = 'no vibration'
 Key = tuple[str, float]
-"""Method and bandwidth of the accelerometers [Hz]; 0 where they do not matter."""
+"""Method, and bandwidth of the accelerometers [Hz], 0 if they are not used."""
 
 
 def rows_of(methods: tuple[str, ...] = METHODS) -> tuple[Key, ...]:
-    """Return the rows of the table."""
+    """Return the keys of the rows of the table."""
     own = ((method, bandwidth) for method in methods if method != 'none' for bandwidth in BANDWIDTHS)
-    return ((_STILL, 0.0), ('none', 0.0), *own)
+    return ((_NO_VIBRATION, 0.0), ('none', 0.0), *own)
 
 
 def changes_of(controller: str, key: Key) -> list[dict[str, object]]:
     """Return the overrides of a row, one set for each gain error of the accelerometers."""
     method, bandwidth = key
-    if method == _STILL:
+    if method == _NO_VIBRATION:
         return [{method_of(controller): 'none', 'disturbance_generator:vibration.rotational.enabled': False}]
     if method == 'none':
         return [{method_of(controller): 'none'}]
@@ -55,18 +55,18 @@ def three_sigma(
     Parameters
     ----------
     runs
-        The study's runs.
+        Runs of the study.
     cases
-        A recorded run in the vibration for each controller, from which the others differ in a few parameters.
+        Recorded run in vibration for each controller; the other runs differ from it in a few parameters.
     keys
-        Rows of the table.
+        Keys of the rows.
     seeds
-        How many seeds.
+        Number of seeds.
 
     Returns
     -------
     dict
-        By controller and row an array of shape (gain errors, seeds), equal seeds in equal columns.
+        By controller and row, an array of shape (gain errors, seeds) with one column per seed.
     """
     due = {
         (controller, key): [
@@ -89,13 +89,13 @@ def write_vibration(
     Parameters
     ----------
     runs, path
-        As of a figure's ``make``.
+        See :meth:`~hdd_servo_ros.studies.chapter.Figure.make`.
     title
-        What the runs are.
+        Title of the table.
     cases, seeds
-        As of :func:`three_sigma`.
+        See :func:`three_sigma`.
     with_limits
-        Whether the limits hold for these runs.
+        Whether the limits apply to these runs.
     """
     keys = rows_of()
     found = three_sigma(runs, cases, keys, seeds)
@@ -107,18 +107,18 @@ def write_vibration(
         if with_limits:
             cells += _limit_cells(key, pid, found['pid', ('fxlms', bandwidth)] if method == 'network' else None)
         rows.append((*cells, median_and_tail(nn), count(nn <= pid)))
-    limits = ('limit', 'runs that keep it') if with_limits else ()
+    limits = ('limit', 'runs within the limit') if with_limits else ()
     header = ('feedforward', 'sensor', 'PID [nm]', *limits, 'adaptive NN [nm]', 'not worse than PID in the same run')
     return write_table(path, title, header, rows)
 
 
 def _limit_cells(key: Key, pid: NDArray[np.float64], fxlms: NDArray[np.float64] | None) -> tuple[str, str]:
-    """Return the limit of a row, and how many runs keep it."""
+    """Return the limit of a row, and the number of runs within it."""
     method, bandwidth = key
     if fxlms is not None:
         return f'<= {NETWORK_RATIO:g} of fxlms', count(pid <= NETWORK_RATIO * fxlms)
     limit: Limits | None = (
-        NO_VIBRATION_LIMITS if method == _STILL else VIBRATION_LIMITS.get((method, bandwidth or 1000.0))
+        NO_VIBRATION_LIMITS if method == _NO_VIBRATION else VIBRATION_LIMITS.get((method, bandwidth or 1000.0))
     )
     if limit is None:
         return '', ''

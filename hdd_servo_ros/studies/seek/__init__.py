@@ -1,1 +1,1 @@
-"""Seek, settle, follow: how fast each method brings the head to a target, and what friction does to its arrival."""
+"""Seek, settle, follow: access times of each method, and effect of friction on arrival."""

@@ -1,4 +1,4 @@
-"""Seek times over length, by method."""
+"""Seek times over seek length, by method."""
 
 from collections.abc import Sequence
 
@@ -10,9 +10,9 @@ from hdd_servo_ros.studies.seek.cases import BASE, PID
 from hdd_servo_ros.studies.seek.trials import Measures, SeekTrial, measured, of_length, seek_trial
 
 DWELL = 0.06
-"""Between seeks: the slowest method gets as much time for one [s]."""
+"""Time between seeks, long enough for the slowest method [s]."""
 WIDE_FROM = 200.0
-"""Longer seeks are measured by a vibrometer with a wider scale [um]."""
+"""Seek length above which the vibrometer uses larger scales [um]."""
 _WIDE = {'ldv_sensor:displacement_scale': 200.0, 'ldv_sensor:velocity_scale': 1.5e5}
 _TRAJECTORY = {
     'reference_generator:seek.trajectory': 'minimum_jerk',
@@ -21,11 +21,11 @@ _TRAJECTORY = {
     'pid_controller:acceleration_feedforward': 1.0 / 4.0968e7,
     'pid_controller:velocity_feedforward': 4.6e-6,
 }
-"""The acceleration leaves a seventh of the voltage to feedback; the feedforward is that of the rigid body."""
+"""The acceleration leaves a seventh of the voltage for feedback; the feedforward uses the rigid-body model."""
 
 
 def access_trial(runs: RecordedRuns, method: str, length: float, seed: int) -> SeekTrial:
-    """Return six seeks to and fro over a length [um], by a method of the seek part, ``'pid'`` or ``'trajectory'``."""
+    """Return six seeks back and forth over a length [um] with a seek method, ``'pid'`` or ``'trajectory'``."""
     changes: dict[str, object] = dict(_WIDE) if length > WIDE_FROM else {}
     case = BASE.get(method, PID)
     if method == 'trajectory':
@@ -36,7 +36,7 @@ def access_trial(runs: RecordedRuns, method: str, length: float, seed: int) -> S
 def access_measures(
     runs: RecordedRuns, methods: Sequence[str], lengths: Sequence[float], seeds: int
 ) -> dict[tuple[str, float], Measures]:
-    """Return what the seeks of each method and length did."""
+    """Return the measures of the seeks of each method and length."""
     keys = [(method, length) for method in methods for length in lengths]
     due = [access_trial(runs, *key, seed) for key in keys for seed in range(1, seeds + 1)]
     found = measured(due, 'access times').reshape(len(keys), -1)
@@ -44,5 +44,5 @@ def access_measures(
 
 
 def median_and_worst(times: NDArray[np.float64]) -> str:
-    """Return median and largest time as tables have them [ms]."""
+    """Return median and largest time as tables show them [ms]."""
     return ' / '.join('none' if np.isinf(value) else f'{value:.2f}' for value in (np.median(times), times.max()))

@@ -1,4 +1,4 @@
-"""The recorded runs that figures and tables share, and the limits that the results are held to."""
+"""Recorded runs shared by figures and tables, and limits for the results."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,29 +18,29 @@ FILE, SEEK, VIBRATION, NSS, NSS_RATE, SERVO = (
 DWELL = 0.03
 """Time between seeks [s]."""
 TOLERANCE, NARROW, NEAR = 0.1, 0.025, 2.0
-"""Position errors of arrival, of the narrow arrival, and at which settling begins [um]."""
+"""Position errors for arrival, for narrow arrival, and for the start of settling [um]."""
 LENGTHS = (1.0, 5.0, 10.0, 50.0, 100.0, 150.0)
-"""Of the seeks that the tables are about [um]."""
+"""Lengths of the seeks in the tables [um]."""
 NOMINAL_LIMITS = dict(zip(LENGTHS, (0.8, 1.0, 1.3, 1.6, 2.0, 2.2), strict=True))
 NOMINAL_GOALS = dict(zip(LENGTHS, (0.75, 0.95, 1.1, 1.4, 1.6, 1.8), strict=True))
 ROBUST_LIMITS = dict(zip(LENGTHS, (0.9, 1.1, 1.5, 1.9, 2.4, 2.7), strict=True))
-"""Seek times by length [ms]."""
+"""Limits (and goals) of the seek time, by length [ms]."""
 OVERSHOOT_LIMITS = {'nominal': 0.1, 'varied': 0.5}
-"""[um]."""
+"""Limits of the overshoot on the nominal drive and on others [um]."""
 NARROW_LIMITS = {10.0: (1.5, 1.8), 50.0: (2.1, 2.6)}
-"""Seek times into +-25 nm by length [ms]: nominal, and with friction +-20 % after 20 seeks."""
+"""Limits of the seek time into +-25 nm by length [ms]: nominal, and with friction +-20 % after 20 seeks."""
 LEARNED_AFTER = 20
-"""Number of seeks after which the friction's level is learned."""
+"""Number of seeks after which the friction scale is learned."""
 METHODS = {'final_state': 'final-state', 'ptos': 'PTOS', 'cnf': 'CNF'}
-"""Their names in figures and tables."""
+"""Names of the seek methods in figures and tables."""
 FRICTIONS = (0.8, 1.0, 1.2)
-"""Of the drive, over that which the controller knows."""
+"""Friction of the drive relative to the model of the controller."""
 LEARNING_LENGTHS = (10.0, 50.0)
-"""Of the seeks whose arrival is recorded [um]."""
+"""Lengths of the seeks for the study of arrival [um]."""
 
 
 def drive_changes(friction: float = 1.0, gain: float = 1.0, modes: float = 1.0) -> dict[str, object]:
-    """Return overrides of a drive that differs from the nominal one by factors of bristles, gain and frequencies."""
+    """Return overrides for a drive whose friction, gain and mode frequencies are scaled by factors."""
     nominal = PlantParameters()
     changes: dict[str, object] = {'vcm_plant:gain': nominal.gain * gain}
     for name in ('stiffness', 'coulomb_level', 'static_level'):
@@ -53,7 +53,7 @@ def drive_changes(friction: float = 1.0, gain: float = 1.0, modes: float = 1.0) 
 
 
 def seeks_to(targets: Sequence[float], dwell: float = DWELL) -> dict[str, object]:
-    """Return overrides of seeks to targets [um], the first one after a dwell time."""
+    """Return overrides for seeks to targets [um], starting after one dwell time [s]."""
     return {
         'reference_generator:start_time': dwell,
         'reference_generator:seek.targets': tuple(float(target) for target in targets),
@@ -63,12 +63,12 @@ def seeks_to(targets: Sequence[float], dwell: float = DWELL) -> dict[str, object
 
 
 def to_and_fro(length: float, count: int) -> tuple[float, ...]:
-    """Return targets at a length and at 0 in turns."""
+    """Return targets that alternate between a length and 0."""
     return tuple(length if index % 2 == 0 else 0.0 for index in range(count))
 
 
 def _case(name: str, targets: Sequence[float], *files: str, **changes: object) -> Case:
-    """Return a recorded run; of the changes, ``__`` stands for the colon and ``_dot_`` for the dot."""
+    """Return a recorded run; in ``changes``, ``__`` means a colon and ``_dot_`` a dot."""
     own = {key.replace('__', ':').replace('_dot_', '.'): value for key, value in changes.items()}
     return Case(name, 'seek', (FILE, *files, SEEK), {**seeks_to(targets), **own})
 
@@ -77,9 +77,9 @@ BASE: Mapping[str, Case] = {
     method: _case(f'to_50_um_{method}', to_and_fro(50.0, 2), seek_controller__seek_dot_method=method)
     for method in METHODS
 }
-"""A seek of 50 um and one back, by method."""
+"""Seek of 50 µm and back, by method."""
 PID = Case('to_50_um_pid', 'pid', (FILE, SEEK), seeks_to(to_and_fro(50.0, 2)))
-"""The same by the PID controller alone."""
+"""The same with only the PID controller."""
 NO_FRICTION = {
     length: _case(
         f'{length:g}_um_without_friction_feedforward',
@@ -89,7 +89,7 @@ NO_FRICTION = {
     )
     for length in LEARNING_LENGTHS
 }
-"""Without friction feedforward, by length."""
+"""Runs without friction feedforward, by length."""
 UNLEARNED = {
     (length, friction): Case(
         f'{length:g}_um_friction_{friction:g}_not_learned',
@@ -104,7 +104,7 @@ UNLEARNED = {
     for length in LEARNING_LENGTHS
     for friction in FRICTIONS
 }
-"""With the friction of the nominal drive fed forward, by length and friction of the drive."""
+"""Runs with feedforward of the nominal friction, by length and friction of the drive."""
 LEARNED = {
     (length, friction): Case(
         f'{length:g}_um_friction_{friction:g}',
@@ -115,26 +115,26 @@ LEARNED = {
     for length in LEARNING_LENGTHS
     for friction in FRICTIONS
 }
-"""The same with the friction learned, over thirty seeks."""
+"""The same with learning of the friction, over 30 seeks."""
 IN_VIBRATION = _case('shaken', to_and_fro(50.0, 4), VIBRATION, seek_controller__feedforward_dot_method='fxlms')
-"""In the rotational vibration, with feedforward."""
+"""Run in rotational vibration, with feedforward."""
 BY_SECTORS = Case(
     'by_servo_sectors', 'seek', (FILE, NSS, NSS_RATE, SERVO), {'deterministic_timer:duration': 0.199999296}
 )
-"""By track numbers, with the runout, flutter and force noise of the NSS benchmark at 10.08 kHz."""
+"""Run with the servo sensor, and runout, flutter and force noise of the NSS benchmark, at 10.08 kHz."""
 DELAYED = _case(
     'delayed',
     to_and_fro(50.0, 2),
     seek_controller__dsp_dot_computation_delay=1,
     seek_controller__dsp_dot_dac_bits=16,
     seek_controller__dsp_dot_dac_range=10.0,
-    # The PID gains of one_sample_delay.yaml.
+    # PID gains of one_sample_delay.yaml.
     seek_controller__proportional_gain=0.146,
     seek_controller__integral_gain=8.68,
     seek_controller__derivative_gain=8.67e-5,
     seek_controller__derivative_bandwidth=0.0,
 )
-"""With one sample of computation delay, and the gains for it."""
+"""Run with one sample of computation delay, and PID gains tuned for it."""
 _FAST = 3.7879e-5
 FAST = _case(
     'at_26_4_khz',
@@ -142,11 +142,11 @@ FAST = _case(
     deterministic_timer__sample_time=_FAST,
     deterministic_timer__duration=round(2376 * _FAST, 9),
 )
-"""At 26.4 kHz."""
+"""Run at 26.4 kHz."""
 AROUND_NN = Case(
     'around_adaptive_nn',
     'adaptive_nn',
     (FILE, SEEK),
     {**seeks_to(to_and_fro(50.0, 2)), 'adaptive_nn_controller:seek.method': 'final_state'},
 )
-"""Around the adaptive NN controller instead of PID."""
+"""Run with the adaptive NN controller in place of PID."""

@@ -1,4 +1,4 @@
-"""Access times: seek time over length for each method, and the bounds T* and LP."""
+"""Access times: seek time over seek length for each method, and the bounds T* and LP."""
 
 from pathlib import Path
 
@@ -13,17 +13,17 @@ from hdd_servo_ros.studies.seek.cases import BASE, PID
 from hdd_servo_ros.studies.seek.drawing import STYLES
 
 LENGTHS = (0.5, 1.0, 2.0, 3.5, 5.0, 7.0, 10.0, 14.0, 20.0, 35.0, 50.0, 70.0, 100.0, 150.0, 250.0, 500.0, 1000.0)
-"""Of the seeks [um]."""
+"""Seek lengths [um]."""
 SEEDS = 3
 CASES = (*BASE.values(), PID)
 _LONGEST_PROGRAM = 150.0
-"""Length of the longest seek whose bound with modes is drawn [um]; beyond, they hardly cost time."""
+"""Maximum seek length for the drawn bound with modes [um]; in longer seeks the modes hardly add time."""
 _TIMES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 _MARKED = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw the worst seek time of each method over length, and the bounds below them."""
+    """Draw the worst seek time of each method over seek length, with the lower bounds."""
     found = access_measures(runs, tuple(STYLES), LENGTHS, SEEDS)
     figure = new_figure('Seek time into ±100 nm, worst of 18 seeks, no computation delay', width=8.8, height=6.4)
     axes = figure.subplots()
@@ -45,8 +45,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     axes.minorticks_off()
     axes.set_xlim(LENGTHS[0] / 1.1, LENGTHS[-1] * 1.1)
     axes.set_ylim(0.06, 60.0)
-    axes.set_xlabel('length of the seek [µm]')
-    axes.set_ylabel('time [ms]')
+    axes.set_xlabel('seek length [µm]')
+    axes.set_ylabel('seek time [ms]')
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', ncols=3, fontsize=9, frameon=False)
     return save(figure, path)

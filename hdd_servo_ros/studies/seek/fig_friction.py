@@ -1,4 +1,4 @@
-"""Friction at arrival: the error after a seek without friction feedforward, with it, and after learning."""
+"""Effect of friction on arrival: error after a seek without feedforward, with it, and after learning."""
 
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,15 @@ from hdd_servo_ros.studies.seek.drawing import FRICTION_STYLES, narrow_band
 
 CASES = (*NO_FRICTION.values(), *UNLEARNED.values(), *LEARNED.values())
 _SHOWN = 20.0
-"""Time after the change of the target that is drawn [ms]."""
+"""Time drawn after the target change [ms]."""
 _SECOND = 2
-"""The seek that is drawn of those without learning, counted from 0: one ahead."""
+"""Index of the drawn seek in runs without learning, from 0: a seek in the positive direction."""
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw a column per length, a row each without feedforward, with it, and after learning."""
+    """Draw one column per length, and one row without feedforward, with it, and after learning."""
     figure = new_figure(
-        'Final-state control: what friction does to arrival, and what removes it', width=9.5, height=7.0
+        'Final-state control: effect of friction on arrival, and its compensation', width=9.5, height=7.0
     )
     every = figure.subplots(3, len(LEARNING_LENGTHS), sharex=True, sharey=True)
     for column, length in enumerate(LEARNING_LENGTHS):
@@ -40,7 +40,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             style = FRICTION_STYLES[friction]
             draw_error(runs, fed, UNLEARNED[length, friction], _SECOND, **style)
             draw_error(runs, learned, LEARNED[length, friction], LEARNED_AFTER, **style)
-        learned.set_xlabel('time after the change of the target [ms]')
+        learned.set_xlabel('time after the target change [ms]')
     for axes, name in zip(every[:, 0], ('no feedforward', 'feedforward', f'after {LEARNED_AFTER} seeks'), strict=True):
         axes.set_ylabel(f'{name}\nhead - target [nm]')
     every[0, 0].set_ylim(-210.0, 210.0)
@@ -52,7 +52,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
 
 
 def draw_error(runs: RecordedRuns, axes: Axes, case: Case, number: int, **style: Any) -> None:
-    """Draw the head's distance from the target after the change number ``number``, from 0 on."""
+    """Draw the position error of the head after target change ``number``, counted from 0."""
     run = runs[case]
     start = round(DWELL * (1 + number) / run.sample_time)
     rows = slice(start, start + round(1e-3 * _SHOWN / run.sample_time) + 1)

@@ -1,4 +1,4 @@
-"""Learning over seeks: time into +-25 nm and the learned level of the friction over the number of the seek."""
+"""Learning over seeks: time into +-25 nm and learned friction scale over the seek number."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ _TIMES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw a column per length: the time above, the level below."""
-    figure = new_figure('Seeks to and fro with friction learned from what the controller adds', width=9.5, height=5.6)
+    """Draw one column per length, with the time above and the friction scale below."""
+    figure = new_figure('Seeks back and forth, with friction learned from the feedback output', width=9.5, height=5.6)
     every = figure.subplots(2, len(LEARNING_LENGTHS), sharex=True, sharey='row')
     for column, length in enumerate(LEARNING_LENGTHS):
         upper, lower = every[:, column]
@@ -35,9 +35,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         upper.set_yticks(_TIMES, [f'{time:g}' for time in _TIMES])
         upper.minorticks_off()
         upper.set_ylim(0.6, 20.0)
-        lower.set_xlabel('number of the seek')
+        lower.set_xlabel('seek number')
     every[0, 0].set_ylabel('time into ±25 nm [ms]')
-    every[1, 0].set_ylabel('level of the friction\nover that of the model')
+    every[1, 0].set_ylabel('learned friction\n/ model')
     handles, labels = every[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), fontsize=9, frameon=False)
     return save(figure, path)

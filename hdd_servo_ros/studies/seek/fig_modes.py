@@ -1,4 +1,4 @@
-"""Seek, settle and follow: position, error, velocity and voltage of a seek of 50 um, as figure 1.4 of the thesis."""
+"""Seek, settle and follow: position, error, velocity and voltage of a 50 µm seek, as in fig. 1.4 of the thesis."""
 
 from pathlib import Path
 
@@ -15,11 +15,11 @@ CASES = (BASE['final_state'],)
 SHADES = {FOLLOW: ('#e3f1e3', 'follow'), SEEK: ('#dde8f7', 'seek'), SETTLE: ('#fdeeca', 'settle')}
 """Color and name of each mode."""
 _FROM, _TO = -0.3, 2.4
-"""What is drawn, from the change of the target on [ms]."""
+"""Drawn interval, relative to the target change [ms]."""
 
 
 def make(runs: RecordedRuns, path: Path) -> Path:
-    """Draw four panels over a common axis of time, shaded by the mode."""
+    """Draw four panels over a common time axis, shaded by mode."""
     run = runs[CASES[0]]
     time = 1e3 * (run.time - DWELL)
     rows = (time >= _FROM - 0.05) & (time <= _TO + 0.05)
@@ -40,7 +40,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         fine.axhline(1e3 * edge, color='0.5', linewidth=0.7, linestyle=':')
     error = 1e3 * (run.position - run.desired_position)[rows]
     for part in (time < -1e-6, time > -1e-6):
-        # Between the two the target changes, not the head.
+        # Between the two parts the target changes, not the head position.
         fine.plot(time[part], error[part], '.-', color='C0', linewidth=1.3, markersize=4.0)
     fine.set_ylim(-210.0, 210.0)
     fine.set_ylabel('head - target [nm]')
@@ -50,14 +50,14 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     voltage.step(time, run.command[rows], where='post', color='C3', linewidth=1.3)
     voltage.set_ylabel('u [V]')
     voltage.set_ylim(-11.0, 11.0)
-    voltage.set_xlabel('time after the change of the target [ms]')
+    voltage.set_xlabel('time after the target change [ms]')
     voltage.set_xlim(_FROM, _TO)
     figure.align_ylabels()
     return save(figure, path)
 
 
 def shade(axes: Axes, time: NDArray[np.float64], mode: NDArray[np.int_], named: bool = False) -> None:
-    """Shade the background of axes by the mode at each time, and name the modes at their top."""
+    """Shade the background of axes by mode, and optionally label the modes."""
     starts = [0, *(np.flatnonzero(np.diff(mode)) + 1).tolist()]
     for start, end in zip(starts, [*starts[1:], len(time) - 1], strict=True):
         color, name = SHADES[int(mode[start])]

@@ -1,4 +1,4 @@
-"""What recorded seeks to and fro learned: times into +-25 nm and the friction's level, by number of the seek."""
+"""Times into +-25 nm and learned friction scale of recorded seeks, by seek number."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,12 @@ from hdd_servo_ros.studies.seek.cases import NARROW
 
 
 def narrow_times(runs: RecordedRuns, case: Case) -> NDArray[np.float64]:
-    """Return the time into +-25 nm of each seek [ms], shape (seeks,), infinite without arrival."""
+    """Return the time into +-25 nm of each seek [ms], shape (seeks,); infinite without arrival."""
     return np.array([1e3 * response.seek_time for response in responses_of(runs[case], NARROW)])
 
 
 def levels(runs: RecordedRuns, case: Case) -> NDArray[np.float64]:
-    """Return the learned level of the friction at the start of each seek, over that of the model, shape (seeks,)."""
+    """Return the learned friction at the start of each seek, relative to the model, shape (seeks,)."""
     run = runs[case]
     rows = [response.seek.row for response in responses_of(run, NARROW)]
     return np.asarray(run.estimates['seek_friction'][rows])

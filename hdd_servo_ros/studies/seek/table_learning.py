@@ -1,4 +1,4 @@
-"""Table: times into +-25 nm without friction feedforward, with it, and after learning."""
+"""Table: seek times into +-25 nm without friction feedforward, with it, and after learning."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from hdd_servo_ros.studies.seek.trials import measured, seek_trial
 
 SEEDS = 10
 SEEKS = 30
-"""To and fro, in each run."""
+"""Number of seeks in each run."""
 CASES = (*NO_FRICTION.values(), *UNLEARNED.values(), *LEARNED.values())
 
 
@@ -47,14 +47,14 @@ def make(runs: RecordedRuns, path: Path) -> Path:
             learned = times[length, friction, LEARNED[length, friction].name]
             late = learned[:, LEARNED_AFTER:]
             limit = NARROW_LIMITS[length][0 if friction == 1.0 else 1]
-            verdict = f'{limit:g}: ' + ('kept' if late.max() <= limit + 1e-9 else '**missed**')
+            verdict = f'{limit:g}: ' + ('met' if late.max() <= limit + 1e-9 else '**not met**')
             first = f'{np.median(learned[:, 0]):.2f}'
             rows.append(
                 (f'{length:g}', f'{friction:g}', 'yes', median_and_worst(fixed), first, median_and_worst(late), verdict)
             )
     title = (
-        f'Times into +-25 nm by final-state control, {SEEDS} seeds of {SEEKS} seeks to and fro, median / worst [ms]. '
-        'Friction of the drive over that of the model; feedforward with its level, and with the learned one.'
+        f'Times into +-25 nm by final-state control, {SEEDS} seeds of {SEEKS} seeks back and forth, median / worst '
+        '[ms]. Friction: drive / model. Feedforward with the friction of the model, and with the learned friction.'
     )
     header = (
         'length [um]',

@@ -1,4 +1,4 @@
-"""Table: seeks with one sample of computation delay, at 26.4 kHz, and around the adaptive NN controller."""
+"""Table: seeks with one sample of computation delay, at 26.4 kHz, and with the adaptive NN controller."""
 
 from pathlib import Path
 
@@ -47,7 +47,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         rows.append(cells)
     title = (
         f'Final-state control, nominal drive, {SEEDS} seeds: median / worst time into +-100 nm and into +-25 nm [ms], '
-        'overshoot [nm], and LP without delay [ms]. With the delay the controller has the PID gains for it.'
+        'overshoot [nm], and LP without delay [ms]. With delay, the PID gains are tuned for it.'
     )
     header = ['length [um]']
     for name in RUNS:

@@ -1,4 +1,4 @@
-"""Table: random seeks on a drive that is shaken, and by track numbers with runout; none may be lost."""
+"""Table: random seeks at rest, in vibration, and with the servo sensor and runout; all must arrive."""
 
 import itertools
 from pathlib import Path
@@ -14,11 +14,11 @@ from hdd_servo_ros.studies.seek.trials import Measures, measured, random_seeks
 
 SEEKS = 1000
 PIECES = 4
-"""The seeks are made in so many runs, each with seeds of its own."""
+"""Number of runs for the seeks, each with different seeds."""
 DWELL = 0.02
-"""Between seeks [s]."""
+"""Time between seeks [s]."""
 EDGES = (0.1, 0.5, 1.0, 5.0, 10.0, 50.0, 100.0, 150.1)
-"""Of the ranges of lengths [um]."""
+"""Edges of the ranges of seek lengths [um]."""
 NO_FEEDFORWARD = {'seek_controller:feedforward.method': 'none'}
 RUNS: dict[str, tuple[Case, dict[str, object]]] = {
     'at rest': (BASE['final_state'], {}),
@@ -26,12 +26,12 @@ RUNS: dict[str, tuple[Case, dict[str, object]]] = {
     'vibration, no feedforward': (IN_VIBRATION, dict(NO_FEEDFORWARD)),
     'servo sensor, NSS disturbances': (BY_SECTORS, {}),
 }
-"""Which run, and what differs from it."""
+"""Recorded run and overrides of each row."""
 CASES = (BASE['final_state'], IN_VIBRATION, BY_SECTORS)
 
 
 def by_run(runs: RecordedRuns, seeks: int) -> dict[str, Measures]:
-    """Return what so many random seeks of each of :data:`RUNS` did."""
+    """Return the measures of a number of random seeks in each of :data:`RUNS`."""
     due = [
         random_seeks(runs, case, seeks // PIECES, DWELL, seed, changes)
         for case, changes in RUNS.values()
@@ -65,7 +65,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                 )
             )
     title = (
-        f'{SEEKS} random seeks of 0.1 to 150 um, uniform in the logarithm, {1e3 * DWELL:g} ms each, by final-state '
+        f'{SEEKS} random seeks of 0.1 to 150 um, log-uniform, one every {1e3 * DWELL:g} ms, by final-state '
         'control with learning; times into +-100 nm of the track center until the next seek [ms].'
     )
     header = (

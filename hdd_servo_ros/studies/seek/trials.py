@@ -1,4 +1,4 @@
-"""Recorded runs made again with other seeks, drives, seeds or parameters, without bags, and what their seeks did."""
+"""Repetitions of recorded runs with other seeks, drives, seeds or parameters, without bags; measures of the seeks."""
 
 import dataclasses
 import math
@@ -17,8 +17,8 @@ from hdd_servo_ros.studies.seek.cases import DWELL, NARROW, NEAR, TOLERANCE, dri
 
 MEASURES = ('length', 'time', 'narrow_time', 'first_arrival', 'settling', 'overshoot')
 """
-Of each seek: length with its sign [um], time into +-100 nm and into +-25 nm [ms], time to the first four samples within
-+-100 nm [ms], time from the first sample within +-2 um to the arrival within +-100 nm [ms], overshoot [um].
+Measures of a seek: signed length [um], time into +-100 nm and into +-25 nm [ms], time to the first four samples within
++-100 nm [ms], time from the first sample within +-2 µm to the arrival within +-100 nm [ms], overshoot [um].
 """
 Measures = NDArray[Any]
 _DTYPE = np.dtype([(name, np.float64) for name in MEASURES])
@@ -28,18 +28,18 @@ _SEEK = 'reference_generator:seek.'
 @dataclasses.dataclass(frozen=True)
 class SeekTrial:
     """
-    One run with seeks that is not recorded.
+    Run with seeks, without recording.
 
     Attributes
     ----------
     controller
-        Short name.
+        Short name of the controller.
     sample_time
         T [s].
     parameters
-        Of all nodes, by name.
+        Parameters of all nodes, by node and name.
     ticks
-        How long it lasts.
+        Duration of the run in ticks.
     sensor
         ``'ldv'`` or ``'servo'``.
     """
@@ -51,7 +51,7 @@ class SeekTrial:
     sensor: str = 'ldv'
 
     def measures(self) -> Measures:
-        """Return what each seek did, shape (seeks,), of fields :data:`MEASURES`; times are infinite without arrival."""
+        """Return :data:`MEASURES` as a structured array, shape (seeks,); times are infinite without arrival."""
         rows = Experiment(self.sample_time, self.controller, self.parameters, sensor=self.sensor).run(0, self.ticks)
         reference = rows.reference
         along = self.parameters['reference_generator']['seek.trajectory'] != 'step'
@@ -73,9 +73,9 @@ class SeekTrial:
         return found
 
 
-def measured(due: Sequence[SeekTrial], what: str, chunksize: int = 4) -> Measures:
-    """Return the measures of trials with equally many seeks, shape (trials, seeks), by all cores."""
-    found: Any = on_trials(SeekTrial.measures, due, what, chunksize)
+def measured(due: Sequence[SeekTrial], label: str, chunksize: int = 4) -> Measures:
+    """Return the measures of trials with equal numbers of seeks, shape (trials, seeks), computed on all cores."""
+    found: Any = on_trials(SeekTrial.measures, due, label, chunksize)
     return np.asarray(found)
 
 
@@ -88,18 +88,18 @@ def seek_trial(
     dwell: float = DWELL,
 ) -> SeekTrial:
     """
-    Return a recorded run as a trial with other seeks.
+    Return the repetition of a recorded run as a trial with other seeks.
 
     Parameters
     ----------
     runs, case
-        Which run.
+        Recorded run to repeat.
     targets
-        In the unit of the recorded ones, from rest at 0; the first seek starts after a dwell time.
+        Targets in the unit of the recorded ones; the head starts at rest at 0, the first seek after a dwell time.
     seed
-        Of sensors and disturbances.
+        Seed of sensors and disturbances.
     changes
-        Other parameters than the recorded ones, under ``'node:parameter'``.
+        Parameters that replace the recorded ones, under ``'node:parameter'``.
     dwell
         Time between seeks, rounded up to whole samples [s].
     """
@@ -121,7 +121,7 @@ def seek_trial(
 def random_seeks(
     runs: RecordedRuns, case: Case, count: int, dwell: float, seed: int, changes: Mapping[str, object] | None = None
 ) -> SeekTrial:
-    """Return a recorded run as a trial with random seeks from 0.1 to 150 um, the other arguments as above."""
+    """Return a trial with random seeks from 0.1 to 150 µm; see :func:`seek_trial` for the other arguments."""
     return seek_trial(
         runs,
         case,
@@ -143,25 +143,25 @@ def random_seeks(
 
 
 def from_rest_and_after_others(length: float) -> list[float]:
-    """Return targets with six seeks of a length, in both directions, from rest and after seeks of other lengths."""
+    """Return targets with six seeks of a length: both directions, from rest and after seeks of other lengths."""
     moves = [1.0, -1.0, -1.0, 0.37, 1.0, 1.0, -2.6, 1.0]
     targets: list[float] = np.cumsum(np.multiply(moves, length)).tolist()
     return targets
 
 
 def of_length(found: Measures, length: float) -> Measures:
-    """Return the measures of the seeks of a length [um], in either direction."""
+    """Return the measures of the seeks with a length [um], in either direction."""
     return np.asarray(found[np.abs(np.abs(found['length']) - length) < 1e-6 * length])
 
 
 VARIED = [
     drive_changes(friction, gain, modes) for friction in (0.8, 1.2) for gain in (0.95, 1.05) for modes in (0.95, 1.05)
 ]
-"""Overrides of the drives at the corners: friction +-20 %, gain +-5 %, modes +-5 %."""
+"""Overrides for the drives at the corners: friction +-20 %, gain +-5 %, mode frequencies +-5 %."""
 
 
 def drawn_drive(seed: int) -> dict[str, object]:
-    """Return overrides of a drive drawn uniformly within the corners."""
+    """Return overrides for a random drive, uniformly distributed between the corners."""
     draw = np.random.default_rng(seed)
     friction, gain, modes = (1.0 + spread * float(draw.uniform(-1.0, 1.0)) for spread in (0.2, 0.05, 0.05))
     return drive_changes(friction, gain, modes)
