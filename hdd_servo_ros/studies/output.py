@@ -31,7 +31,7 @@ def draw(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], **s
 
 
 def legend_above(*axes: Axes) -> None:
-    """Place the legend of each axes above the frame, where it hides no data."""
+    """Add a legend above the frame of each axes, where it hides no data."""
     for axis in axes:
         axis.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False, borderaxespad=0.2)
 

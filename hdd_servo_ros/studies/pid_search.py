@@ -35,7 +35,7 @@ integral and derivative cancel: ``|C|^2 = k_p^2 + (k_d w - k_i/w)^2``.
 LARGEST_POLE = 0.9
 """Largest pole of the derivative filter."""
 LEAST_POLE = 0.005
-"""Smallest pole of the derivative filter; below it there is no filter."""
+"""Smallest pole of the derivative filter; the search omits the filter below it."""
 INTEGRAL_COST = 1.05
 """Allowed factor on the squared error for a larger k_i, with a limit of the overshoot."""
 _REJECTED = 1e9

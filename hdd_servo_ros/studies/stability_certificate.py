@@ -117,7 +117,7 @@ TITLES = {
 
 
 def table(report: Report) -> str:
-    """Return the report as a text table."""
+    """Return the report as lines of text with a table."""
     in_units, lines = report.units.of, []
     for certificate in report.certificates:
         bounds, ideal = certificate.bounds, certificate.ideal

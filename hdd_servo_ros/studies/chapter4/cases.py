@@ -16,7 +16,7 @@ COMPARED_LAMBDAS = (1.0, 10.0, 15.0)
 
 
 def adaptive_nn(name: str, **overrides: object) -> Case:
-    """Return a run of section 4.4 with the adaptive NN controller; ``__`` in parameter names stands for a dot."""
+    """Return a run of section 4.4 with the adaptive NN controller; ``__`` in parameter names means a dot."""
     own = {f'adaptive_nn_controller:{key.replace("__", ".")}': value for key, value in overrides.items()}
     return Case(name, 'adaptive_nn', (FILE,), own)
 

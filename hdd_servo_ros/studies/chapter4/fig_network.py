@@ -1,4 +1,4 @@
-"""Benefit of the network: error over control chatter, with it, without it, and with phi_hat in its place."""
+"""Benefit of the network: error over control chatter with it, without it, and with phi_hat instead."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -57,7 +57,7 @@ def sine(name: str, controller: str, frequency: float, *overlays: str, **overrid
     overlays
         Parameter files applied on top of that of the drive.
     overrides
-        Parameters of the controller; ``__`` in a name stands for a dot.
+        Parameters of the controller; ``__`` in a name means a dot.
     """
     reference = {'waveform': 'sine', 'amplitude': 2.0, 'frequency': frequency}
     return _case(f'{name}_{frequency:g}_hz', controller, overlays, reference, overrides)
