@@ -1,4 +1,4 @@
-"""The baseline from bags: the best PID controllers, and the adaptive NN controller against them."""
+"""Baseline from bags: best PID controllers, and comparison with the adaptive NN controller."""
 
 import dataclasses
 import itertools
@@ -31,7 +31,7 @@ from hdd_servo_ros.studies.tuning_runs import Steps, track
 T = 1e-4
 SECTIONS = read_parameter_files([parameter_file(FILE)])
 SHORT = 2.3
-"""A run that is to be drawn only; two seconds do not count [s]."""
+"""Duration of runs that are only drawn; the transient is two seconds [s]."""
 
 
 def gains_of(limit):
@@ -39,13 +39,13 @@ def gains_of(limit):
 
 
 @pytest.mark.parametrize(('limit', 'overlays'), [(20.0, ()), (math.inf, (FOR_SINES,))])
-def test_two_of_them_are_shipped(limit, overlays):
+def test_two_limits_have_shipped_parameter_files(limit, overlays):
     shipped = read_parameter_files([parameter_file(name) for name in (FILE, *overlays)])['pid_controller']
     assert {name: shipped[name] for name in PID_NAMES} == gains_of(limit)
 
 
 @pytest.mark.parametrize('limit', BEST_PIDS)
-def test_each_keeps_the_rule_up_to_its_limit(limit):
+def test_each_satisfies_the_rule_up_to_its_limit(limit):
     proportional, integral, derivative, bandwidth = BEST_PIDS[limit]
     law = LinearController(proportional, derivative, integral, bandwidth)
     assert 1.99 < LoopMargins(PlantParameters(), T).peak_sensitivity(law) <= 2.0
@@ -53,7 +53,7 @@ def test_each_keeps_the_rule_up_to_its_limit(limit):
 
 
 def test_more_overshoot_allows_less_error():
-    """And none has a larger squared error than one with a lower limit, but for the 5 % that the integral may cost."""
+    """A higher limit never increases the squared error by more than the 5 % allowed for the integral."""
     squares = [
         sum(track('pid', gains_of(limit), SECTIONS, T, f, 4.0, 2.0).rms_error ** 2 for f in (100.0, 200.0))
         for limit in BEST_PIDS
@@ -70,7 +70,7 @@ def test_every_figure_and_table_is_made(tmp_path):
     for name, case in cases.items():
         duration = {} if name in steps else {'deterministic_timer:duration': SHORT}
         short = dataclasses.replace(case, overrides={**case.overrides, **duration})
-        # In this process: there are many, and a process takes longer to start than such a run.
+        # In this process, because starting a process takes longer than one of these short runs.
         assert simulate(short.arguments({}, tmp_path / name)) == 0
     paths = make_figures(made, tmp_path)
     assert {path.stem for path in paths} == set(made)

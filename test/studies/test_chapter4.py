@@ -1,4 +1,4 @@
-"""Section 4.4 from bags: what the study must show, with the ranges that an independent implementation confirmed."""
+"""Section 4.4 from bags: expected results, with ranges confirmed by an independent implementation."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_pid_under_the_same_peak(runs, value, least):
 
 
 def test_feedforward_of_the_true_mass(runs):
-    """It is what makes the difference: with it PID is better from lambda = 10 on."""
+    """With feedforward, PID has the smaller error from lambda = 10 on."""
     own, other = errors(runs, NN_BY_LAMBDA), errors(runs, FEEDFORWARD_BY_LAMBDA)
     assert other[1.0] > 3.0 * own[1.0]
     assert other[10.0] < 0.7 * own[10.0]
@@ -113,7 +113,7 @@ def test_ablation(runs):
 
 
 @pytest.mark.parametrize(('value', 'share'), [(1.0, 0.6), (10.0, 0.4)])
-def test_what_makes_the_network_earn_its_place(runs, value, share):
+def test_when_the_network_helps(runs, value, share):
     cases = {
         'none': without(value),
         'printed': as_printed(value),
@@ -124,7 +124,7 @@ def test_what_makes_the_network_earn_its_place(runs, value, share):
     assert found['printed'] == pytest.approx(found['none'], rel=0.02)
     assert found['normalized'] < 0.8 * found['strong'] < 0.8 * found['none']
     assert found['normalized'] < share * found['none']
-    # phi_hat with the same constants gets as far, and chatters more.
+    # phi_hat with the same constants reaches the same error, with more chatter.
     instead = phi_only(value)
     assert runs.metrics(instead, LAST_HALF).rms_error < 1.2 * found['normalized']
     assert runs.chatter(cases['normalized'], LAST_HALF) < 0.5 * runs.chatter(instead, LAST_HALF)

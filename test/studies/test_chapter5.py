@@ -1,4 +1,4 @@
-"""Chapter 5 from bags: what the bench's experiments must show, at the default noise, in runs of at least 10 s."""
+"""Chapter 5 from bags: expected results with the default noise, in runs of at least 10 s."""
 
 import dataclasses
 import itertools
@@ -84,14 +84,14 @@ def kind(case):
 
 
 def drawn():
-    """Return the figures and tables but those that need long runs: sweeps, and a minute of a sine."""
+    """Return the figures and tables except those with long runs: sweeps, and one minute of a sine."""
     left_out = ('fig_5_3', 'fig_5_4', 'table_identification', 'table_minute')
     return {name: figure for name, figure in figures('chapter5').items() if name not in left_out}
 
 
 @pytest.fixture(scope='module')
 def directory(tmp_path_factory):
-    """Give the runs that are judged; for the study's other ones a short run, or one of their kind, to draw figures."""
+    """Make the runs with assertions; for the others, link a short or similar run, so that figures can be drawn."""
     path = tmp_path_factory.mktemp('chapter5')
     judged = {case.name: case for case in asserted_cases()}
     kinds = {kind(case): name for name, case in judged.items()}
@@ -124,22 +124,22 @@ def test_sine(runs, frequency, rms_limit, max_limit, of_pid, of_same_gains):
     assert found.max_error < max_limit
     assert found.rms_error < of_pid * on_sine(runs, PID[frequency]).rms_error
     assert found.rms_error < of_same_gains * on_sine(runs, PID_SAME_GAINS[frequency]).rms_error
-    # The best PID without a limit of the overshoot: at 100 Hz its rms error is the smaller one, and its maximum larger.
+    # At 100 Hz, the best PID without a limit of the overshoot has the smaller rms error and the larger maximum.
     for_sines = on_sine(runs, PID_FOR_SINES[frequency])
     assert for_sines.rms_error < 0.5 * on_sine(runs, PID[frequency]).rms_error
     assert (found.rms_error < for_sines.rms_error) == (frequency == 200.0)
     assert found.max_error < for_sines.max_error
     late = on_sine(runs, SHIPPED_DELAY[frequency])
     assert late.rms_error < 1.5 * on_sine(runs, SHIPPED[frequency]).rms_error
-    # The estimates stay, and the last second is no worse than the third.
+    # The estimates remain bounded, and the error in the last second does not exceed that in the third.
     run = runs[NN[frequency]]
     e = error(run)
     third = rms(e[(run.time >= 2.0) & (run.time < 3.0)])
     assert rms(e[run.time >= run.time[-1] - 1.0]) < 1.05 * third
 
 
-def test_the_pid_for_sines_with_a_sample_of_delay_keeps_the_rule(runs):
-    """It has no parameter file: its gains are those of the docs."""
+def test_the_pid_for_sines_with_a_sample_of_delay_satisfies_the_rule(runs):
+    """It has no parameter file; the documentation lists its gains."""
     case = PID_FOR_SINES_DELAY[100.0]
     gains = runs.parameters(case)['pid_controller']
     law = LinearController(
@@ -156,7 +156,7 @@ def test_the_pid_for_sines_with_a_sample_of_delay_keeps_the_rule(runs):
 
 def test_sine_through_the_graph(bench, monkeypatch, directory, tmp_path):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
-    """Its first seconds: from there on one run says as much as the other."""
+    """The first seconds, which are sufficient to compare the two runs."""
     case = short(NN[100.0])
     run_cases([case], tmp_path, report=lambda line: None)
     assert RecordedRuns(tmp_path).metrics(case, TRANSIENT, NANOMETRES).rms_error < 8.0
@@ -165,8 +165,8 @@ def test_sine_through_the_graph(bench, monkeypatch, directory, tmp_path):
 
 
 @pytest.mark.parametrize('frequency', FREQUENCIES)
-def test_the_shipped_controller_breaks_the_floor(runs, frequency):
-    """The law leaves the third harmonic of the friction; desired compensation removes it."""
+def test_the_shipped_controller_removes_the_third_harmonic(runs, frequency):
+    """The law of the thesis leaves the third harmonic of the friction; desired compensation removes it."""
     own = on_sine(runs, SHIPPED[frequency])
     assert own.rms_error < 1.6
     assert own.rms_error < 0.6 * on_sine(runs, NN[frequency]).rms_error
@@ -174,8 +174,8 @@ def test_the_shipped_controller_breaks_the_floor(runs, frequency):
 
 
 @pytest.mark.parametrize('frequency', FREQUENCIES)
-def test_the_shipped_controller_stays_for_a_minute(runs, frequency):
-    """No bag: it would have 300 MB. The study records it; this is the same loop, and equals the bag where that ends."""
+def test_the_shipped_controller_remains_stable_for_a_minute(runs, frequency):
+    """Without the bag of the study, which has 300 MB; the loop is the same, and equals the shorter bag at its end."""
     case = SHIPPED[frequency]
     rows = Experiment(1e-4, 'adaptive_nn', runs.parameters(case)).run(0, 600_001)
     e = (rows.head[:, 0] - rows.reference[:, 0]) * NANOMETRES
@@ -200,20 +200,20 @@ def test_steps(runs, height, cases, count):
     assert worst['settling_time'] < SETTLING_LIMITS[height]
     assert worst['steady_error'] < 3e-3
     assert worst['overshoot'] < 0.1 * of_pid['overshoot']
-    # Half a nanometer is what the noise makes of it.
+    # The noise contributes half a nanometer.
     assert worst['steady_error'] < of_pid['steady_error'] + 5e-4
     assert worst['settling_time'] < of_pid['settling_time'] + 0.5e-4
     for_sines = PID_FOR_SINES_FROM_REST if count == 1 else PID_FOR_SINES_STEPS
     assert 80.0 < edges(runs[for_sines[height]]).worst()['overshoot'] < 90.0
     assert of_pid['overshoot'] < 20.5
-    # The law itself does not overshoot, and stops short by more than a tenth of the step.
+    # The law of the thesis does not overshoot, and leaves an error of more than a tenth of the step.
     assert law.worst()['overshoot'] == 0.0
     assert law.median()['steady_error'] > 0.1 * height
 
 
 @pytest.mark.parametrize('height', HEIGHTS)
-def test_steps_from_rest_whichever_way_and_whenever(runs, height):
-    """Both directions, several seeds and times, without bags; the last one at the first tick."""
+def test_steps_from_rest_in_both_directions_and_at_any_time(runs, height):
+    """Several seeds and times, without bags; the last step is at the first tick."""
     nodes = runs.parameters(SHIPPED_FROM_REST[height])
     for index, start_time in enumerate((1.0, 2.0, 3.3333, 0.05, 0.5, 0.0)):
         step = {'waveform': 'step', 'amplitude': height * (-1) ** index, 'start_time': start_time}
@@ -239,7 +239,7 @@ def test_lambda(runs):
     assert falls([error_after_edges(run) for run in squares])
     peaks = [runs.metrics(case, 0.0).peak_control for case in LAMBDA_STEPS.values()]
     assert falls(peaks[::-1])
-    # The adapted error does not fall: it grows a little.
+    # The error after adaptation increases slightly.
     adapted = [on_sine(runs, case).rms_error for case in LAMBDA_SINES.values()]
     assert adapted == sorted(adapted)
     assert adapted[-1] < 1.6 * adapted[0]
@@ -250,13 +250,13 @@ def test_hysteresis(runs):
     off, on = (loop_areas(runs[case]) for case in (HYSTERESIS_OFF, HYSTERESIS_ON))
     assert off.feedback == pytest.approx(off.command, rel=1e-12)
     assert 0.0 < on.feedback < 0.1 * off.feedback
-    # What was fed back is now fed forward: the whole command's loop is that of the friction, and grows.
+    # Feedforward replaces feedback: the loop of the command is that of the friction, and grows.
     assert on.command > 1.5 * off.command
     assert on.command > on.friction > 0.9 * on.command
-    # sigma_hat does it, alone.
+    # sigma_hat alone achieves the reduction.
     assert loop_areas(runs[WITHOUT_SIGMA]).feedback > off.feedback
     assert loop_areas(runs[ONLY_SIGMA]).feedback < 0.02 * off.feedback
-    # What remains is what the leakage of sigma_hat asks for.
+    # The leakage of sigma_hat causes the remainder.
     law = runs.parameters(HYSTERESIS_ON)['adaptive_nn_controller']
     sigma = runs[HYSTERESIS_ON].estimates['sigma_hat'][-20_000:].mean()
     asked = law['feedback_gain'] * law['sigma.leakage'] * sigma / HYSTERESIS_FREQUENCY
@@ -264,14 +264,14 @@ def test_hysteresis(runs):
 
 
 def test_the_gains_of_section_5_5(runs):
-    """As printed they diverge at once; as magnitudes they work on this sine."""
+    """The printed gains diverge at once; their magnitudes work on this sine."""
     assert on_sine(runs, MAGNITUDES[100.0]).rms_error < 8.0
     run = runs[PRINTED_SIGNS]
     assert np.abs(error(run)[run.time < 1.0]).max() > 1e5
 
 
 def test_random_drives(runs):
-    """24 of the 200 drives of the study, for 10 s."""
+    """On 24 of the 200 drives of the study, for 10 s."""
     own, pid = errors_on_random_drives(runs, [NN[100.0], PID[100.0]], range(DRIVES))
     assert own[:, 0].max() < 20.0
     assert own[:, 1].max() < 60.0
@@ -280,7 +280,7 @@ def test_random_drives(runs):
 
 
 def test_all_random_drives_stay_bounded(runs):
-    """All 200 for 10 s as in the study, in turn at one frequency and at the other; the study has both of each."""
+    """All 200 drives for 10 s, alternately at the two frequencies; the study runs each drive at both."""
     drives = range(table_random_drives.DRIVES)
     found = np.concatenate(
         [
@@ -294,7 +294,7 @@ def test_all_random_drives_stay_bounded(runs):
 
 
 def test_the_errors_on_a_random_drive_are_those_of_a_run_of_its_own(runs):
-    """To the bit; of the law of the thesis and of a PID, each at its own index of the result."""
+    """Exactly, for the law of the thesis and for a PID, at their indices of the result."""
     cases = (NN[200.0], PID[100.0])
     found = errors_on_random_drives(runs, cases, [5, 3])
     for case, errors in zip(cases, found[:, 1], strict=True):
@@ -328,7 +328,7 @@ def test_random_drives_of_runs_with_other_drives_are_rejected(runs, monkeypatch)
 
 
 def test_a_drive_that_diverges_is_named(runs, monkeypatch, tmp_path):
-    """Drive 1 of two, for all four controllers and both frequencies, in the table's title and in its last column."""
+    """Drive 1 of two, for four controllers and two frequencies, in the title and the last column of the table."""
 
     def errors(runs, cases, drives):
         return np.array([[(np.nan,) * 3 if drive == 1 else (1.0, 2.0, 3.0) for drive in drives] for _ in cases])
@@ -359,7 +359,7 @@ def test_a_random_drive_is_drawn_within_its_range(runs):
 
 
 def test_no_case_sets_an_empty_list():
-    """simulate takes one, but a ROS node does not, and so neither does the graph."""
+    """A ROS node does not accept an empty list, although simulate does."""
     assert not [
         case.name
         for figure in figures('chapter5').values()

@@ -1,4 +1,4 @@
-"""`compare`: which runs it makes, and that its table says what the bags hold."""
+"""`compare`: the runs that it makes, and agreement of its table with the bags."""
 
 import csv
 import re
@@ -22,7 +22,7 @@ PATH = 'my_controller:MyController'
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Work in a folder that holds the example."""
+    """Work in a directory with the example controller."""
     shutil.copy(ROOT / 'examples' / 'my_controller.py', tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, 'path', [*sys.path])
@@ -54,7 +54,7 @@ def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
     controllers = tuple(Contestant.named(name) for name in ('pid', 'adaptive_nn', PATH))
     overrides = {'spring': 0.01, 'control_limit': 5.0, 'proportional_gain': 0.4, 'no_such': 1.0}
     cases = Comparison(controllers, {'slow': {}}, ('a.yaml',), overrides).cases()
-    # The drive has a control_limit, and of what nobody has each run says so.
+    # The drive has a control_limit; each run rejects a parameter that no node has.
     everywhere = {'control_limit', 'no_such'}
     found = {controller: set(case.overrides) - everywhere for (_, controller), case in cases.items()}
     assert found == {'pid': {'proportional_gain'}, 'adaptive_nn': set(), 'my_controller': {'spring'}}
@@ -62,7 +62,7 @@ def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
 
 
 def test_an_overlay_of_one_controller(capsys):
-    """By a path and by the name of a shipped file; labeled with the file's stem, and in its own runs only."""
+    """Given by path or by name of a shipped file; the label is the stem, and only its own runs use it."""
     Path('soft.yaml').write_text('/**/pid_controller:\n  ros__parameters:\n    proportional_gain: 0.2\n')
     arguments = ['--controllers', 'pid', 'pid@soft.yaml', 'pid@pid_for_sines.yaml', '--experiments', 'sine_100_hz']
     arguments += ['--without-ros', '--output', 'out', '-p', 'duration:=0.1', '-p', 'pid_controller:control_limit:=5.0']
@@ -90,14 +90,14 @@ def test_an_overlay_of_one_controller(capsys):
     ],
 )
 def test_the_controllers_by_default(arguments, labels):
-    """That of the overlay is tuned for the default drive alone."""
+    """The controller with the overlay is tuned only for the default drive."""
     short = ['--without-ros', '--output', 'out', '-p', 'duration:=0.06']
     assert main([*arguments, '--experiments', 'sine_100_hz', *short]) == 0
     assert [row['controller'] for row in table()] == labels
 
 
 def test_the_table_is_that_of_the_bags(capsys):
-    """Sine and step, two controllers: the figures again from the signals, by their definitions."""
+    """Sine and step with two controllers: the values equal those computed from the signals by definition."""
     arguments = ['--controllers', 'pid', PATH, '--experiments', 'sine_100_hz', 'step_5_um', '--without-ros']
     arguments += ['--output', 'out', '-p', 'duration:=0.14', '-p', 'my_controller:spring:=0.01']
     assert main(arguments) == 0
@@ -126,25 +126,25 @@ def test_the_table_is_that_of_the_bags(capsys):
             assert row['rms error [nm]'] == ''
     spring = {row['controller']: float(row['rms error [nm]']) for row in rows[:2]}
     assert spring['my_controller'] < 0.8 * spring['pid']
-    said = capsys.readouterr().out
-    assert Path('out/compare.md').read_text('utf8').strip() in said
-    assert f'| sine_100_hz | pid | tracks | {spring["pid"]:.3g} |' in said
+    printed = capsys.readouterr().out
+    assert Path('out/compare.md').read_text('utf8').strip() in printed
+    assert f'| sine_100_hz | pid | tracks | {spring["pid"]:.3g} |' in printed
     assert {row['verdict'] for row in rows} == {'tracks'}
     assert Path('out/compare.png').stat().st_size > 20_000
 
-    # The same again makes no run; another file of the controller does.
+    # A repetition makes no run; a changed controller file does.
     assert main(arguments) == 0
     assert '4 of 4 runs with these parameters are in out already' in capsys.readouterr().out
     with Path('my_controller.py').open('a') as stream:
         stream.write('# another controller\n')
     assert main(arguments) == 0
-    said = capsys.readouterr().out
-    assert '2 of 4 runs with these parameters are in out already' in said
-    assert 'sine_100_hz-my_controller runs again: my_controller has changed' in said
+    printed = capsys.readouterr().out
+    assert '2 of 4 runs with these parameters are in out already' in printed
+    assert 'sine_100_hz-my_controller runs again: my_controller has changed' in printed
 
 
 def test_a_controller_that_does_not_track_is_marked(capsys):
-    """A drive voltage that is far too small, next to a controller that is not limited."""
+    """One controller with a far too low voltage limit, and one without."""
     arguments = ['--controllers', 'pid', 'adaptive_nn', '--experiments', 'sine_100_hz', '--without-ros']
     arguments += ['--output', 'out', '-p', 'duration:=0.1', '-p', 'pid_controller:control_limit:=0.004']
     assert main(arguments) == 0
@@ -176,7 +176,7 @@ def test_the_experiment_of_a_parameter_file():
         ),
     ],
 )
-def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
+def test_a_failed_run_is_in_the_table(answer, note, verdict):
     source = Path('my_controller.py').read_text()
     Path('my_controller.py').write_text(source.replace('return p.spring', f'return {answer} + p.spring'))
     arguments = ['--controllers', PATH, 'pid', '--experiments', 'sine_100_hz', '--without-ros', '--output', 'out']
@@ -190,7 +190,7 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'said'),
+    ('arguments', 'printed'),
     [
         (['--controllers', 'no_such'], "controller: 'no_such'; expected one of adaptive_nn, pid, seek, open_loop"),
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
@@ -212,10 +212,10 @@ def test_a_run_that_fails_stands_in_the_table(answer, note, verdict):
         (['--output', 'my_controller.py'], 'my_controller.py is a file, not a directory'),
     ],
 )
-def test_wrong_arguments(capsys, arguments, said):
+def test_wrong_arguments(capsys, arguments, printed):
     assert main(arguments) == 2
     errors = capsys.readouterr().err
-    assert said in errors
+    assert printed in errors
     assert errors.count('\n') == 1
     assert not Path('runs').exists()
 
@@ -229,7 +229,7 @@ def test_one_controller_by_two_names(capsys):
 
 
 def test_through_the_graph_the_same_bits(bench):
-    """The whole command once through the graph; its bags equal those without it."""
+    """The complete command through the graph; its bags equal those without it."""
     for mode in ([], ['--without-ros']):
         arguments = ['--controllers', PATH, '--experiments', 'sine_100_hz', '-p', 'duration:=0.05', *mode]
         answer = bench.python('-m', 'hdd_servo_ros.studies.compare', *arguments)

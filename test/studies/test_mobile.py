@@ -1,4 +1,4 @@
-"""The drive in mobile use: what the study claims, on a few of its seeds, drives and couplings."""
+"""Drive in mobile use: results of the study, with a few of its seeds, drives and couplings."""
 
 import dataclasses
 import re
@@ -38,11 +38,11 @@ from hdd_servo_ros.studies.mobile.trials import count, median_and_tail, quantile
 from hdd_servo_ros.studies.mobile.vibration_table import NETWORK_RATIO, three_sigma
 
 SHORT = 2.15
-"""A recorded run in the vibration holds what the figures show after the transient, not four seconds [s]."""
+"""Duration of the recorded runs in vibration: enough for the figures, which start after the transient [s]."""
 SEEDS = 2
-"""Of the study's 20."""
+"""Number of seeds, of 20 in the study."""
 DRIVES = 8
-"""Of the study's 200."""
+"""Number of drives, of 200 in the study."""
 BASE = {controller: cases['fxlms'] for controller, cases in IN_VIBRATION.items()}
 
 
@@ -58,7 +58,7 @@ def directory(tmp_path_factory):
     path = tmp_path_factory.mktemp('mobile')
     cases = {case.name: case for figure in figures('mobile').values() for case in figure.CASES}
     for name, case in cases.items():
-        # In this process: there are many, and a process takes longer to start than such a run.
+        # In this process, because starting a process takes longer than one of these short runs.
         assert simulate(shortened(case).arguments({}, path / name)) == 0
     return path
 
@@ -75,14 +75,14 @@ def test_a_trial_with_the_recorded_seeds_is_the_recorded_run(runs):
         np.testing.assert_array_equal(own, error(run)[run.since(TRANSIENT)])
 
 
-def test_a_trial_has_its_seed_everywhere_and_rejects_what_is_no_parameter(runs):
+def test_a_trial_sets_all_seeds_and_rejects_unknown_parameters(runs):
     made = trial(runs, BASE['pid'], 17, {'accelerometer:bandwidth': 3000.0}, drive=3)
     assert made.parameters['accelerometer']['bandwidth'] == 3000.0
     seeds = {
         f'{node}:{name}': value
         for node, values in made.parameters.items()
         for name, value in values.items()
-        # That of the reference chooses targets and is no noise.
+        # The seed of the reference selects targets, not noise.
         if name.rsplit('.', 1)[-1] == 'seed' and node != 'reference_generator'
     }
     assert {'ldv_sensor:seed', 'accelerometer:seed', 'disturbance_generator:vibration.rotational.seed'} < set(seeds)
@@ -92,7 +92,7 @@ def test_a_trial_has_its_seed_everywhere_and_rejects_what_is_no_parameter(runs):
         trial(runs, BASE['pid'], 1, {'accelerometer:bandwith': 1.0})
 
 
-def test_quantiles_are_values_and_take_divergence_for_the_worst():
+def test_quantiles_are_values_and_rank_divergence_last():
     values = np.array([4.0, np.nan, 1.0, 3.0, 2.0])
     assert quantile(values, 0.5) == 3.0
     assert np.isinf(quantile(values, 1.0))
@@ -114,14 +114,14 @@ def test_rotational_vibration(runs):
     assert pid['no vibration', 0.0].max() < NO_VIBRATION_LIMITS.high
     for (method, bandwidth), limit in VIBRATION_LIMITS.items():
         values = pid[method, bandwidth if method != 'none' else 0.0]
-        # The upper end of the fixed feedforward's range is missed by one seed in ten.
+        # With the fixed feedforward, one seed in ten exceeds the upper limit.
         slack = 1.05 if method == 'fixed' else 1.0
         assert limit.low < values.min(), method
         assert values.max() <= slack * limit.high, method
     for bandwidth in (1e3, 3e3):
         assert (pid['network', bandwidth] <= NETWORK_RATIO * pid['fxlms', bandwidth]).all()
         assert (nn['fxlms', bandwidth] <= pid['fxlms', bandwidth]).all()
-    # What does not adapt leaves to the controller what it cannot compensate, and there PID is the better one.
+    # Non-adaptive feedforward leaves a residual error to the controller, and there PID is better.
     assert (nn['none', 0.0] > 2.0 * pid['none', 0.0]).all()
 
 
@@ -162,7 +162,7 @@ def test_shock(runs, level, controller, without, peak, outside):
     assert found[1] <= outside
 
 
-def test_time_outside_counts_what_is_not_finite():
+def test_time_outside_includes_values_that_are_not_finite():
     assert peak_and_time(np.array([0.0, 150.0, -101.0, 100.0]), 1e-4) == pytest.approx((150.0, 0.2))
     assert peak_and_time(np.array([0.0, np.nan]), 1e-4)[1] == pytest.approx(0.1)
 
@@ -177,7 +177,7 @@ def test_contributions_by_source(runs):
     nss = found['NSS disturbances, servo sensor, 26.4 kHz'].by_source
     assert list(nss) == ['runout.repeatable', 'flutter', 'force_noise', 'sensor noise', 'rest']
     assert nss['runout.repeatable'] == pytest.approx(14.0, rel=0.1)
-    # Feedforward takes vibration out of the error, so that the sensor's noise is left.
+    # Feedforward removes the vibration from the error, so that sensor noise dominates.
     without, fxlms = (found[f'car, {name}'].by_source for name in ('no feedforward', 'fxlms'))
     assert without['vibration.rotational'] > 4.0 * without['sensor noise']
     assert fxlms['sensor noise'] > 2.0 * abs(fxlms['vibration.rotational'])
@@ -230,7 +230,7 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
     for path in paths.values():
         assert path.suffix in ('.png', '.md')
         assert 100 < path.stat().st_size < 300_000, path
-    # At 1 kHz the coupled loop stays, and what adapts in the vibration is never worse than nothing.
+    # At 1 kHz the coupled loop is stable, and in vibration adaptive feedforward never increases the error.
     coupled = [row for row in rows(paths['table_parasitic']) if row[1] == 'vibration']
     assert len(coupled) == 4
     for row in coupled:
@@ -246,7 +246,7 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
     for controller in CONTROLLERS.values():
         assert worst['hard mount', controller, 'network'] < 0.5 * worst['hard mount', controller, 'fxlms']
         assert worst['shock of 63 G', controller, 'fixed'] < 0.4 * worst['shock of 63 G', controller, 'none']
-    # What is unstable, or nearly so, is stated at the start; what is tuned for the delay is not warned of.
+    # A warning at startup reports an unstable or nearly unstable loop, but not one tuned for the delay.
     for row in delayed:
         expected = 'gains without delay' in row[0]
         assert (row[5] != 'none') == expected, row

@@ -1,4 +1,4 @@
-"""Seek, settle, follow: what the study claims, on a few of its seeds, drives and lengths."""
+"""Seek, settle, follow: results of the study, with a few of its seeds, drives and lengths."""
 
 import dataclasses
 
@@ -43,7 +43,7 @@ def directory(tmp_path_factory):
     path = tmp_path_factory.mktemp('seek')
     cases = {case.name: case for figure in figures('seek').values() for case in figure.CASES}
     for name, case in cases.items():
-        # In this process: there are many, and a process takes longer to start than such a run.
+        # In this process, because starting a process takes longer than one of these short runs.
         assert simulate(case.arguments({}, path / name)) == 0
     return path
 
@@ -63,7 +63,7 @@ def test_a_trial_with_the_recorded_seeks_is_the_recorded_run(runs, case):
     assert found['length'].tolist() == [50.0, -50.0] * (len(targets) // 2)
 
 
-def test_seeks_of_a_length_are_told_from_others(runs):
+def test_seeks_of_a_length_are_selected(runs):
     found = seek_trial(runs, BASE['final_state'], from_rest_and_after_others(10.0)).measures()
     assert len(found) == 8
     chosen = of_length(found, 10.0)
@@ -72,7 +72,7 @@ def test_seeks_of_a_length_are_told_from_others(runs):
     assert (found['time'] >= found['settling']).all()
 
 
-def test_what_does_not_arrive_is_named():
+def test_a_seek_that_does_not_arrive_is_reported():
     assert median_and_worst(np.array([1.0, 2.0, np.inf])) == '2.00 / none'
 
 
@@ -90,7 +90,7 @@ def test_random_seeks_follow_the_seed_and_all_arrive(runs):
     assert np.median(one['time']) < 1.0
 
 
-def test_nominal_and_varied_drives_keep_the_limits(runs):
+def test_nominal_and_varied_drives_meet_the_limits(runs):
     found = table_times.by_kind(runs, (10.0, 100.0), 2, 2)
     assert len(found) == 6
     for (kind, length), seeks in found.items():
@@ -99,7 +99,7 @@ def test_nominal_and_varied_drives_keep_the_limits(runs):
         assert seeks['overshoot'].max() <= OVERSHOOT_LIMITS['nominal' if kind == 'nominal' else 'varied']
 
 
-def test_friction_is_learned_and_the_limits_are_kept_then(runs):
+def test_friction_is_learned_and_the_limits_are_met_then(runs):
     for length in LEARNING_LENGTHS:
         for friction in FRICTIONS:
             case = LEARNED[length, friction]
@@ -117,9 +117,9 @@ def test_cnf_and_ptos_against_their_limits(runs):
     for length in lengths[:2]:
         for name in ('time', 'settling'):
             assert found['cnf', length][name].max() <= table_methods.CNF_LIMIT * found['ptos', length][name].max()
-    # CNF is a law for short seeks.
+    # CNF is intended for short seeks.
     assert found['cnf', 1000.0]['time'].min() > found['ptos', 1000.0]['time'].max()
-    # The trajectory spares the controller the step.
+    # With the trajectory, the reference of the controller has no step.
     assert found['trajectory', 50.0]['time'].max() < 0.3 * found['pid', 50.0]['time'].min()
 
 

@@ -1,4 +1,4 @@
-"""The framework of `study`: what it runs, what it keeps, and what it says when something is wrong."""
+"""Framework of `study`: the runs that it makes and reuses, and its error messages."""
 
 import fcntl
 import os
@@ -29,9 +29,9 @@ def case(name='a', controller='pid', **overrides):
 
 
 def run(directory, *cases, defaults=SHORT):
-    said: list[str] = []
-    run_cases(cases, directory, without_ros=True, defaults=defaults, report=said.append)
-    return said
+    printed: list[str] = []
+    run_cases(cases, directory, without_ros=True, defaults=defaults, report=printed.append)
+    return printed
 
 
 def test_arguments_survive_the_command_line(tmp_path):
@@ -44,25 +44,25 @@ def test_arguments_survive_the_command_line(tmp_path):
     }
 
 
-def test_a_parameter_file_that_is_not_there():
+def test_a_missing_parameter_file():
     assert parameter_file('simulation_study.yaml').is_file()
     with pytest.raises(ArgumentError, match='no_such'):
         parameter_file('no_such.yaml')
 
 
-def test_what_is_there_is_kept_and_what_differs_runs_again(tmp_path):
+def test_finished_runs_are_reused_and_changed_ones_run_again(tmp_path):
     run(tmp_path, case('a'), case('b', 'adaptive_nn'), case('a'))
     written = {name: (tmp_path / name / 'run.yaml').stat().st_mtime_ns for name in 'ab'}
-    said = run(tmp_path, case('a', pid_controller__proportional_gain=7.0), case('b', 'adaptive_nn'))
-    assert 'a runs again: pid_controller:proportional_gain is 159.0, not 7.0' in said
-    assert any(line.startswith('1 of 2 runs with these') for line in said)
+    printed = run(tmp_path, case('a', pid_controller__proportional_gain=7.0), case('b', 'adaptive_nn'))
+    assert 'a runs again: pid_controller:proportional_gain is 159.0, not 7.0' in printed
+    assert any(line.startswith('1 of 2 runs with these') for line in printed)
     assert (tmp_path / 'b' / 'run.yaml').stat().st_mtime_ns == written['b']
     assert (tmp_path / 'a' / 'run.yaml').stat().st_mtime_ns > written['a']
     assert not list(tmp_path.glob('*.log'))
 
 
 @pytest.mark.parametrize(('change', 'why'), [({'status': 'interrupted'}, 'interrupted'), ({'nodes': {}}, 'it has no')])
-def test_a_run_that_cannot_stand_for_the_case_is_made_again(tmp_path, change, why):
+def test_a_run_that_does_not_match_the_case_is_repeated(tmp_path, change, why):
     run(tmp_path, case())
     file = tmp_path / 'a' / 'run.yaml'
     file.write_text(yaml.safe_dump({**yaml.safe_load(file.read_text()), **change}))
@@ -78,7 +78,7 @@ def test_nothing_runs_if_a_parameter_is_wrong(tmp_path):
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_folder_that_is_no_run_is_left_alone(tmp_path):
+def test_a_directory_that_is_not_a_run_is_not_overwritten(tmp_path):
     (tmp_path / 'a').mkdir()
     (tmp_path / 'a' / 'thesis.tex').touch()
     with pytest.raises(StudyError, match='not a run folder'):
@@ -86,7 +86,7 @@ def test_a_folder_that_is_no_run_is_left_alone(tmp_path):
     assert (tmp_path / 'a' / 'thesis.tex').exists()
 
 
-def test_two_studies_keep_out_of_each_others_folder(tmp_path):
+def test_two_studies_do_not_share_a_directory(tmp_path):
     descriptor = os.open(tmp_path, os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_EX)
     with pytest.raises(StudyError, match='another study is running'):
@@ -95,18 +95,18 @@ def test_two_studies_keep_out_of_each_others_folder(tmp_path):
     run(tmp_path, case())
 
 
-def test_a_run_that_fails_ends_the_study_and_says_why(tmp_path):
+def test_a_failed_run_ends_the_study_with_its_reason(tmp_path):
     unstable = case('b', pid_controller__derivative_gain=1e8, pid_controller__control_limit=1e308)
     unstable.overrides['vcm_plant:control_limit'] = 1e308
     with pytest.raises(StudyError, match=r'(?s)run b failed with exit code 1.*not finite at tick'):
         run(tmp_path, unstable, defaults={'deterministic_timer:duration': 2.0})
-    # The failed run says so, and the next call tries it again.
+    # The failed run is recorded as such, and the next call repeats it.
     with pytest.raises(StudyError, match='run b failed'):
         run(tmp_path, unstable, defaults={'deterministic_timer:duration': 2.0})
 
 
 @pytest.mark.parametrize('chapter', CHAPTERS)
-def test_each_figure_says_what_it_is(chapter):
+def test_each_figure_has_a_title(chapter):
     for name, figure in figures(chapter).items():
         assert figure.__doc__.strip().splitlines()[0].endswith('.'), name
         assert figure.CASES, name
@@ -127,7 +127,7 @@ def test_wrong_arguments_have_exit_code_2(tmp_path, capsys):
 
 
 def test_the_graph_gives_the_same_bits(tmp_path, monkeypatch, bench):
-    """One case through `rig`, which must be what `simulate` wrote, and so is not made again."""
+    """One case through `rig`, whose bag must equal that of `simulate`."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
     one = case('a', 'adaptive_nn')
     for directory, without_ros in (('graph', False), ('plain', True)):

@@ -1,4 +1,4 @@
-"""The tuning rule: that it keeps what it promises, and that the shipped numbers are its result."""
+"""Tuning rule: its properties, and agreement of the shipped gains with its result."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ LOW_RESONANCE = """
   ros__parameters:
     integral_gain: 3.0e4
 """
-"""A drive for which lambda = 595 1/s is too large."""
+"""Parameters of a drive for which lambda = 595 1/s is too large."""
 
 
 def overlaid_files(*names):
@@ -56,7 +56,7 @@ def test_shipped_adaptive_nn_is_the_rules_result(overlays):
 def test_step_references_are_the_rules_result():
     overlaid = overlaid_files('thesis_law', 'step_references')
     base = from_mapping(AdaptiveNnParameters, overlaid['adaptive_nn_controller'])
-    # The rule asks for more damping than a loop needs whose jumps are shaped: its gains for 1500 1/s keep Ms <= 2 too.
+    # The rule requires more damping than input shaping needs: its gains for 1500 1/s also satisfy Ms <= 2.
     slower = dataclasses.replace(base, error_filter_lambda=1500.0, integral_gain=3.1e5)
     found: dict[str, Any] = tune_adaptive_nn(PlantParameters(), T, slower)
     assert found.pop('error_filter_lambda') == 1500.0
@@ -83,7 +83,7 @@ def squared_error(gains, sections, duration=10.0, transient=2.0):
 
 
 def assert_is_the_rules_result(shipped, found, sections, limit):
-    """Within what the search may vary with the version of SciPy: about its minimum the error is flat."""
+    """Compare within the variation between SciPy versions: the error is flat near its minimum."""
     assert shipped == pytest.approx(found, rel=0.1)
     assert squared_error(shipped, sections) == pytest.approx(squared_error(found, sections), rel=0.01)
     for gains in (shipped, found):
@@ -106,18 +106,18 @@ PID_NAMES = ('proportional_gain', 'integral_gain', 'derivative_gain', 'derivativ
 @pytest.mark.parametrize(
     ('other', 'limit'),
     [
-        # Without a filter, though with 30 % overshoot; with less integral; with none, for which the rule gives up 5 %.
+        # Without a filter, but 30 % overshoot; with less integral; without integral, for which the rule allows 5 %.
         ((0.522, 30.0, 9.71e-5, 0.0), 0.7),
         ((0.62, 30.0, 1.3e-4, 3500.0), 1.0),
         ((0.629, 30.0, 1.39e-4, 3160.0), 1.03),
         ((0.58, 30.0, 1.48e-4, 2560.0), 0.92),
         ((0.632, 0.0, 1.41e-4, 3100.0), 1.055),
-        # Much more integral, with the same overshoot.
+        # With a much larger integral gain and the same overshoot.
         ((0.528, 400.0, 1.75e-4, 2200.0), 0.88),
     ],
 )
-def test_no_pid_that_keeps_the_rule_is_much_better_than_the_shipped(other, limit):
-    """The squared errors, over 10 s where the search took 1 s, of other gains with Ms <= 2."""
+def test_no_pid_that_satisfies_the_rule_is_much_better_than_the_shipped(other, limit):
+    """Compare the squared errors of other gains with Ms <= 2, over 10 s instead of the 1 s of the search."""
     gains = dict(zip(PID_NAMES, other, strict=True))
     assert LoopMargins(PlantParameters(), T).peak_sensitivity(pid_law(gains)) <= 2.0
     shipped = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
@@ -125,7 +125,7 @@ def test_no_pid_that_keeps_the_rule_is_much_better_than_the_shipped(other, limit
 
 
 def test_without_a_limit_of_the_overshoot_the_integral_pays():
-    """Gains from an independent search leave a sixth of the squared error, and those of the file less than that."""
+    """Gains from an independent search have a sixth of the squared error; those of the file have even less."""
     gains = dict(zip(PID_NAMES, (0.160, 2240.0, 2.332e-4, 1491.0), strict=True))
     assert 1.99 < LoopMargins(PlantParameters(), T).peak_sensitivity(pid_law(gains)) <= 2.0
     shipped = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
@@ -186,16 +186,16 @@ def test_other_drives_track_for_a_minute(overlay, limit, frequency):
     assert found.rms_error < 0.3 * pid.rms_error < 60.0
 
 
-def test_section_4_4_says_what_gain_it_bears():
+def test_the_maximum_stable_gain_of_section_4_4():
     sections = read_parameter_files([PARAMS / 'simulation_study.yaml'])
     plant = block_parameters('vcm_plant', sections['vcm_plant'])
     nn: dict[str, Any] = sections['adaptive_nn_controller']
-    bears = largest_gain_on_r(LoopMargins(plant, T), nn['error_filter_lambda'])
-    assert round_down(bears) == nn['safe_gain']
+    gain = largest_gain_on_r(LoopMargins(plant, T), nn['error_filter_lambda'])
+    assert round_down(gain) == nn['safe_gain']
 
 
 def test_the_integral_pays_under_the_same_peak():
-    """The gains that a local search without an integral found leave more than three times the error at lambda = 10."""
+    """Gains from a local search without integral have more than three times the error at lambda = 10."""
     names = ('simulation_study', 'simulation_study_lambda_10')
     sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in names])
     without = {'proportional_gain': 1100.0, 'integral_gain': 0.0, 'derivative_gain': 18.2}
@@ -213,7 +213,7 @@ def test_the_integral_pays_under_the_same_peak():
 
 @pytest.mark.parametrize('overlays', [(), ('lambda_10',), ('lambda_15', 'feedforward_15')], ids='-'.join)
 def test_same_peak_finds_the_shipped(overlays):
-    """At T = 1 ms, for speed; the shipped gains are the result at 0.1 ms."""
+    """With T = 1 ms for speed; the shipped gains are the result at 0.1 ms."""
     names = ('simulation_study', *(f'simulation_study_{overlay}' for overlay in overlays))
     sections = read_parameter_files([PARAMS / f'{name}.yaml' for name in names])
 
@@ -228,13 +228,13 @@ def test_same_peak_finds_the_shipped(overlays):
     found = metrics('pid', tune_pid_same_peak(sections, 1e-3, lines.append))
     shipped = metrics('pid', {})
     assert found.peak_control <= 1.001 * metrics('adaptive_nn', {}).peak_control
-    # At the coarser T the peak is up to 4 % higher, which leaves room for more gain.
+    # With the longer T the peak control is up to 4 % higher, which allows a larger gain.
     assert found.rms_error == pytest.approx(shipped.rms_error, rel=0.12)
     assert lines
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'said'),
+    ('arguments', 'printed'),
     [
         (['--params-file', 'no_such.yaml'], 'parameter file no_such.yaml'),
         (['--params-file', 'hopeless.yaml'], 'no error_filter_lambda has a gain with Ms <= 2'),
@@ -245,12 +245,12 @@ def test_same_peak_finds_the_shipped(overlays):
         (['--seconds', '2'], '--seconds 2 is rejected: expected more than the transient of 2 s'),
     ],
 )
-def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, said):
+def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, printed):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'hopeless.yaml').write_text(LOW_RESONANCE.format(frequency=150.0, damping=0.001))
     assert main(arguments) == 2
     errors = capsys.readouterr().err
-    assert said in errors
+    assert printed in errors
     assert errors.count('\n') == 1
 
 
@@ -258,7 +258,7 @@ def test_the_command_reduces_a_lambda_that_is_too_large_for_the_drive(tmp_path, 
     drive = tmp_path / 'drive.yaml'
     drive.write_text(LOW_RESONANCE.format(frequency=1500.0, damping=0.05))
     law = PARAMS / 'thesis_law.yaml'
-    # Without the steps the search for PID takes a third of the time, and the lambda does not depend on it.
+    # Without steps the PID search takes a third of the time; lambda does not depend on it.
     assert main(['--params-file', str(law), str(drive), '--overshoot', 'none', '--seconds', '2.5']) == 0
     text = capsys.readouterr().out
     assert text.startswith('# error_filter_lambda reduced from 595 to 251 1/s, the largest')
@@ -288,7 +288,7 @@ def test_the_command_prints_the_shipped_parameters(tmp_path, capsys):
 
 
 def test_the_table_marks_what_does_not_track(tmp_path, capsys, monkeypatch):
-    """With the command at its limit the errors are those of a head that hardly moves, whatever the gains are."""
+    """With a saturated command the head hardly moves, whatever the gains are."""
     shipped = {name: SHIPPED['pid_controller'][name] for name in PID_NAMES}
     monkeypatch.setattr(tune, 'tune_pid', lambda *_: shipped)
     drive = tmp_path / 'drive.yaml'

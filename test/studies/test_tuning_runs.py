@@ -1,4 +1,4 @@
-"""The runs by which controllers are tuned: the overshoot of steps, against runs of their own."""
+"""Runs for the tuning of controllers: overshoot of steps, compared with new experiments."""
 
 import math
 from pathlib import Path
@@ -34,11 +34,11 @@ def test_the_overshoot_is_that_of_new_experiments():
     assert steps.overshoot(GAINS) == pytest.approx(84.8, abs=0.1)
 
 
-def test_beyond_the_limit_the_other_steps_are_left_out():
+def test_steps_are_skipped_once_the_limit_is_exceeded():
     assert Steps(SECTIONS, T).overshoot(GAINS, limit=50.0) > 50.0
 
 
-def test_no_limit_allows_a_run_that_ends_in_no_number():
+def test_a_run_that_diverges_exceeds_any_limit():
     limitless: dict[str, dict[str, object]] = {
         'vcm_plant': {**SECTIONS['vcm_plant'], 'control_limit': 1e308},
         'ldv_sensor': {'adc_bits': 0, 'output_range': 0.0},

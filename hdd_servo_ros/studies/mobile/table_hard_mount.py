@@ -25,8 +25,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         for bandwidth in BANDWIDTHS:
             fxlms, network = (found[controller, (method, bandwidth)] for method in ('fxlms', 'network'))
             ratio = median_and_tail(network / fxlms)
-            kept = count(network <= NETWORK_RATIO * fxlms)
-            cells = (median_and_tail(fxlms), median_and_tail(network), ratio, f'<= {NETWORK_RATIO:g}', kept)
+            within = count(network <= NETWORK_RATIO * fxlms)
+            cells = (median_and_tail(fxlms), median_and_tail(network), ratio, f'<= {NETWORK_RATIO:g}', within)
             rows.append((name, f'{1e-3 * bandwidth:g} kHz', without, *cells))
     header = (
         'controller',

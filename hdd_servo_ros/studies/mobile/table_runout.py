@@ -43,8 +43,8 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                 found = on_trials(effect, due, 'runout')
                 alone = on_trials(effect_alone, due, 'runout alone')
                 without, peak = peak_sensitivities(due[0])
-                kept = (np.maximum(found[:, 1], alone) <= RPE.high) & (found[:, 2] <= NRPE.high)
-                kept &= peak <= SENSITIVITY.high
+                within = (np.maximum(found[:, 1], alone) <= RPE.high) & (found[:, 2] <= NRPE.high)
+                within &= peak <= SENSITIVITY.high
                 rows.append(
                     (
                         RATES[sectors],
@@ -55,7 +55,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
                         median_and_tail(100.0 * (found[:, 2] - 1.0)),
                         f'{without:.3g}, {peak:.3g}',
                         median_and_tail(alone),
-                        '' if delay else count(kept),
+                        '' if delay else count(within),
                         *(median_and_tail(column) for column in found.T[3:]),
                     )
                 )

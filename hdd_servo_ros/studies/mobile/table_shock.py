@@ -43,9 +43,9 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     rows = []
     for (level, controller, method), part in zip(due, parts, strict=True):
         has_limit = (level, controller, method) == (63.0, 'pid', 'fixed')
-        kept = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if has_limit else ''
+        within = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if has_limit else ''
         limit = f'{PEAK}, {OUTSIDE}' if has_limit else ''
-        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), limit, kept))
+        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), limit, within))
     header = (
         'shock',
         'controller',
