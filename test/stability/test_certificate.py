@@ -370,7 +370,7 @@ def test_command_says_why_there_is_no_certificate(tmp_path, capsys):
         return capsys.readouterr().err
 
     assert 'no run.yaml' in rejection(tmp_path)
-    assert 'no adaptive_nn_controller took part' in rejection(recorded(tmp_path / 'pid', '-p', 'controller:=pid'))
+    assert 'the run has no adaptive_nn_controller' in rejection(recorded(tmp_path / 'pid', '-p', 'controller:=pid'))
     weak = recorded(tmp_path / 'weak', '-p', 'adaptive_nn_controller:phi.leakage:=0.0')
     assert 'phi.leakage' in rejection(weak)
     tampered = recorded(tmp_path / 'tampered')

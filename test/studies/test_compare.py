@@ -14,7 +14,7 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.studies.compare import Comparison, Contestant, main
+from hdd_servo_ros.studies.compare import Comparison, Candidate, main
 
 ROOT = Path(__file__).parents[2]
 PATH = 'my_controller:MyController'
@@ -38,7 +38,7 @@ def table():
 
 
 def test_cases():
-    controllers = (Contestant('pid', 'pid_controller'), Contestant(PATH, 'my_controller'))
+    controllers = (Candidate('pid', 'pid_controller'), Candidate(PATH, 'my_controller'))
     overrides = {'my_controller:spring': 0.01, 'duration': 1.0, 'vcm_plant:gain': 5e7}
     cases = Comparison(controllers, {'slow': {'reference_generator:frequency': 5.0}}, ('a.yaml',), overrides).cases()
     assert list(cases) == [('slow', 'pid'), ('slow', 'my_controller')]
@@ -51,7 +51,7 @@ def test_cases():
 
 
 def test_a_parameter_without_a_node_goes_to_the_controllers_that_have_it():
-    controllers = tuple(Contestant.named(name) for name in ('pid', 'adaptive_nn', PATH))
+    controllers = tuple(Candidate.named(name) for name in ('pid', 'adaptive_nn', PATH))
     overrides = {'spring': 0.01, 'control_limit': 5.0, 'proportional_gain': 0.4, 'no_such': 1.0}
     cases = Comparison(controllers, {'slow': {}}, ('a.yaml',), overrides).cases()
     # The drive has a control_limit; each run rejects a parameter that no node has.
