@@ -14,7 +14,7 @@ from hdd_servo_ros import Run
 from hdd_servo_ros.graph.catalog import NODES
 from hdd_servo_ros.parameters.files import read_parameter_files
 from hdd_servo_ros.recording.compare_bags import first_difference
-from hdd_servo_ros.studies.compare import Comparison, Candidate, main
+from hdd_servo_ros.studies.compare import Candidate, Comparison, main
 
 ROOT = Path(__file__).parents[2]
 PATH = 'my_controller:MyController'
