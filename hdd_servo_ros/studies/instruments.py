@@ -1,5 +1,5 @@
 """
-Effect of each instrument of the bench on the tracking error, one effect at a time: the tables of docs/results/validation.md.
+Print the effect of each instrument on the tracking error: the tables of docs/results/validation.md.
 
     ros2 run hdd_servo_ros instruments [--params-file FILE ...] [--seconds 12]
 """
@@ -25,12 +25,12 @@ LDV_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
     ('noise below 1 kHz', {'noise_bandwidth': 1000.0}),
     ('density, up to 20 kHz', {'noise_measure': 'density', 'noise_bandwidth': 20000.0}),
     ('ADC of 12 bits', {'adc_bits': 12}),
-    ('demodulator delay 1 us', {'demodulator_delay': 1.0e-6}),
-    ('demodulator delay 10 us', {'demodulator_delay': 1.0e-5}),
-    ('low-pass filter 100 kHz', {'demodulator_bandwidth': 1.0e5}),
-    ('low-pass filter 20 kHz', {'demodulator_bandwidth': 2.0e4}),
-    ('drop-outs, 10 per second, held', {'dropout_rate': 10.0}),
-    ('drop-outs, 10 per second, zero', {'dropout_rate': 10.0, 'dropout_effect': 'zero'}),
+    ('demodulator delay of 1 us', {'demodulator_delay': 1.0e-6}),
+    ('demodulator delay of 10 us', {'demodulator_delay': 1.0e-5}),
+    ('low pass of 100 kHz', {'demodulator_bandwidth': 1.0e5}),
+    ('low pass of 20 kHz', {'demodulator_bandwidth': 2.0e4}),
+    ('10 drop-outs per second, held', {'dropout_rate': 10.0}),
+    ('10 drop-outs per second, zero', {'dropout_rate': 10.0, 'dropout_effect': 'zero'}),
 )
 DSP_EFFECTS: tuple[tuple[str, dict[str, object]], ...] = (
     ('DAC of 16 bits, 10 V', {'dsp.dac_bits': 16, 'dsp.dac_range': 10.0}),
