@@ -27,7 +27,7 @@ OVERSHOOT = 20.0
 """Default limit of the overshoot of steps [%]."""
 DERIVATIVE_SHARES = (0.1, 6.0)
 """Search range of k_d, relative to the largest k_d without a filter."""
-HUMP = math.sqrt(FREQUENCIES[0] * FREQUENCIES[1])
+BOUNDARY = math.sqrt(FREQUENCIES[0] * FREQUENCIES[1])
 """
 Boundary between the two search ranges of sqrt(k_i/k_d)/(2 pi) [Hz]. Near it the error has a maximum over k_i, because
 integral and derivative cancel: ``|C|^2 = k_p^2 + (k_d w - k_i/w)^2``.
@@ -107,8 +107,8 @@ class PidSearch:
             self._margins, largest_lambda(self._margins, 100.0, delay=self._delay), delay=self._delay
         )
         # Search range of sqrt(k_i/k_d)/(2 pi) [Hz], up to the crossover frequency of k_d alone.
-        crossover = max(plant.rigid_gain * self._largest_derivative / (2.0 * math.pi), 2.0 * HUMP)
-        self._integral_range = (0.1 * HUMP, crossover)
+        crossover = max(plant.rigid_gain * self._largest_derivative / (2.0 * math.pi), 2.0 * BOUNDARY)
+        self._integral_range = (0.1 * BOUNDARY, crossover)
         self._estimate = self._estimate_of_errors(plant)
 
     def _estimate_of_errors(self, plant: PlantParameters) -> SineErrors:
@@ -229,7 +229,7 @@ class PidSearch:
         """Return the best point of the global searches below and above the error maximum, and its estimated cost."""
         best: Sequence[float] = ()
         least = _REJECTED
-        for low, high in ((self._integral_range[0], HUMP), (HUMP, self._integral_range[1])):
+        for low, high in ((self._integral_range[0], BOUNDARY), (BOUNDARY, self._integral_range[1])):
             found = self._minimum(self._estimated, (low, high))
             searched = f'sqrt(k_i/k_d)/(2 pi) from {low:.0f} to {high:.0f} Hz'
             if found.fun >= _REJECTED:
