@@ -5,6 +5,7 @@ The exit code is 1 if a phrase is found. ``python -m prose PATH ...`` checks onl
 """
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -23,6 +24,8 @@ CHECKED = (
     *(f'{folder}/**/*.py' for folder in CHECKED_FOLDERS),
 )
 FAQ = 'faq.md'
+GENERATED = ('docs/reference/parameters/*.md', 'docs/reference/executables.md')
+"""Pages with parameter and option descriptions, whose units are those of the code."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +54,10 @@ def files(given: Sequence[Path]) -> Iterator[Path]:
 def complaints(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the line and the text of each complaint about a file."""
     vocabulary = read_vocabulary()
+    is_generated = any(_relative(path).match(pattern) for pattern in GENERATED)
     for passage in passages(path):
+        if is_generated:
+            passage = dataclasses.replace(passage, is_prose=False)
         for phrase in vocabulary:
             for line, words in phrase.found(passage):
                 yield line, f'"{words}": {phrase.use}'
