@@ -32,10 +32,10 @@ def frozen_laws(controller: AdaptiveNn, estimates: Iterable[FrozenEstimates], de
     """
     Return the linear controllers of a law with frozen estimates.
 
-    Its gain on r is g = k + 1/sigma_phi + max(S'S)/sigma_w. As a_r = x_d'' - lambda e' - lambda_i e, m_hat a_r adds
-    m_hat lambda to the velocity gain and m_hat lambda_i to the position gain; sigma_hat v subtracts sigma_hat from the
-    velocity gain. With desired compensation both multiply signals of the reference instead. They are then not part of
-    the loop, like the bristles and the compensator, which read only the reference.
+    Its gain on r is taken as g = k + 1/sigma_phi + max(S'S)/sigma_w, an upper bound. As a_r = x_d'' - lambda e' -
+    lambda_i e, m_hat a_r adds m_hat lambda to the velocity gain and m_hat lambda_i to the position gain; sigma_hat v
+    subtracts sigma_hat from the velocity gain. With desired compensation both multiply signals of the reference
+    instead. They are then not part of the loop, like the bristles and the compensator, which read only the reference.
 
     Parameters
     ----------

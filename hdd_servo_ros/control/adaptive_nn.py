@@ -151,10 +151,11 @@ class AdaptiveNn:
     @property
     def gain_on_r(self) -> float:
         """
-        Linear gain k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] of the law once its estimates have converged.
+        Upper bound k + 1/sigma_phi + max(S'S)/sigma_w [V s/um] of the equivalent linear gain on r.
 
-        For a constant r the estimates converge to ``phi_hat = |r|/sigma_phi`` and ``W_hat = S |r|/sigma_w``, which
-        multiply sgn r. With adaptive widths, the largest widths are used.
+        The adapted estimates multiply sgn r, as a relay whose height is at most ``mean |r|`` times ``1/sigma_phi +
+        max(S'S)/sigma_w``. The equivalent gain of such a relay is 8/pi^2 (sine) or 2/pi (noise) of that factor. With
+        adaptive widths, the largest widths are used.
         """
         p = self.parameters
         gain = p.feedback_gain

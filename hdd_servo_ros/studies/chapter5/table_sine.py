@@ -19,7 +19,7 @@ _RUNS = {
     'law of the thesis': NN,
     'PID, at most 20 % overshoot': PID,
     'PID for sines, no limit of overshoot': PID_FOR_SINES,
-    'PID with the same gains': PID_SAME_GAINS,
+    'PD with the gains of the law of the thesis': PID_SAME_GAINS,
     'adaptive NN as shipped': SHIPPED,
 }
 CASES = tuple(case for cases in _RUNS.values() for case in cases.values())
