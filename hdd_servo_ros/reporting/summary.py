@@ -56,7 +56,7 @@ def summary(
         name = 'track error' if sums.is_track_following else 'tracking error'
         lines.append((name, f'{rms:.4g} {unit} rms, {peak:.4g} {unit} max (after {sums.transient:g} s)'))
     if sums.control.count:
-        lines.append(('peak control', f'{sums.control.largest:.4g} {shown(units.control)}'))
+        lines.append(('peak control', f'{sums.control.largest:.4g} {shown(units.control)} (whole run)'))
     estimates = ', '.join(f'{name} {value:.4g}' for name, value in sums.estimates.items())
     lines.append(('estimates', f'{estimates or "none"} (at the end)'))
     lines.append(

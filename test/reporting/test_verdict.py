@@ -150,7 +150,7 @@ def test_pieces_make_the_same_summary_as_the_whole():
         '           run  finished, tracks',
         '    controller  pid, drive drive',
         f'tracking error  {np.sqrt(np.mean(error**2)):.4g} nm rms, {np.abs(error).max():.4g} nm max (after 1 s)',
-        '  peak control  1 V',
+        '  peak control  1 V (whole run)',
         '     estimates  gain 2 (at the end)',
         '         ticks  2001 of 0.001 s, 0 to 2000',
         f'    saturation  control {clipped} of 2001 samples, first at tick {first}',
@@ -168,7 +168,7 @@ def test_what_is_known_of_a_recorded_run_is_printed(tmp_path):
 def test_a_summary_in_other_units():
     text = summary(signals(SINE, 0.99 * SINE, units=Units('m', 'N')), DESCRIPTION)
     assert 'm rms' in text
-    assert 'peak control  0 N' in text
+    assert 'peak control  0 N (whole run)' in text
     assert 'nm' not in text
 
 
