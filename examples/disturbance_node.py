@@ -10,7 +10,7 @@ from hdd_servo_ros.ros.loop_node import LoopNode
 
 
 class Disturbance(LoopNode):
-    """External node that publishes a force against u [V] for every tick of /clock."""
+    """Loop node that publishes a force against u [V] at every tick of /clock."""
 
     def __init__(self):
         super().__init__('disturbance', [], [Input(CLOCK)], [DISTURBANCE])
