@@ -139,7 +139,7 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
         at = f' with {named_estimates(initial, loop.plant)}' if any(initial) else ''
         lines.append(
             f"low stability margin: k + 1/sigma_phi + max(S'S)/sigma_w = {controller.gain_on_r:.3g} "
-            f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r, with which the loop with this drive, '
+            f'{_unit("sigma_hat", loop.plant)} acts as one linear gain on r; the loop of this gain and this drive, '
             f'at T = {loop.sample_time:g} s,{at} {_in_words(ms, MAX_SENSITIVITY)}; it may track at first and diverge '
             'after seconds: raise phi.leakage or network.leakage, lower feedback_gain or error_filter_lambda, or tune '
             'it (ros2 run hdd_servo_ros tune)'
@@ -155,7 +155,7 @@ def _adaptive_nn_warnings(controller: AdaptiveNn, loop: LoopSurroundings) -> tup
         worst, where = frozen.worst(allowed)
         if worst > MAX_ADAPTED_SENSITIVITY:
             lines.append(
-                f'low stability margin: projection allows {named_estimates(where, loop.plant)}, with which the loop '
+                f'low stability margin: projection allows {named_estimates(where, loop.plant)}; with these, the loop '
                 f'with this drive, at T = {loop.sample_time:g} s, {_in_words(worst, MAX_ADAPTED_SENSITIVITY)}: '
                 'narrow minimum and maximum of sigma and mass, or lower error_filter_lambda'
             )
