@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 CHECKED_FOLDERS = ('hdd_servo_ros', 'benchmarks', 'examples', 'faults', 'launch', 'prose')
 CHECKED = (
     '*.md',
+    '*.rst',
     'docs/**/*.md',
     'docs/**/*.rst',
     'params/*.yaml',
