@@ -222,7 +222,7 @@ def test_data_that_cannot_be_are_rejected() -> None:
             friction_along(p, path, sample_time)
     with pytest.raises(ValueError, match=r'position has the shape \(2, 5\)'):
         friction_along(p, path.reshape(2, 5), 1e-4)
-    with pytest.raises(ValueError, match=r'position .* not finite, the first at 3'):
+    with pytest.raises(ValueError, match=r'position .* not finite, the first at index 3'):
         friction_along(p, np.where(np.arange(10) == 3, np.nan, path), 1e-4)
     with pytest.raises(ValueError, match='velocity has 9 samples'):
         friction_along(p, path, 1e-4, path[1:])
@@ -239,7 +239,7 @@ def test_data_that_cannot_be_are_rejected() -> None:
 
 
 def test_a_static_map_needs_sliding() -> None:
-    with pytest.raises(ValueError, match='none of them at rest'):
+    with pytest.raises(ValueError, match='with nonzero velocity'):
         fit_static_map([0.0, 1.0, 2.0, 3.0], [0.0, 0.1, 0.1, 0.1])
     with pytest.raises(ValueError, match='does not move'):
         identify_lugre(VELOCITY, friction_curve(FrictionParameters(), VELOCITY), np.zeros(10), np.zeros(10), 1e-4)

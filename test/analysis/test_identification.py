@@ -236,7 +236,7 @@ def test_what_cannot_be_fitted_is_rejected(arguments, message):
 def test_other_rejections():
     with pytest.raises(ValueError, match='expected sanathanan-koerner, levy'):
         identify(BAND, np.ones(200), 2, 1, method='best')
-    with pytest.raises(ValueError, match='one positive number a point'):
+    with pytest.raises(ValueError, match='one positive number per point'):
         identify(BAND, np.ones(200), 2, 1, deviation=np.zeros(200))
     with pytest.raises(ValueError, match='1 points are too few to select an order'):
         select_order(BAND[:1], np.ones(1))

@@ -79,7 +79,7 @@ def test_doubts_are_told(tmp_path, capsys):
     order = ['--poles', '4', '--rigid-order', '0']
     assert main([str(tmp_path / 'none.csv'), *order]) == 0
     warnings = [
-        'the gain of the rigid body is -1e-07, not above 0',
+        'the gain of the rigid body is -1e-07, expected above 0',
         'the mode at 50.3292 Hz is unstable: its damping is -0.0316',
         'the mode at 1591.55 Hz lies outside the band of the points, 10 to 1000 Hz',
     ]
@@ -117,11 +117,11 @@ def test_a_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
         (['--poles', '-1'], 'argument --poles: -1 is invalid; expected at least 1'),
         (['--poles', '0'], 'argument --poles: 0 is invalid; expected at least 1'),
         (['--rigid-order', '1'], 'argument --rigid-order: invalid choice: 1 (choose from 2, 0)'),
-        (['--from', 'nan'], 'argument --from: nan is no frequency'),
+        (['--from', 'nan'], 'argument --from: nan is not a frequency'),
         (['--from', '3000', '--to', '1000'], '--from 3000 is above --to 1000'),
         (['--zeros', '4'], '--zeros needs --poles'),
-        (['--hold', '-1'], 'argument --hold: -1 is no time'),
-        (['--delay', 'nan'], 'argument --delay: nan is no time'),
+        (['--hold', '-1'], 'argument --hold: -1 is not a time'),
+        (['--delay', 'nan'], 'argument --delay: nan is not a time'),
         (['--integrators', '3'], '--integrators 3 exceeds --rigid-order 2'),
         (['--method', 'levy'], '--method levy needs --poles'),
     ],

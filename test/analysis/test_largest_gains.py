@@ -100,5 +100,5 @@ def test_the_error_of_too_large_a_lambda_names_the_largest():
 def test_a_drive_on_which_no_lambda_will_do():
     values = {'resonance.frequencies': [150.0], 'resonance.damping_ratios': [0.001]}
     margins = LoopMargins(from_mapping(PlantParameters, {**LOW_RESONANCE, **values}), T)
-    with pytest.raises(ParameterError, match=r'sample_time = 0.0001 .* no error_filter_lambda has a gain with Ms <= 2'):
+    with pytest.raises(ParameterError, match=r'sample_time: 0.0001; .* no error_filter_lambda has a gain with Ms <= 2'):
         largest_lambda(margins, 595.0)

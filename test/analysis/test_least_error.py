@@ -194,7 +194,7 @@ def test_what_feedback_cannot_measure_stays():
     [
         (1.0, (0.0,), 1.0, 'above 1'),
         (2.0, (0.0, 0.0), 1.0, '2 densities of noise for 1 measured'),
-        (2.0, (0.0,), 0.0, 'nothing disturbs'),
+        (2.0, (0.0,), 0.0, 'all disturbance spectra are 0'),
     ],
 )
 def test_what_makes_no_problem_is_rejected(limit, noise, track, message):

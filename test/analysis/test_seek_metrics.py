@@ -214,7 +214,7 @@ def test_what_cannot_be_measured_is_rejected():
     for tolerance in (0.0, math.nan):
         with pytest.raises(ValueError, match='tolerance'):
             seek_responses(seek, x, x, x, T, tolerance)
-    with pytest.raises(ValueError, match='at least 1 sample'):
+    with pytest.raises(ValueError, match='expected at least 1'):
         seek_responses(seek, x, x, x, T, 0.1, samples=0)
     with pytest.raises(ValueError, match='stay'):
         seek_responses(seek, x, x, x, T, 0.1, stay=-1.0)

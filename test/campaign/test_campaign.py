@@ -318,7 +318,7 @@ def test_a_folder_of_another_campaign_is_rejected(tmp_path):
         Campaign({**AMPLITUDES, 'after': 0.01}).run(tmp_path)
     (tmp_path / 'other').mkdir()
     (tmp_path / 'other' / 'file').touch()
-    with pytest.raises(ArgumentError, match='is not empty and has no campaign'):
+    with pytest.raises(ArgumentError, match='is not empty and is not the directory of a campaign'):
         Campaign(AMPLITUDES).run(tmp_path / 'other')
 
 

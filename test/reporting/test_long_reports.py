@@ -169,7 +169,7 @@ def test_the_stretch_of_a_long_run_is_its_end(runs, long):
     assert part.ticks.tolist() == whole.ticks[-500:].tolist()
     assert part.estimates['sigma_hat'].tolist() == whole.estimates['sigma_hat'][-500:].tolist()
     assert part.parameter('reference_generator', 'waveform') == 'sine'
-    with pytest.raises(KeyError, match='no topic pes'):
+    with pytest.raises(KeyError, match='topic pes'):
         part['pes']
 
 

@@ -364,7 +364,7 @@ def test_a_damaged_run_yaml_is_told(runs, tmp_path, capsys, content):
         (['{nn}', '--after', '3'], 'no samples after 3.0 s: the run ends at 1 s'),
         (['{nn}', '{study}'], 'runs in different units cannot be compared'),
         (['{nn}', '--output', '{file}'], 'report: '),
-        (['{head_alone}'], 'nothing to report: the bag holds neither /control nor /reference with /head'),
+        (['{head_alone}'], 'nothing to report: the bag has neither /control nor /reference with /head'),
     ],
 )
 def test_what_cannot_be_reported_is_told(runs, simulated, tmp_path, capsys, arguments, words):

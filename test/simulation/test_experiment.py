@@ -45,7 +45,7 @@ def test_an_object_with_the_former_arguments_of_step_is_rejected_with_advice():
 
     with pytest.raises(
         ParameterError,
-        match=r"'Old'; expected a valid controller class: Old\.step now takes one argument: inputs, with",
+        match=r"'Old'; Old\.step now takes one argument: inputs, with",
     ):
         Experiment(T, Old())  # type: ignore[arg-type]
 
@@ -186,7 +186,7 @@ def test_rows_by_name():
     rows['estimates'][:] = [[0, 1], [2, 3], [4, 5]]
     np.testing.assert_array_equal(rows.estimates['r'], [1, 3, 5])
     np.testing.assert_allclose(rows.time, [5e-4, 6e-4, 7e-4])
-    with pytest.raises(KeyError, match='there are t, r'):
+    with pytest.raises(KeyError, match='estimates: t, r'):
         rows.estimates['phi_hat']
 
 

@@ -111,7 +111,7 @@ def test_one_of_another_machine_listens_before_it_publishes(bench, simulated):
         'class Fails:\n'
         '    def __init__(self, *_, **__): raise SystemExit("it has begun to publish")\n'
         'main.Lockstep = Fails\n'
-        'main.Lookout.__init__.__globals__["_LISTENS_FOR"] = 10.0\n'
+        'main.Lookout.__init__.__globals__["_SHORTEST_SEARCH"] = 10.0\n'
         'sys.exit(rig.main())\n'
     )
     ends_alone(bench.start('rig', script=script))

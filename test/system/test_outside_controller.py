@@ -160,7 +160,7 @@ def test_help(example):
     assert usage.stdout.startswith('usage: outside_controller MODULE:CLASS')
     rejected = example.python('-m', 'hdd_servo_ros.nodes.outside_controller', 'my_controller:Mine')
     assert rejected.returncode == 2
-    assert 'there is no Mine in my_controller' in rejected.stderr
+    assert 'has no Mine' in rejected.stderr
 
 
 def test_the_file_needs_no_ros(example):

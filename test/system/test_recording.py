@@ -23,7 +23,7 @@ def test_a_run_without_any_chosen_topic_says_so(bench):
     process = bench.start('rig', *DURATION, '-p', 'run_dir:=run', '-p', 'topics:=[disturbance]')
     assert process.wait() != 0
     assert (
-        "invalid value for parameter bag_recorder:topics: ('disturbance',); expected topics of this run: "
+        "invalid value for parameter bag_recorder:topics: ('disturbance',); expected names of topics of this run: "
         in process.output
     )
     assert not (bench.directory / 'run').exists()

@@ -112,7 +112,7 @@ def test_without_a_method_nothing_changes():
 
 
 def test_a_revolution_without_a_whole_number_of_samples_is_rejected(bench):
-    allowed = "runout.method: 'repetitive'; expected harmonics, since repetitive needs a whole number of samples"
+    allowed = "runout.method: 'repetitive'; expected harmonics, since repetitive needs an integer number of samples"
     arguments = (*RUNOUT, '-p', 'sample_time:=1e-4', '-p', 'duration:=0.1', *method('repetitive'))
     arguments = (*arguments, '-p', 'disturbance_generator:runout.repeatable.sequence:=none')
     rejected = bench.start('simulate', *arguments)
