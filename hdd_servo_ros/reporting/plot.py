@@ -20,6 +20,8 @@ _FULL_ROW, _HALVES_ROW = 2.5, 3.3
 """Heights of a row with one panel, and with two [inch]."""
 _LEGEND_LINES = 9
 _LEGEND_COLUMNS = 3
+_LEGEND_ROW = 100
+"""Largest number of characters of a legend in one row, with four per symbol; a longer row would displace the plot."""
 
 
 def write_plot(panels: Sequence[Panel], title: str, path: Path) -> None:
@@ -144,7 +146,9 @@ def draw_panel(
     axis.set_ylabel(panel.y_label, fontsize=9)
     named = 1 < len(traces) + len(shaded) <= _LEGEND_LINES and not panel.categories
     # The legend is between title and frame, or next to the title, where it covers nothing.
-    columns = max(_LEGEND_COLUMNS, len(traces) + len(shaded)) if title_next_to_legend else _LEGEND_COLUMNS
+    names = [*(trace.name for trace in traces), *(shade.name for shade in panel.shades)]
+    fits = title_next_to_legend and sum(len(name) + 4 for name in names) <= _LEGEND_ROW
+    columns = max(_LEGEND_COLUMNS, len(names)) if fits else _LEGEND_COLUMNS
     lines = -(-len(traces) // columns) if named and not title_next_to_legend else 0
     axis.set_title(title, fontsize=10, pad=6.0 + 11.0 * lines, loc='left' if title_next_to_legend else 'center')
     if named:

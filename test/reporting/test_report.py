@@ -413,6 +413,13 @@ def test_the_picture_of_a_run_that_follows_nothing_shows_no_reference(runs, tmp_
         draw_run(Run.open(runs[name]), tmp_path / f'{name}.png')
     rows, rows_of_open_loop = ([axis.get_ylabel() for axis in figure.axes[::2]] for figure in drawn)
     assert rows[1] == 'error [nm]'
+    for figure in drawn:
+        # A legend wider than its plot would squeeze all plots of the figure.
+        assert all(axis.get_position().width > 0.5 for axis in figure.axes[::2])
+        for axis in figure.axes[::2]:
+            legend = axis.get_legend()
+            if legend is not None:
+                assert legend.get_window_extent().width <= axis.get_window_extent().width
     assert rows_of_open_loop == [rows[0], rows[2]]  # and no estimates
     assert [line.get_label() for line in drawn[1].axes[0].lines] == ['head']
 
