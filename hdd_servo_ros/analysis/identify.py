@@ -62,9 +62,14 @@ def command_line() -> CommandParser:
     parser.add_argument('file', type=Path, help='CSV with named units, as from signal_analyzer, or Hz, linear, deg')
     parser.add_argument('--poles', type=_positive_count, help='number of poles (default: selected by the residual)')
     parser.add_argument('--zeros', type=_count, help='number of zeros, with --poles (default: 0)')
-    parser.add_argument('--integrators', type=_count, default=0, help='number of poles known to be at 0')
+    parser.add_argument('--integrators', type=_count, default=0, help='number of poles fixed at 0 in the fit')
     parser.add_argument(
-        '--rigid-order', type=int, choices=(2, 0), default=2, help='poles of the rigid body: 2, or 0 for a static gain'
+        '--rigid-order',
+        type=int,
+        choices=(2, 0),
+        default=2,
+        help='number of fitted poles of least magnitude that the printed gain counts as the rigid body: 2, or 0 for '
+        'the static gain; does not affect the fit, but must be at least --integrators',
     )
     parser.add_argument(
         '--from', type=_frequency, default=0.0, dest='lowest', metavar='HZ', help='lowest frequency used'

@@ -9,10 +9,14 @@ from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parame
 VELOCITY_SOURCES = ('sensor', 'difference')
 NETWORK_INPUTS = ('measured', 'reference')
 
-SCALE_TEXT = (
-    'excitation at which the adaptation rate with desired compensation reaches half of its maximum; the gain is '
-    'divided by 1 + (held peak of the regressor/scale)^2; 0 disables the normalization'
-)
+
+def _scale(default: float, regressor: str, unit: str) -> Any:
+    """Declare the scale of the normalization of an adaptation law."""
+    text = (
+        f'amplitude of the regressor {regressor} at which the adaptation rate with desired compensation reaches half '
+        'of its maximum; the gain is divided by 1 + (held peak of the regressor/scale)^2; 0 disables the normalization'
+    )
+    return parameter(default, text, unit=unit, minimum=0.0)
 
 
 BARE_LAW: Mapping[str, object] = {
@@ -45,7 +49,7 @@ class BoundedEstimate(ParameterSet):
 class SigmaParameters(BoundedEstimate):
     """Parameters of the viscous friction estimate sigma_hat, thesis eq. (4.18)."""
 
-    enabled: bool = parameter(True, 'enable the sigma_hat term')
+    enabled: bool = parameter(True, 'enable the viscous friction term sigma_hat')
     gain: float = parameter(
         2.24e-5,
         'adaptation gain k_sigma; the estimate diverges with the negative sign printed in section 5.5',
@@ -56,7 +60,7 @@ class SigmaParameters(BoundedEstimate):
     initial: float = parameter(6.9e-6, 'initial estimate sigma_hat(0)', unit='V s/um')
     minimum: float = parameter(-4.0e-5, 'lower bound of sigma_hat, with projection', unit='V s/um')
     maximum: float = parameter(4.0e-5, 'upper bound of sigma_hat, with projection', unit='V s/um')
-    scale: float = parameter(30.0, SCALE_TEXT, unit='um/s', minimum=0.0)
+    scale: float = _scale(30.0, "x_d' of sigma_hat", 'um/s')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +71,7 @@ class MassParameters(BoundedEstimate):
     Without desired compensation it converges to a negative effective mass below the presliding resonance.
     """
 
-    enabled: bool = parameter(True, 'enable the m_hat term')
+    enabled: bool = parameter(True, 'enable the inertia term m_hat')
     gain: float = parameter(
         2.02e-10,
         'adaptation gain k_m; the estimate diverges with the negative sign printed in section 5.5',
@@ -78,14 +82,14 @@ class MassParameters(BoundedEstimate):
     initial: float = parameter(2.44e-8, 'initial estimate m_hat(0)', unit='V s^2/um')
     minimum: float = parameter(1.4e-8, 'lower bound of m_hat, with projection', unit='V s^2/um')
     maximum: float = parameter(3.5e-8, 'upper bound of m_hat, with projection', unit='V s^2/um')
-    scale: float = parameter(1.0e4, SCALE_TEXT, unit='um/s^2', minimum=0.0)
+    scale: float = _scale(1.0e4, "x_d'' of m_hat", 'um/s^2')
 
 
 @dataclasses.dataclass(frozen=True)
 class PhiParameters(BoundedEstimate):
     """Parameters of phi_hat, the estimated bound on network error and disturbance, thesis eq. (4.20)."""
 
-    enabled: bool = parameter(True, 'enable the phi_hat term')
+    enabled: bool = parameter(True, 'enable the robust term phi_hat sgn(r)')
     gain: float = parameter(1.26e-5, 'adaptation gain k_phi', unit='V/um', minimum=0.0, equation='4.20')
     leakage: float = parameter(3.97e5, 'leakage sigma_phi', unit='um/(V s)', minimum=0.0, equation='4.20')
     initial: float = parameter(0.0, 'initial estimate phi_hat(0)', unit='V', minimum=0.0)
@@ -97,7 +101,7 @@ class PhiParameters(BoundedEstimate):
 class NetworkParameters(ParameterSet):
     """Parameters of the network W_hat'S(x, v) that bounds the friction, thesis eqs. (4.7), (4.14) and (4.21)."""
 
-    enabled: bool = parameter(True, 'enable the network term')
+    enabled: bool = parameter(True, "enable the network term W_hat'S sgn(r)")
     nodes: int = parameter(5, 'number of nodes per axis: n of the n x n lattice', minimum=1, maximum=32, read_only=True)
     gain: tuple[float, ...] = parameter(
         (7.81e-6,),
@@ -169,7 +173,7 @@ class WidthParameters(ParameterSet):
 class CompensatorParameters(ParameterSet):
     """Option beyond the thesis: signed reference network that learns the friction."""
 
-    enabled: bool = parameter(False, 'enable the compensator')
+    enabled: bool = parameter(False, 'enable the hysteresis compensator')
     nodes: int = parameter(7, 'number of nodes per axis', minimum=1, maximum=32, read_only=True)
     gain: float = parameter(1.0e-3, 'adaptation gain Gamma_c', unit='V/um', minimum=0.0)
     leakage: float = parameter(100.0, 'leakage sigma_c', unit='um/(V s)', minimum=0.0)
@@ -226,7 +230,7 @@ class SpringParameters(BoundedEstimate):
     initial: float = parameter(0.0217, 'initial estimate spring_hat(0)', unit='V/um')
     minimum: float = parameter(-0.05, 'lower bound of spring_hat, with projection', unit='V/um')
     maximum: float = parameter(0.05, 'upper bound of spring_hat, with projection', unit='V/um')
-    scale: float = parameter(0.1, SCALE_TEXT, unit='um', minimum=0.0)
+    scale: float = _scale(0.1, 'z_2 of spring_hat (deflection of the wider bristle)', 'um')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,7 +242,7 @@ class HysteresisParameters(BoundedEstimate):
     initial: float = parameter(0.0217, 'initial estimate hysteresis_hat(0)', unit='V/um')
     minimum: float = parameter(0.0, 'lower bound of hysteresis_hat, with projection', unit='V/um')
     maximum: float = parameter(0.06, 'upper bound of hysteresis_hat, with projection', unit='V/um')
-    scale: float = parameter(0.02, SCALE_TEXT, unit='um', minimum=0.0)
+    scale: float = _scale(0.02, 'z_1 - z_2 of hysteresis_hat (difference of the bristle deflections)', 'um')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -250,7 +254,7 @@ class RelaxationParameters(BoundedEstimate):
     initial: float = parameter(2.3e-6, 'initial estimate relaxation_hat(0)', unit='V s/um')
     minimum: float = parameter(0.0, 'lower bound of relaxation_hat, with projection', unit='V s/um')
     maximum: float = parameter(2.0e-5, 'upper bound of relaxation_hat, with projection', unit='V s/um')
-    scale: float = parameter(100.0, SCALE_TEXT, unit='um/s', minimum=0.0)
+    scale: float = _scale(100.0, "abs(x_d') z_1/d_1 of relaxation_hat", 'um/s')
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,7 +19,8 @@ class CouplingParameters(ParameterSet):
 
     arm_radius: float = parameter(
         50.8e3,
-        'arm radius R: distance from pivot to head; a base rotation by an angle moves the track by R times the angle',
+        'arm radius R: distance from pivot to head, 2 inches; a base rotation by an angle moves the track by R times '
+        'the angle; independent of actuator.arm_length of vcm_plant, which the default driver does not use',
         unit='um',
         above=0.0,
     )
@@ -32,7 +33,9 @@ class CouplingParameters(ParameterSet):
     cubic: float = parameter(
         0.0, 'relative increase of the force by a hardening mount at cubic_scale; 0 for a linear mount'
     )
-    cubic_scale: float = parameter(0.031, 'force at which cubic applies', unit='V', above=0.0)
+    cubic_scale: float = parameter(
+        0.031, 'force F_0 at which a hardening mount increases the force by the fraction cubic', unit='V', above=0.0
+    )
 
 
 def fill_coupling(c: np.record, parameters: CouplingParameters) -> None:

@@ -16,7 +16,7 @@ from hdd_servo_ros.numerics.records import layout
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
 STANDARD_GRAVITY = 9.80665
-"""1 G [m/s^2]."""
+"""1 g [m/s^2]."""
 RISE = 0.1
 """Rise time and fall time of a trapezoidal pulse, as a fraction of its duration."""
 
@@ -48,7 +48,7 @@ class ShockParameters(ParameterSet):
         'pulse shape; a sawtooth ends at its peak, a trapezoid has rise and fall times of a tenth of the duration',
         choices=SHAPES,
     )
-    linear_amplitude: float = parameter(63.0, 'peak linear acceleration along the head motion', unit='G')
+    linear_amplitude: float = parameter(63.0, 'peak linear acceleration along the head motion', unit='g')
     rotational_amplitude: float = parameter(0.0, 'peak rotational acceleration about the pivot axis', unit='rad/s^2')
     duration: float = parameter(2e-3, 'duration of the pulse', unit='s', above=0.0)
     time: float = parameter(0.1, 'start time of the first pulse', unit='s', minimum=0.0)

@@ -31,7 +31,7 @@ LEAST_EDGE = 1e-5
 """Lowest edge frequency, relative to the sampling rate; slower filters lose precision and need a long run-in."""
 _EDGE_TOLERANCE = 1e-9
 """Tolerance of start_time with respect to a tick [samples]."""
-_UNIT = 'm/s^2 or rad/s^2'
+_RMS, _AMPLITUDE = 'rms acceleration of random vibration', 'amplitude of sine and swept sine'
 
 VIBRATION = layout(
     'is_enabled',
@@ -59,13 +59,13 @@ VIBRATION = layout(
 
 @dataclasses.dataclass(frozen=True)
 class VibrationParameters(ParameterSet):
-    """Base vibration: linear along the head motion [m/s^2], or rotational about the pivot axis [rad/s^2]."""
+    """Base vibration: linear along the head motion [m/s^2]; also base class of rotational vibration."""
 
     enabled: bool = parameter(False, 'enable the base vibration on this axis')
     kind: str = parameter('random', 'kind of vibration', choices=KINDS)
     seed: int = parameter(1, 'seed of random vibration', minimum=0, maximum=2**53)
     start_time: float = parameter(0.0, 'start time of the vibration', unit='s', minimum=0.0, maximum=2e9)
-    rms: float = parameter(1.0, 'rms acceleration of random vibration', unit=_UNIT, minimum=0.0)
+    rms: float = parameter(1.0, _RMS, unit='m/s^2', minimum=0.0)
     low: float = parameter(
         10.0,
         'lower edge frequency of random vibration, at half power; 0 for no lower edge',
@@ -80,7 +80,7 @@ class VibrationParameters(ParameterSet):
     )
     low_order: int = parameter(8, 'order of the Butterworth high-pass filter at the lower edge', minimum=1, maximum=32)
     high_order: int = parameter(16, 'order of the Butterworth low-pass filter at the upper edge', minimum=1, maximum=32)
-    amplitude: float = parameter(1.0, 'amplitude of sine and swept sine', unit=_UNIT)
+    amplitude: float = parameter(1.0, _AMPLITUDE, unit='m/s^2')
     frequency: float = parameter(100.0, 'frequency of the sine', unit='Hz', minimum=0.0)
     phase: float = parameter(0.0, 'phase of sine and swept sine at start_time', unit='turn')
     start_frequency: float = parameter(5.0, 'start frequency of the swept sine', unit='Hz', minimum=1e-3)
@@ -153,10 +153,18 @@ class VibrationParameters(ParameterSet):
 
 
 @dataclasses.dataclass(frozen=True)
+class RotationalVibrationParameters(VibrationParameters):
+    """Base vibration: rotational about the pivot axis [rad/s^2]."""
+
+    rms: float = parameter(1.0, _RMS, unit='rad/s^2', minimum=0.0)
+    amplitude: float = parameter(1.0, _AMPLITUDE, unit='rad/s^2')
+
+
+@dataclasses.dataclass(frozen=True)
 class BaseVibrationParameters(ParameterSet):
     """Base vibration, rotational and linear."""
 
-    rotational: VibrationParameters = group(VibrationParameters)
+    rotational: RotationalVibrationParameters = group(RotationalVibrationParameters)
     linear: VibrationParameters = group(VibrationParameters)
 
 

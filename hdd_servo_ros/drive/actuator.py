@@ -55,13 +55,17 @@ class ActuatorParameters(ParameterSet):
         4.88185901e-06, 'moment of inertia J of the moving parts', unit='kg m^2', above=0.0, equation='3.4'
     )
     arm_length: float = parameter(
-        0.05, 'distance l_arm from the pivot to the head', unit='m', above=0.0, equation='3.17'
+        0.05,
+        'distance l_arm from the pivot to the head; not used by the reduced driver',
+        unit='m',
+        above=0.0,
+        equation='3.17',
     )
     coil_resistance: float = parameter(8.0, 'coil resistance R_m', unit='ohm', above=0.0, equation='3.5')
     coil_inductance: float = parameter(1.0e-3, 'coil inductance L_m', unit='H', minimum=0.0, equation='3.5')
     back_emf_constant: float = parameter(
         0.08,
-        'back-EMF constant k_b, equal to the torque constant k_t in SI units',
+        'back-EMF constant k_b; ideally equal in SI units to the torque constant k_t = B_g l_coil d, and not above it',
         unit='V s/rad',
         minimum=0.0,
         equation='3.6',

@@ -28,8 +28,9 @@ namespace. A topic of the loop carries exactly one message per tick. Its stamp i
 of the loop has exactly one publisher.
 
 A subscriber with a *delay* of d ticks needs the message of tick k - d at tick k. `lookahead` is a parameter of
-`deterministic_timer`. An *optional* topic belongs to the loop in runs in which a node publishes it, and is absent from
-others. `/pes` replaces `/ldv` in runs with the servo sensor.
+`deterministic_timer`. `accelerometer` needs `/control` for its parasitic path: the reaction of the actuator on the
+base. An *optional* topic belongs to the loop in runs in which a node publishes it, and is absent from others. `/pes`
+replaces `/ldv` in runs with the servo sensor.
 """
 _CONVENTIONS = """\
 ## Units and signs
@@ -53,10 +54,47 @@ _SIGNS = {
     'control.voltage': 'accelerates toward positive positions',
     'disturbance.force': 'acts against u',
     'disturbance.track_center': 'that of the head position',
+    'base_acceleration.linear_y': 'positive: force against u, if the imbalance is positive',
+    'base_acceleration.angular_z': 'positive: force against u',
+    'accelerometer.output_1': 'that of a + alpha d/2',
+    'accelerometer.output_2': 'that of a - alpha d/2',
     'pes.error': 'positive beyond the track center',
     'pes.position': 'that of the head position',
 }
 """Sign of a field, by topic and field, where its quantity does not determine it."""
+_ESTIMATES = """\
+Its elements, by controller. Options append more elements: [seek](../controllers/seek.md#inputs-and-outputs) (always in
+`seek_controller`), [vibration feedforward](../controllers/vibration-feedforward.md#inputs-and-outputs), [runout
+compensation](../controllers/runout-compensation.md#inputs-and-outputs), and the
+[observer](../instruments/servo-sensor.md), with `observed_position` [µm] and `observed_velocity` [µm/s].
+"""
+_ELEMENTS = {
+    't': ('s', 'time of the tick'),
+    'e': ('um', 'measured position error'),
+    'r': ('um/s', 'filtered error'),
+    'sigma_hat': ('V s/um', 'estimate of the viscous friction'),
+    'm_hat': ('V s^2/um', 'estimate of the inertia'),
+    'phi_hat': ('V', 'estimate of the bound on network error and disturbance'),
+    'W_norm': ('V', 'norm of the network weights W_hat'),
+    'network': ('V', "output of the network W_hat'S"),
+    'integral': ('V', 'integral part of u'),
+    'adaptive_nn_controller.integral': ('um s', 'integral of e'),
+    'derivative': ('V', 'derivative part of u'),
+    'position_width': ('um', 'width of the lattice over position'),
+    'velocity_width': ('um/s', 'width of the lattice over velocity'),
+    'compensator': ('V', 'output of the hysteresis compensator'),
+    'spring_hat': ('V/um', 'estimated stiffness of the wider bristle'),
+    'hysteresis_hat': ('V/um', 'estimated stiffness of the difference between both bristles'),
+    'relaxation_hat': ('V s/um', 'estimated damping of the bristles'),
+    'bristles': ('V', 'estimated bristle friction'),
+    'point': ('', 'index of the point of the sweep'),
+    'frequency': ('Hz', 'frequency of the excitation'),
+    'amplitude': ('V', 'amplitude of the excitation'),
+    'real': ('um/V', 'real part of the response of the last finished point'),
+    'imag': ('um/V', 'imaginary part of the response of the last finished point'),
+    'coherence': ('', 'coherence of the last finished point'),
+}
+"""Unit and quantity of the elements of `/estimates`, by name, or by controller and name."""
 _QUALITY_OF_SERVICE = f"""\
 ## Quality of service
 
@@ -118,10 +156,12 @@ def _section(topic: LoopTopic) -> Iterator[str]:
     yield f'## {topic.name}\n'
     yield f'`/{topic.name}`, `{_type(topic.type_name)}`: {topic.meaning}.\n'
     if topic is ESTIMATES:
-        yield 'Its elements, by controller. The first, `t`, is the time of the tick [s].\n'
-        yield '| controller | elements |\n|---|---|'
+        yield _ESTIMATES
+        yield '| controller | element | unit | quantity |\n|---|---|---|---|'
         for name in CONTROLLERS.values():
-            yield f'| `{name}` | {", ".join(f"`{label}`" for label in resolve(NODES[name].block).estimate_names)} |'
+            for label in resolve(NODES[name].block).estimate_names:
+                unit, quantity = _ELEMENTS.get(f'{name}.{label}') or _ELEMENTS[label]
+                yield f'| `{name}` | `{label}` | {shown(unit) or "-"} | {quantity} |'
         yield ''
         return
     yield '| component | field | unit | quantity | sign |\n|---|---|---|---|---|'

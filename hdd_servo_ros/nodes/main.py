@@ -56,7 +56,7 @@ def run_node(name: str, make: Callable[[], LoopNode], arguments: Sequence[str] |
     Returns
     -------
     int
-        Exit code: 0 finished, 1 failed, 2 wrong arguments or parameters, 128 + signal number when interrupted.
+        Exit code: 0 finished, 1 failed, 2 invalid arguments or parameters, 128 + signal number when interrupted.
     """
     return run_nodes(name, lambda _: Composition([make()]), arguments)
 

@@ -214,7 +214,7 @@ class DriveIdentityParameters(ParameterSet):
     frame_id: str = parameter('seagate_7200_10', 'name of the drive, in the header of every message', read_only=True)
     track_pitch: float = parameter(
         1.016,
-        'track pitch, in per cent of which reports give position errors; 1.016 um is 25000 tracks per inch, 0.254 um '
+        'track pitch; reports also give errors as a percentage of it; 1.016 um is 25000 tracks per inch, 0.254 um '
         '100000 and 0.0527 um 482000',
         unit='um',
         above=0.0,

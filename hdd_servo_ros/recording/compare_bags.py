@@ -236,16 +236,18 @@ def command_line() -> CommandParser:
     parser = CommandParser(
         prog='compare_bags',
         description='Compare the loop topics of two recorded runs byte by byte, and print the first difference.',
-        epilog='Exit code: 0 the runs are identical, 1 they differ, 2 wrong arguments, 3 one of them cannot be read.',
+        epilog='Exit code: 0 the runs are identical, 1 they differ, 2 invalid arguments, 3 one of them cannot be read.',
     )
-    parser.add_argument('run', type=Path, nargs=2, help='run folder or bag')
+    parser.add_argument('left', type=Path, metavar='RUN_A', help='run directory or bag')
+    parser.add_argument('right', type=Path, metavar='RUN_B', help='run directory or bag to compare it with')
     return parser
 
 
 @command('compare_bags', UNREADABLE)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare two runs; return 0 if they are identical, 1 if not, 3 if one cannot be read."""
-    left, right = command_line().parse_args(arguments).run
+    given = command_line().parse_args(arguments)
+    left, right = given.left, given.right
     sides = []
     for path in (left, right):
         with reading(path):

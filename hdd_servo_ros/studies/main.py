@@ -25,14 +25,14 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='study',
-        description="Run the thesis's experiments, or those in mobile use or with seeks, and make figures and tables.",
+        description='Run a set of experiments, of the thesis or of this package, and make its figures and tables.',
         epilog='A finished run with the same parameters is reused.',
     )
     parser.add_argument(
         'chapter',
         choices=CHAPTERS,
-        help='chapter of the thesis, or baseline: the best PID controllers; mobile: vibration, shock, feedforward; '
-        'seek: access times and settling',
+        help='set of experiments; chapter4, chapter5: those of the thesis; baseline: the best PID controllers; mobile: '
+        'vibration, shock, feedforward and runout; seek: seek times and settling',
     )
     parser.add_argument(
         '--without-ros',

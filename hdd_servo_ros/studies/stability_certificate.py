@@ -197,11 +197,11 @@ def command_line() -> CommandParser:
         prog='stability_certificate',
         description='Print and draw the stability certificate of theorem 4.1 for a recorded run of the adaptive NN '
         'controller; the figure is certificate.png in the run directory.',
-        epilog='Exit code: 0 done (also where a bound is violated), 1 the figure cannot be written, 2 invalid '
+        epilog='Exit code: 0 done (also if a bound is violated), 1 the figure cannot be written, 2 invalid '
         'arguments, 3 the run has no certificate or cannot be read.',
     )
     parser.add_argument('run', type=Path, help='run directory')
-    parser.add_argument('--disturbance', type=float, help='bound of the disturbance that a node published [V]')
+    parser.add_argument('--disturbance', type=float, help='bound on the magnitude of the force on /disturbance [V]')
     return parser
 
 

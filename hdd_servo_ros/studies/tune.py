@@ -1,13 +1,13 @@
 """
-Tune both controllers for a drive by the same rule, and print their sections of a parameter file.
+Tune both controllers for a drive under the same constraint, and print their sections of a parameter file.
 
     ros2 run hdd_servo_ros tune [--params-file FILE ...] [--overshoot 20|none] [--seconds 60]
     ros2 run hdd_servo_ros tune --params-file params/simulation_study.yaml --same-peak
 
-Rule for both controllers: the sampled loop has a peak sensitivity Ms <= 2, both in presliding, where friction is a
-spring, and in sliding, where only viscous friction remains. The loop includes the hold, the resonances, the amplifier,
-coil and back-EMF of the driver, the filters, and the computation delay ``dsp.computation_delay`` in the section of the
-controller. It includes no additional delay margin.
+Constraint (rule) for both controllers: the sampled loop has a peak sensitivity Ms <= 2, both in presliding, where
+friction is a spring, and in sliding, where only viscous friction remains. The loop includes the hold, the resonances,
+the amplifier, coil and back-EMF of the driver, the filters, and the computation delay ``dsp.computation_delay`` in the
+section of the controller. It includes no additional delay margin.
 
 Adaptive NN controller. Once its estimates follow ``|r|``, the law acts as the linear gain g = k + 1/sigma_phi +
 max(S'S)/sigma_w on r. This sum, not k alone, is the loop gain. lambda and lambda_i are given. g is the largest value
@@ -73,8 +73,10 @@ def command_line() -> CommandParser:
     """Return the parser of the command line."""
     parser = CommandParser(
         prog='tune',
-        description='Tune the adaptive NN and the PID controller for a drive by the same rule, the largest gains with '
-        f'a peak sensitivity Ms <= {MAX_SENSITIVITY:g}; print their sections of a parameter file, and their errors.',
+        description='Tune the adaptive NN and the PID controller for a drive under the same constraint, a peak '
+        f'sensitivity Ms <= {MAX_SENSITIVITY:g}: the largest effective gain of the adaptive NN controller, and the '
+        'least error of the PID controller on sines with limited overshoot; print their sections of a parameter file, and '
+        'their errors.',
         epilog='Exit code: 0 done, 2 invalid arguments or parameters.',
     )
     parser.add_argument(
@@ -92,7 +94,10 @@ def command_line() -> CommandParser:
         help='limit of the overshoot of steps with the PID controller [%%], or none; default %(default)s',
     )
     parser.add_argument(
-        '--same-peak', action='store_true', help='tune only the PID controller, at the peak control of the adaptive NN'
+        '--same-peak',
+        action='store_true',
+        help='tune only the PID controller: least error with a peak control of at most that of the adaptive NN '
+        'controller in the parameter files, without a limit of Ms or of the overshoot',
     )
     return parser
 

@@ -17,9 +17,9 @@ def command_line() -> CommandParser:
         description='Repair a run after a crash: write a closed bag of all complete ticks, and update run.yaml.',
         epilog=f'A damaged bag is moved into RUN/{BACKUP}/, with a copy of the original run.yaml; a repaired bag '
         'needs at most as much space as the damaged one, on the same disk or, with --output, on another one. '
-        'Exit code: 0 the run is intact now, 1 no tick can be recovered, 2 wrong arguments, 3 it cannot be repaired.',
+        'Exit code: 0 the run is intact now, 1 no tick can be recovered, 2 invalid arguments, 3 it cannot be repaired.',
     )
-    parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
+    parser.add_argument('run', type=Path, metavar='RUN', help='run directory')
     parser.add_argument(
         '--output', type=Path, metavar='DIR', help='write the repaired run here and leave RUN unchanged'
     )

@@ -274,11 +274,11 @@ def command_line() -> CommandParser:
         prog='replay',
         description='Replay a recorded run from its run.yaml and the parameter changes in its bag, and compare the '
         'results byte by byte.',
-        epilog='Exit code: 0 bit-identical, 1 different, 2 wrong arguments, 3 the run cannot be read or replayed.',
+        epilog='Exit code: 0 bit-identical, 1 different, 2 invalid arguments, 3 the run cannot be read or replayed.',
     )
-    parser.add_argument('run', type=Path, metavar='RUN', help='folder of the run')
+    parser.add_argument('run', type=Path, metavar='RUN', help='run directory')
     parser.add_argument('--without-ros', action='store_true', help='use simulate instead of rig')
-    parser.add_argument('--output', type=Path, metavar='DIR', help='keep the replay in this new folder')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='keep the replay in this new directory')
     parser.add_argument('--trust', action='store_true', help='run the code of a custom controller that run.yaml names')
     return parser
 

@@ -115,7 +115,7 @@ def test_the_coupling(linear, angular, cubic, scale):
 
 
 def test_levels_that_were_computed_elsewhere():
-    """12.5 rad/s^2 are 0.0155 V, a half-sine of 63 G with 2 % imbalance 0.302 V, one of 300 G 1.44 V."""
+    """12.5 rad/s^2 are 0.0155 V, a half-sine of 63 g with 2 % imbalance 0.302 V, one of 300 g 1.44 V."""
     vibration = {'vibration.rotational.enabled': True, 'vibration.rotational.rms': 12.5}
     assert generator(vibration).rows(0, 400_000)[0][:, 0].std() == pytest.approx(0.0155, rel=0.02)
     for level, peak in ((63.0, 0.302), (300.0, 1.44)):

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from hdd_servo_ros.graph import topics_document
-from hdd_servo_ros.graph.catalog import CONTROLLERS
+from hdd_servo_ros.graph.catalog import CONTROLLERS, NODES, resolve
 from hdd_servo_ros.graph.connections import TOPICS
 
 
@@ -67,6 +67,8 @@ def test_an_undeclared_component_of_a_vector_is_zero(text):
 
 def test_the_estimates_of_each_controller(text):
     found = section(text, 'estimates')
-    assert '| `pid_controller` | `t`, `e`, `integral`, `derivative` |' in found
+    assert '| `pid_controller` | `integral` | V | integral part of u |' in found
+    assert '| `adaptive_nn_controller` | `integral` | µm s | integral of e |' in found
     for node in CONTROLLERS.values():
-        assert f'| `{node}` | `t`' in found
+        names = re.findall(rf'^\| `{node}` \| `(\w+)` \|', found, re.MULTILINE)
+        assert tuple(names) == resolve(NODES[node].block).estimate_names

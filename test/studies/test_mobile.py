@@ -245,7 +245,7 @@ def test_every_figure_and_table_is_made(directory, monkeypatch):
     worst = {(row[0], row[1], row[2]): float(re.findall(r'[-\d.e+]+', row[4])[0]) for row in delayed}
     for controller in CONTROLLERS.values():
         assert worst['hard mount', controller, 'network'] < 0.5 * worst['hard mount', controller, 'fxlms']
-        assert worst['shock of 63 G', controller, 'fixed'] < 0.4 * worst['shock of 63 G', controller, 'none']
+        assert worst['shock of 63 g', controller, 'fixed'] < 0.4 * worst['shock of 63 g', controller, 'none']
     # A warning at startup reports an unstable or nearly unstable loop, but not one tuned for the delay.
     for row in delayed:
         expected = 'gains without delay' in row[0]

@@ -163,7 +163,8 @@ class FrictionParameters(ParameterSet):
     )
     position_ripple: float = parameter(
         0.1,
-        'relative ripple e of the friction over position: 1/alpha(x, v) = (1 + e sin(2 pi x/p))/alpha(v)',
+        'relative ripple e over position in lugre_position: the friction g(v) in steady sliding is multiplied by '
+        '1 + e sin(2 pi x/p)',
         minimum=0.0,
         maximum=0.99,
         equation='2.24',

@@ -8,7 +8,7 @@ FILE = 'seagate_7200_10.yaml'
 VIBRATION = 'mobile_rotational_vibration.yaml'
 DELAY = 'one_sample_delay.yaml'
 SHOCKS = {63.0: 'mobile_shock_35.yaml', 300.0: 'mobile_shock_25.yaml'}
-"""Parameter files, by peak acceleration of the shock [G]."""
+"""Parameter files, by peak acceleration of the shock [g]."""
 TRANSIENT = 2.0
 """Transient before the errors in vibration are evaluated [s]."""
 DURATION = 4.0

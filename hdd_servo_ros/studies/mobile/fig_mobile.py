@@ -45,7 +45,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     for case in SHOCK[63.0]['pid'].values():
         draw_error(runs, panels['shock'], case)
     panels['shock'].set_ylabel('error [nm]')
-    panels['shock'].set_xlabel('time after the start of a 63 G shock [ms]')
+    panels['shock'].set_xlabel('time after the start of a 63 g shock [ms]')
     legend(panels['shock'])
     common_legend(figure, panels['spectrum'])
     return save(figure, path)

@@ -1,4 +1,4 @@
-"""Shocks of 63 G and 300 G: acceleration of the base, and head error with and without feedforward."""
+"""Shocks of 63 g and 300 g: acceleration of the base, and head error with and without feedforward."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     every = figure.subplots(3, 2, sharex=True)
     for column, (level, by_controller) in enumerate(SHOCK.items()):
         top, *others = every[:, column]
-        top.set_title(f'{level:g} G', fontsize=10)
+        top.set_title(f'{level:g} g', fontsize=10)
         draw_base(runs, top, by_controller['pid']['none'])
         for axes, (controller, name) in zip(others, CONTROLLERS.items(), strict=True):
             for case in by_controller[controller].values():
@@ -45,12 +45,12 @@ def legend(axes: Axes) -> None:
 
 
 def draw_base(runs: RecordedRuns, axes: Axes, case: Case) -> None:
-    """Draw the linear base acceleration during a shock [G]."""
+    """Draw the linear base acceleration during a shock [g]."""
     run = runs[case]
     time = _since_shock(runs, case)
     rows = (time >= _SHOWN[0]) & (time <= _SHOWN[1])
     draw(axes, time[rows], run['base_acceleration'][rows, 1] / G, color='C7', drawstyle='steps-post')
-    axes.set_ylabel('base [G]')
+    axes.set_ylabel('base [g]')
 
 
 def draw_error(runs: RecordedRuns, axes: Axes, case: Case) -> None:

@@ -154,7 +154,7 @@ def _shock(runs: RecordedRuns) -> list[_Row]:
             trials = _seeded(
                 runs, case, _errors(controller, method, 3000.0), duration=SHOCK_DURATION, transient=time - BEFORE
             )
-            rows.append(_Row('shock of 63 G', controller, method, '3 kHz', trials, time))
+            rows.append(_Row('shock of 63 g', controller, method, '3 kHz', trials, time))
     return rows
 
 

@@ -41,7 +41,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     title = (
         'The same vibration with a hardening mount: at twice its rms value, the force is 30 % larger '
         f'(coupling.cubic 0.075, cubic_scale 0.0155 V). 3 sigma of the head position from {TRANSIENT:g} to '
-        f'{DURATION:g} s, median / 95 % quantile over {SEEDS} seeds and accelerometer gain errors of -12.5 % and '
+        f'{DURATION:g} s, median / 95th percentile over {SEEDS} seeds and accelerometer gain errors of -12.5 % and '
         '+12.5 %.'
     )
     return write_table(path, title, header, rows)

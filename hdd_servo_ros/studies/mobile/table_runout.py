@@ -77,7 +77,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     title = (
         'Runout, flutter, force noise and sensor noise of nss_100ktpi.yaml with runout_cancellation.yaml; RPE peak to '
         f'peak and NRPE 3 sigma of the true track error in revolutions {FIRST + 1} to {REVOLUTIONS}, relative to the '
-        f'same run without cancellation; median / 95 % quantile over {SEEDS} seeds of all disturbances and of the '
+        f'same run without cancellation; median / 95th percentile over {SEEDS} seeds of all disturbances and of the '
         f'sensor ({DELAYED_SEEDS} with a delay). repetitive: the runout has orders 1 to 3 and a sequence per sector. '
         'harmonics: the runout has only these orders, and the RPE contains only these orders. The controllers are '
         'tuned for no delay.'

@@ -1,4 +1,4 @@
-"""Table: peak error and time off track after shocks of 63 G and 300 G."""
+"""Table: peak error and time off track after shocks of 63 g and 300 g."""
 
 import dataclasses
 from pathlib import Path
@@ -22,7 +22,7 @@ from hdd_servo_ros.studies.output import write_table
 
 SEEDS = 10
 PEAK, OUTSIDE = Limits(110.0), Limits(0.5, unit='ms')
-"""Limits with PID and fixed feedforward at 63 G."""
+"""Limits with PID and fixed feedforward at 63 g."""
 CASES = tuple(cases['fixed'] for by_controller in SHOCK.values() for cases in by_controller.values())
 
 
@@ -45,7 +45,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
         has_limit = (level, controller, method) == (63.0, 'pid', 'fixed')
         within = count((part[:, 0] <= PEAK.high) & (part[:, 1] <= OUTSIDE.high + 1e-9)) if has_limit else ''
         limit = f'{PEAK}, {OUTSIDE}' if has_limit else ''
-        rows.append((f'{level:g} G', CONTROLLERS[controller], method, *_cells(part), limit, within))
+        rows.append((f'{level:g} g', CONTROLLERS[controller], method, *_cells(part), limit, within))
     header = (
         'shock',
         'controller',
@@ -57,7 +57,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     )
     title = (
         'Half-sine of 2 ms, imbalance 2 %, accelerometers of 3 kHz: peak error of the head, and time beyond '
-        f'{LIMIT:g} nm; median / 95 % quantile over {SEEDS} seeds and accelerometer gain errors of -12.5 % and '
+        f'{LIMIT:g} nm; median / 95th percentile over {SEEDS} seeds and accelerometer gain errors of -12.5 % and '
         '+12.5 %.'
     )
     return write_table(path, title, header, rows)

@@ -16,7 +16,7 @@ def make(runs: RecordedRuns, path: Path) -> Path:
     """Repeat the recorded runs with other methods, sensors and seeds, and write one row per method and sensor."""
     title = (
         f'12.5 rad/s^2 rms from 10 to 500 Hz, no computation delay: 3 sigma of the head position from {TRANSIENT:g} '
-        f'to {DURATION:g} s, median / 95 % quantile over {SEEDS} seeds of vibration, vibrometer and accelerometers and '
-        f'accelerometer gain errors of -12.5 % and +12.5 %. {GAINS}.'
+        f'to {DURATION:g} s, median / 95th percentile over {SEEDS} seeds of vibration, vibrometer and accelerometers '
+        f'and accelerometer gain errors of -12.5 % and +12.5 %. {GAINS}.'
     )
     return write_vibration(runs, path, title, _BASE, SEEDS)

@@ -128,7 +128,7 @@ def quantile(values: NDArray[np.float64], share: float) -> float:
 
 
 def median_and_tail(values: NDArray[np.float64]) -> str:
-    """Return median and 95 % quantile as tables show them."""
+    """Return median and 95th percentile as tables show them."""
     return f'{quantile(values, 0.5):.3g} / {quantile(values, 0.95):.3g}'
 
 
