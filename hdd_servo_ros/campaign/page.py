@@ -109,7 +109,7 @@ def _html_table(head: Sequence[str], lines: Sequence[Sequence[str]], text: Seque
 
 
 def _summary(table: Table, metrics: Sequence[str]) -> str:
-    """Return median, 95 % quantile and maximum of each metric, by controller."""
+    """Return median, 95th percentile and maximum of each metric, by controller."""
     lines = []
     for name in metrics:
         for controller in _controllers(table):
@@ -117,7 +117,7 @@ def _summary(table: Table, metrics: Sequence[str]) -> str:
             found = values[np.isfinite(values)]
             shown = [f'{np.quantile(found, share):.4g}' for share in (0.5, 0.95, 1.0)] if len(found) else ['-'] * 3
             lines.append([_label(table, name), controller, *shown, f'{len(found)} of {len(values)}'])
-    return _html_table(['metric', 'controller', 'median', '95 %', 'largest', 'runs'], lines, (0, 1))
+    return _html_table(['metric', 'controller', 'median', '95th percentile', 'largest', 'runs'], lines, (0, 1))
 
 
 def _grid(titles: Sequence[str]) -> tuple[list[tuple[str, str]], dict[str, Any]]:

@@ -75,8 +75,8 @@ def command_line() -> CommandParser:
         prog='tune',
         description='Tune the adaptive NN and the PID controller for a drive under the same constraint, a peak '
         f'sensitivity Ms <= {MAX_SENSITIVITY:g}: the largest effective gain of the adaptive NN controller, and the '
-        'least error of the PID controller on sines with limited overshoot; print their sections of a parameter file, and '
-        'their errors.',
+        'least error of the PID controller on sines with limited overshoot; print their sections of a parameter file, '
+        'and their errors.',
         epilog='Exit code: 0 done, 2 invalid arguments or parameters.',
     )
     parser.add_argument(
