@@ -1,6 +1,5 @@
 """The path from a feedforward to the tracking error, from a model of the drive and the blocks of the loop."""
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -78,7 +77,7 @@ def feedforward_path(
     controller
         A controller at rest, created for this purpose; it is stepped.
     dsp
-        The DSP block, of which only the computation delay is used.
+        The DSP block, of which delay and updates are used.
     model
         The drive.
     sample_time
@@ -100,8 +99,9 @@ def feedforward_path(
     ndarray of shape (p,)
         Error per volt [um/V] at each sample, starting at the pulse; element 0 is 0.
     """
-    delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=dsp.computation_delay), sample_time)
-    drive = SampledModel(model, *resonances, sample_time)
+    path_to_drive = Dsp(dsp.without_converter, sample_time)
+    count = dsp.updates_per_sample if dsp.is_interpolated else 1
+    drive = SampledModel(model, *resonances, sample_time / count)
     path = np.zeros(length)
     held = 0.0
     pulse_tick = dsp.computation_delay + 1
@@ -114,8 +114,10 @@ def feedforward_path(
         inputs = ControllerInputs(tick, position, velocity, *ideal_outputs(sensor, position, velocity), 0.0, 0.0, 0.0)
         u, unsaturated, feedback = controller.step(inputs)
         pulse = _PULSE if tick == 0 else 0.0
-        held, _, _ = delayed.step(u + pulse, unsaturated + pulse, feedback)
-        drive.step(held)
+        first, _, _ = path_to_drive.step(u + pulse, unsaturated + pulse, feedback)
+        held = path_to_drive.mean_voltage(first)
+        for voltage in path_to_drive.voltages(first)[:count]:
+            drive.step(voltage)
     return path
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from hdd_servo_ros.analysis.frozen_estimates import FrozenLoop, allowed_estimates, initial_estimates
 from hdd_servo_ros.analysis.linear_laws import FrozenEstimates, pid_law
 from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY, LoopMargins
+from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.adaptive_nn import AdaptiveNn
 from hdd_servo_ros.control.controller import Controller, WarnsBeforeRun
@@ -45,13 +46,17 @@ class LoopSurroundings:
     """Sensor scales of the controller; None for those of the sensor."""
     observer: ObserverParameters | None = None
     """Velocity observer of the controller, with the servo sensor."""
+    dsp: DspParameters | None = None
+    """Command path, of which updates within the sample count; None for a command that is held over the sample."""
 
     @functools.cached_property
     def margins(self) -> LoopMargins:
         """The linear loop with this drive."""
         # The margins do not depend on the seed, which differs between the runs of a campaign.
         sensor = None if self.sensor is None else dataclasses.replace(self.sensor, seed=0)
-        return _margins(self.plant, self.sample_time, sensor, self.scales, self.observer)
+        # Of the command path only interpolation changes the margins.
+        dsp = self.dsp if self.dsp is not None and self.dsp.is_interpolated else None
+        return _margins(self.plant, self.sample_time, sensor, self.scales, self.observer, dsp)
 
     def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:
         """Return the loop with an adaptive NN controller with frozen estimates; ``delay`` overrides the delay."""
@@ -65,9 +70,10 @@ def _margins(
     sensor: LdvParameters | None,
     scales: SensorScales | None,
     observer: ObserverParameters | None,
+    dsp: DspParameters | None,
 ) -> LoopMargins:
     """Return the linear loop with a drive, cached for runs that differ only in the controller."""
-    return LoopMargins(plant, sample_time, sensor, scales, observer)
+    return LoopMargins(plant, sample_time, sensor, scales, observer, dsp)
 
 
 def peak_sensitivity(controller: AdaptiveNn, plant: PlantParameters, delay: int = 0) -> float:

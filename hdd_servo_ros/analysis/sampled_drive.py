@@ -46,6 +46,16 @@ class SampledDrive:
     b: Array
     c: Array
     sample_time: float
+    mean_voltage: Array | None = None
+    """Mean voltage of the sample over states and input, shape (1, n + 1); None if it is the input."""
+
+    def mean_voltage_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        """Return the mean voltage of the sample over the input at ``frequencies`` [Hz], shape (len(frequencies),)."""
+        z = np.exp(2j * np.pi * np.asarray(frequencies) * self.sample_time)
+        if self.mean_voltage is None:
+            return np.ones_like(z)
+        states = np.linalg.solve(z[:, None, None] * np.eye(len(self.a)) - self.a, self.b)
+        return np.asarray((self.mean_voltage[:, :-1] @ states)[:, 0, 0] + self.mean_voltage[0, -1])
 
     def response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """Return position [um/V] and velocity [um/s/V] over u at ``frequencies`` [Hz], shape (len(frequencies), 2)."""

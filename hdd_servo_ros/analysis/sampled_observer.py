@@ -54,7 +54,11 @@ class SampledObserver:
         a = np.zeros((n + 2, n + 2))
         a[:n, :n] = drive.a
         a[n:] = self._transition @ corrected
+        b = self._input
+        if drive.mean_voltage is not None:
+            a[n:, :n] += self._input @ drive.mean_voltage[:, :-1]
+            b = self._input * drive.mean_voltage[0, -1]
         c = np.zeros((2, n + 2))
         c[0, :n] = position
         c[1] = corrected[1] / self.sample_time
-        return dataclasses.replace(drive, a=a, b=np.vstack([drive.b, self._input]), c=c)
+        return dataclasses.replace(drive, a=a, b=np.vstack([drive.b, b]), c=c, mean_voltage=None)

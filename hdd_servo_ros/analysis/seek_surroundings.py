@@ -12,6 +12,7 @@ from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.seek import SeekSurroundings, no_plans
 from hdd_servo_ros.control.seek_parameters import SeekParameters
 from hdd_servo_ros.messages.controller_inputs import SensorScales
+from hdd_servo_ros.parameters import ParameterError
 
 
 def seek_surroundings(
@@ -42,10 +43,21 @@ def seek_surroundings(
         The vibrometer; None for a sensor without a velocity limit.
     observer
         Velocity observer, for a sensor without velocity.
+
+    Raises
+    ------
+    ParameterError
+        If the command is interpolated within the sample.
     """
     limit = math.inf if sensor is None else sensor.levels()[1] * sensor.velocity_scale
     constants = None if observer is None else Observer(observer, sample_time).arrays[0]
     delay = dsp.parameters.computation_delay
+    if dsp.parameters.is_interpolated:
+        raise ParameterError(
+            'dsp.interpolation',
+            dsp.parameters.interpolation,
+            f"hold with seek.method '{parameters.method}', whose plans assume a constant voltage over each sample",
+        )
     if parameters.method == 'final_state':
         plans = seek_plans(parameters, sample_time)
         return SeekSurroundings(plans, delay, limit, dsp.limit, observer=constants)

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdd_servo_ros.analysis.sampled_drive import SampledDrive, has_presliding_spring, sampled_drive
+from hdd_servo_ros.analysis.command_path import driven_by
+from hdd_servo_ros.analysis.sampled_drive import SampledDrive, has_presliding_spring
 from hdd_servo_ros.analysis.sampled_observer import SampledObserver
 from hdd_servo_ros.analysis.sampled_sensor import SampledSensor
+from hdd_servo_ros.bench.dsp import DspParameters
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.control.observer import ObserverParameters
 from hdd_servo_ros.drive.plant import PlantParameters
@@ -169,6 +171,8 @@ class LoopMargins:
     observer
         Velocity observer of a run with the servo sensor (without ``sensor``). It is a part of the controller, since it
         uses the command.
+    dsp
+        Command path, of which updates within the sample count; None for a command that is held over the sample.
 
     Attributes
     ----------
@@ -185,11 +189,12 @@ class LoopMargins:
         sensor: LdvParameters | None = None,
         scales: SensorScales | None = None,
         observer: ObserverParameters | None = None,
+        dsp: DspParameters | None = None,
     ) -> None:
         self.sample_time = sample_time
         self.rigid_gain = plant.rigid_gain
         states = (True, False) if has_presliding_spring(plant.friction) else (False,)
-        self._bare = tuple(sampled_drive(plant, sample_time, presliding) for presliding in states)
+        self._bare = tuple(driven_by(plant, sample_time, presliding, dsp) for presliding in states)
         found = None if sensor is None else SampledSensor(sensor, sample_time, scales)
         self._sensor = None if found is None or found.is_ideal else found
         self._observer = None if observer is None else SampledObserver(observer, sample_time)
@@ -239,7 +244,7 @@ class LoopMargins:
         """Return the part of the velocity estimate that is due to the command, shape (n, 2) like the responses."""
         own = np.zeros((len(frequencies), 2), dtype=np.complex128)
         if self._observer is not None:
-            own[:, 1] = self._observer.responses(frequencies)[1]
+            own[:, 1] = self._observer.responses(frequencies)[1] * self._bare[0].mean_voltage_response(frequencies)
         return own
 
     def peak_sensitivity(self, controller: LinearController, limit: float = math.inf) -> float:

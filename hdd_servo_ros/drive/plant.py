@@ -157,6 +157,9 @@ class Plant:
         The drive.
     sample_time
         T [s].
+    is_multirate
+        Whether u may change at the quarters of a sample. The number of substeps is then rounded up to a multiple of
+        four.
 
     Raises
     ------
@@ -179,10 +182,11 @@ class Plant:
     (0.864987, 1546.322, 0.027781)
     """
 
-    def __init__(self, parameters: PlantParameters, sample_time: float) -> None:
+    def __init__(self, parameters: PlantParameters, sample_time: float, *, is_multirate: bool = False) -> None:
         if not 0.0 < sample_time < np.inf:
             raise ParameterError('sample_time', sample_time, 'above 0 [s]')
         self.sample_time = sample_time
+        self.is_multirate = is_multirate
         self.parameters = parameters
         self.state = zeros(PLANT_STATE)
         self.motion: Array = np.zeros((0, 2))
@@ -195,7 +199,13 @@ class Plant:
         """Return head position [um], head velocity [um/s] and pivot friction [V] at the current tick."""
         return plant_output(*self.arrays)
 
-    def step(self, tick: int, control: float, disturbance: float = 0.0) -> tuple[float, float, float]:
+    def step(
+        self,
+        tick: int,
+        control: float,
+        disturbance: float = 0.0,
+        later_voltages: tuple[float, float, float] | None = None,
+    ) -> tuple[float, float, float]:
         """
         Advance from ``tick`` - 1 to ``tick`` and return the output at ``tick``.
 
@@ -207,8 +217,20 @@ class Plant:
             Control voltage u held over [(k-1)T, kT) [V]; the plant saturates it at the control limit.
         disturbance
             External part of d held over the same interval [V]; like d of eq. (4.1) it acts against u.
+        later_voltages
+            For a multirate drive, the control voltages from one quarter, half and three quarters of the interval on
+            [V]; ``control`` is then that of the first quarter.
+
+        Raises
+        ------
+        ValueError
+            If there are later voltages but the drive is not multirate.
         """
-        return plant_step(*self.arrays, tick, control, disturbance)
+        if later_voltages is None:
+            return plant_step(*self.arrays, tick, control, disturbance)
+        if not self.is_multirate:
+            raise ValueError('later_voltages: expected None, because this drive is not multirate')
+        return multirate_plant_step(*self.arrays, tick, control, *later_voltages, disturbance)
 
     @property
     def impacts(self) -> dict[str, StopImpacts]:
@@ -250,10 +272,13 @@ class Plant:
         """
         is_same_model = parameters.friction.model == self.parameters.friction.model
         self.parameters = parameters
-        self.constants = plant_constants(parameters, self.sample_time)
+        substeps = parameters.substeps_at(self.sample_time)
+        if self.is_multirate:
+            substeps = multirate_substeps(substeps)
+        self.constants = plant_constants(parameters, self.sample_time, substeps)
         self.nodes = friction_nodes(parameters.friction)
         modal = modal_form(parameters.resonance)
-        self.modes, self.responses = modal_arrays(modal, self.sample_time, parameters.substeps_at(self.sample_time))
+        self.modes, self.responses = modal_arrays(modal, self.sample_time, substeps)
         if len(self.motion) != len(self.modes):
             self.motion = np.zeros((len(self.modes), 2))
         self.arrays: PlantArrays = (self.constants, self.nodes, self.modes, self.responses, self.state, self.motion)
@@ -267,9 +292,13 @@ class Plant:
         )
 
 
-def plant_constants(parameters: PlantParameters, sample_time: float) -> Array:
-    """Return the constants of the plant kernel for a sample time [s], in the layout :data:`PLANT`."""
-    substeps = parameters.substeps_at(sample_time)
+def multirate_substeps(substeps: int) -> int:
+    """Return a number of substeps rounded up so that each quarter of a sample has a whole number of substeps."""
+    return -(-substeps // 4) * 4
+
+
+def plant_constants(parameters: PlantParameters, sample_time: float, substeps: int) -> Array:
+    """Return the constants of the plant kernel for a sample time [s] and substeps, in the layout :data:`PLANT`."""
     substep = sample_time / substeps
     modal = modal_form(parameters.resonance)
     disturbance = parameters.disturbance
@@ -331,7 +360,31 @@ def plant_step(
     if c.travel.is_limited != 0.0:
         _limited_sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance)
     else:
-        _sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance, False)
+        voltages = (control, control, control, control)
+        _sample(constants, nodes, modes, responses, state, motion, tick, voltages, disturbance, False, False)
+    return plant_output(constants, nodes, modes, responses, state, motion)
+
+
+@compiled_apart
+def multirate_plant_step(
+    constants: Array,
+    nodes: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    control: float,
+    quarter: float,
+    half: float,
+    three_quarters: float,
+    disturbance: float,
+) -> tuple[float, float, float]:
+    """Advance a multirate drive; see :meth:`Plant.step`. Not inlined, because most drives are not multirate."""
+    c = record(constants, PLANT)
+    is_limited = c.travel.is_limited != 0.0
+    voltages = (control, quarter, half, three_quarters)
+    _sample(constants, nodes, modes, responses, state, motion, tick, voltages, disturbance, is_limited, True)
     return plant_output(constants, nodes, modes, responses, state, motion)
 
 
@@ -348,7 +401,8 @@ def _limited_sample(
     disturbance: float,
 ) -> None:
     """Advance a drive with crash stops; not inlined, so that a drive without them does not compile their code."""
-    _sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance, True)
+    voltages = (control, control, control, control)
+    _sample(constants, nodes, modes, responses, state, motion, tick, voltages, disturbance, True, False)
 
 
 @compiled
@@ -360,14 +414,19 @@ def _sample(
     state: Array,
     motion: Array,
     tick: int,
-    control: float,
+    voltages: tuple[float, float, float, float],
     disturbance: float,
     is_limited: bool,
+    is_multirate: bool,
 ) -> None:
-    """Advance a drive; ``is_limited`` is a constant where this is inlined, so each case compiles to its own loop."""
+    """
+    Advance a drive.
+
+    ``is_limited`` and ``is_multirate`` are constants where this is inlined, so each case compiles to its own loop.
+    """
     c = record(constants, PLANT)
     s = record(state, PLANT_STATE)
-    control = min(max(control, -c.control_limit), c.control_limit)
+    control = min(max(voltages[0], -c.control_limit), c.control_limit)
     substep = c.substep
     start = float(tick - 1) * c.sample_time
     position, velocity = s.position, s.velocity
@@ -376,6 +435,8 @@ def _sample(
     velocity_jump = 0.0
     _free_motion(modes, motion)
     for j in range(int(c.substeps)):
+        if is_multirate:
+            control = min(max(voltages[4 * j // int(c.substeps)], -c.control_limit), c.control_limit)
         applied = control
         drag = 0.0
         if c.is_electrical != 0.0:

@@ -52,6 +52,7 @@ _SIGNS = {
     'ldv.displacement': 'that of the head position',
     'ldv.velocity': 'that of the head velocity',
     'control.voltage': 'accelerates toward positive positions',
+    'control_updates.quarter': 'accelerates toward positive positions',
     'disturbance.force': 'acts against u',
     'disturbance.track_center': 'that of the head position',
     'base_acceleration.linear_y': 'positive: force against u, if the imbalance is positive',

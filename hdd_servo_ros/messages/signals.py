@@ -15,6 +15,7 @@ from hdd_servo_ros.messages.topics import (
     ACCELEROMETER,
     BASE_ACCELERATION,
     CONTROL,
+    CONTROL_UPDATES,
     DISTURBANCE,
     ESTIMATES,
     HEAD,
@@ -135,6 +136,11 @@ class TimedSignals(abc.ABC):
     def control(self) -> SignalArray:
         """Command, command before saturation, and its feedback part [V], shape (n, 3)."""
         return self._rows(CONTROL)
+
+    @functools.cached_property
+    def control_updates(self) -> SignalArray:
+        """Voltages from 1/4, 1/2 and 3/4 of the sample on [V], shape (n, 3); in a run with several updates."""
+        return self._rows(CONTROL_UPDATES)
 
     @functools.cached_property
     def disturbance(self) -> SignalArray:

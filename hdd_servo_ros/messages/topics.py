@@ -230,14 +230,39 @@ PES = LoopTopic(
     is_optional=True,
 )
 
+CONTROL_UPDATES = LoopTopic(
+    'control_updates',
+    VECTORS,
+    (
+        Field('quarter', 'V', 'drive voltage from (k + 1/4) T on'),
+        Field('half', 'V', 'drive voltage from (k + 1/2) T on'),
+        Field('three_quarters', 'V', 'drive voltage from (k + 3/4) T on, held until (k + 1) T'),
+    ),
+    CONTROLLER,
+    (Reader('vcm_plant', delay=1),),
+    'later voltages of the sample that begins with x of /control, in a run with dsp.updates_per_sample of 2 or 4',
+    is_optional=True,
+)
+
 LOOP_TOPICS = (CLOCK, REFERENCE, HEAD, LDV, CONTROL, ESTIMATES)
 """Topics of every run with the vibrometer, in the order of the data flow in a tick."""
-OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
+OPTIONAL_TOPICS = (DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES, CONTROL_UPDATES)
 """Topics of the runs in which a node publishes them; they are then loop topics like the others."""
 ALL_LOOP_TOPICS = (*LOOP_TOPICS, *OPTIONAL_TOPICS)
 SIGNAL_TOPICS = tuple(topic for topic in ALL_LOOP_TOPICS if topic is not CLOCK)
 """Topics with signals."""
-KERNEL_TOPICS = (REFERENCE, HEAD, LDV, CONTROL, ESTIMATES, DISTURBANCE, BASE_ACCELERATION, ACCELEROMETER, PES)
+KERNEL_TOPICS = (
+    REFERENCE,
+    HEAD,
+    LDV,
+    CONTROL,
+    ESTIMATES,
+    DISTURBANCE,
+    BASE_ACCELERATION,
+    ACCELEROMETER,
+    PES,
+    CONTROL_UPDATES,
+)
 """Topics that the compiled kernel reads or writes, in the order of its rows."""
 
 

@@ -34,7 +34,7 @@ from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.cdr import ArrayCodec, VectorCodec, unpack_vector
 from hdd_servo_ros.messages.controller_inputs import NO_INPUTS, SensorScales
 from hdd_servo_ros.messages.errors import NotFiniteError, RunError
-from hdd_servo_ros.messages.topics import ACCELEROMETER, LDV, PES, REFERENCE
+from hdd_servo_ros.messages.topics import ACCELEROMETER, CONTROL_UPDATES, LDV, PES, REFERENCE
 from hdd_servo_ros.nodes.catalog_node import CatalogNode, block_parameters_in
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, to_mapping
@@ -72,6 +72,9 @@ class ControllerNode(CatalogNode):
         self._make: Callable[[Any, float], Controller] = make or resolve(row.block)
         self._controller = self.trial(self._make, self._kind)
         self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, 1.0)
+        self._is_multirate = self._dsp.parameters.is_multirate
+        if not self._is_multirate:
+            self.outputs = tuple(topic for topic in self.outputs if topic is not CONTROL_UPDATES)
         self._dsp.step(*self._controller.step(NO_INPUTS))
         self._scales = SensorScales(0.0, 0.0)
         self._codec = VectorCodec('')
@@ -124,7 +127,9 @@ class ControllerNode(CatalogNode):
         if self._drive is not None:
             scales = None if self._observer is not None else self._scales
             observer = None if self._observer is None else self._observer.parameters
-            self._loop = LoopSurroundings(self._drive, run.sample_time, delay, self._sensor, scales, observer)
+            self._loop = LoopSurroundings(
+                self._drive, run.sample_time, delay, self._sensor, scales, observer, self._dsp.parameters
+            )
         self._accelerometer = block_parameters_of(run, BASE_SENSOR)
         self._disturbance = block_parameters_of(run, DISTURBANCE_GENERATOR)
         try:
@@ -289,7 +294,7 @@ class ControllerNode(CatalogNode):
         if observer is not None:
             estimates = np.concatenate([estimates, observer.estimates])
         u, unsaturated, feedback = self._dsp.step(*law)
-        self._held = u
+        self._held = self._dsp.mean_voltage(u)
         try:
             self.publish_vector(0, tick, self._codec.pack(stamp, u, unsaturated, feedback), u, unsaturated, feedback)
             # Zero times a nonfinite number is NaN; a plain sum of finite numbers may overflow.
@@ -303,6 +308,9 @@ class ControllerNode(CatalogNode):
                 raise RunError(fault) from None
             raise
         self.publish_bytes(1, self._estimates.pack_array(estimates))
+        if self._is_multirate:
+            later = self._dsp.later_voltages
+            self.publish_vector(2, tick, self._codec.pack(stamp, *later), *later)
 
     def update(self) -> None:
         self._controller.update(self.parameters[self._kind])

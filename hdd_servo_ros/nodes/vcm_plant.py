@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from hdd_servo_ros.drive.plant import Plant, PlantParameters
 from hdd_servo_ros.messages.cdr import VectorCodec, unpack_vector
 from hdd_servo_ros.messages.errors import NotFiniteError
+from hdd_servo_ros.messages.topics import CONTROL_UPDATES, DISTURBANCE
 from hdd_servo_ros.nodes.catalog_node import CatalogNode
 from hdd_servo_ros.nodes.main import run_node
 from hdd_servo_ros.parameters.run_parameters import DriveIdentityParameters
@@ -28,6 +29,7 @@ class VcmPlant(CatalogNode):
         self._plant = self.trial(Plant, PlantParameters)
         self._plant.output()
         self._plant.step(1, 0.0, 0.0)
+        self._disturbance = self._updates = 0
         self._is_limited = False
         self._warned: set[str] = set()
         self._diagnosed: dict[str, int] = {}
@@ -42,7 +44,10 @@ class VcmPlant(CatalogNode):
 
     def prepare(self, run: RunPlan) -> None:
         self._codec = VectorCodec(run.frame_id)
-        self._plant = Plant(self.parameters[PlantParameters], run.sample_time)
+        ports = {port.topic.name: index for index, port in enumerate(self.inputs)}
+        self._disturbance, self._updates = (ports.get(topic.name, 0) for topic in (DISTURBANCE, CONTROL_UPDATES))
+        is_multirate = self._updates > 0
+        self._plant = Plant(self.parameters[PlantParameters], run.sample_time, is_multirate=is_multirate)
         self._is_limited = self._plant.parameters.travel.is_limited
         for warning in self._plant.warnings():
             self.get_logger().warning(warning)
@@ -51,19 +56,20 @@ class VcmPlant(CatalogNode):
         if tick == 0:
             x, v, friction = self._plant.output()
         else:
-            control = self._voltage(1, tick, messages)
-            disturbance = self._voltage(2, tick, messages) if len(messages) > 2 else 0.0
-            x, v, friction = self._plant.step(tick, control, disturbance)
+            control, _, _ = self._voltages(1, tick, messages)
+            disturbance = self._voltages(self._disturbance, tick, messages)[0] if self._disturbance else 0.0
+            later = self._voltages(self._updates, tick, messages) if self._updates else None
+            x, v, friction = self._plant.step(tick, control, disturbance, later)
             if self._is_limited:
                 self._warn()
         self.publish_vector(0, tick, self._codec.pack(stamp, x, v, friction), x, v, friction)
 
-    def _voltage(self, port: int, tick: int, messages: Sequence[bytes]) -> float:
+    def _voltages(self, port: int, tick: int, messages: Sequence[bytes]) -> tuple[float, float, float]:
         x, y, z = unpack_vector(messages[port])
         if not math.isfinite(x + y + z) and not all(map(math.isfinite, (x, y, z))):
             topic = self.inputs[port].name
             raise NotFiniteError(topic, tick - 1, (x, y, z), publishers_of(self, topic))
-        return x
+        return x, y, z
 
     def _warn(self) -> None:
         for stop, warning in self._plant.impact_warnings().items():

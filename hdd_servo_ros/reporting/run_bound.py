@@ -118,11 +118,12 @@ def run_bound(run: RecordedRun, start: int) -> RunBound | None:
 
 def _computed(run: RecordedRun, start: int) -> RunBound:
     # Imported late: only these need the compiled blocks.
+    from hdd_servo_ros.analysis.command_path import driven_by
     from hdd_servo_ros.analysis.feedback_responses import MeasuredDrive
     from hdd_servo_ros.analysis.least_error import DisturbanceSpectra, least_error
     from hdd_servo_ros.analysis.metrics import power_spectral_density
     from hdd_servo_ros.analysis.misregistration import misregistration
-    from hdd_servo_ros.analysis.sampled_drive import has_presliding_spring, sampled_drive
+    from hdd_servo_ros.analysis.sampled_drive import has_presliding_spring
     from hdd_servo_ros.analysis.sampled_sensor import SampledSensor, noise_densities, servo_noise_density
     from hdd_servo_ros.analysis.sensitivity import MAX_SENSITIVITY
 
@@ -134,7 +135,7 @@ def _computed(run: RecordedRun, start: int) -> RunBound:
     is_presliding = has_presliding_spring(friction) and (
         float(np.ptp(run.position[start:])) <= 2.0 * friction.coulomb_level / friction.stiffness
     )
-    linear = sampled_drive(plant, sample_time, is_presliding)
+    linear = driven_by(plant, sample_time, is_presliding, surroundings.dsp)
     disturbance = run[DISTURBANCE.name][start:]
     segment = round(1.0 / (RESOLUTION * sample_time))
     frequencies, force = power_spectral_density(non_repeatable(disturbance[:, 0], sectors), sample_time, segment)

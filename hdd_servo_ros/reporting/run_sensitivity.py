@@ -136,6 +136,7 @@ def loop_surroundings(run: RecordedRun, node: str) -> 'LoopSurroundings':
         sensor,
         None if sensor is None else sensor_scales(input_parameters(node, own), sensor),
         observer_parameters(node, own) if SERVO_SENSOR in nodes else None,
+        dsp_parameters(node, own),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.accelerometer import AccelerometerArrays, accelerometer_step
-from hdd_servo_ros.bench.dsp import DSP, DspArrays, dsp_step
+from hdd_servo_ros.bench.dsp import DSP, QUARTERS, DspArrays, dsp_step
 from hdd_servo_ros.bench.ldv import LdvArrays, fill_ldv_deviates, ldv_output
 from hdd_servo_ros.bench.servo_sensor import ServoSensorArrays, servo_sensor_step
 from hdd_servo_ros.bench.signal_analyzer import SignalAnalyzerArrays, signal_analyzer_step
@@ -20,7 +20,7 @@ from hdd_servo_ros.control.runout import PlainArrays as RunoutArrays
 from hdd_servo_ros.control.runout_kernel import runout_step
 from hdd_servo_ros.control.seek import PlainArrays as SeekArrays
 from hdd_servo_ros.control.seek_kernel import seek_after_law, seek_before_law
-from hdd_servo_ros.drive.plant import PlantArrays, plant_output, plant_step
+from hdd_servo_ros.drive.plant import PlantArrays, multirate_plant_step, plant_output, plant_step
 from hdd_servo_ros.messages.topics import BASE_ACCELERATION
 from hdd_servo_ros.numerics.compiled import compiled
 from hdd_servo_ros.numerics.records import record
@@ -106,7 +106,7 @@ def closed_loop(
         :attr:`~hdd_servo_ros.messages.signals.SignalRows.kernel_arrays`: one array per topic, one row per tick.
     """
     reference_rows, head_rows, ldv_rows, control_rows, estimate_rows = signals[:5]
-    disturbance_rows, base_rows, sensor_rows, pes_rows = signals[5:]
+    disturbance_rows, base_rows, sensor_rows, pes_rows, update_rows = signals[5:]
     # The noise depends on the tick only, so generate it first: the compiler vectorizes such a short loop.
     has_servo = len(pes_rows) > 0
     if not has_servo:
@@ -115,19 +115,25 @@ def closed_loop(
     is_disturbed = len(disturbance_rows) > 0
     has_base_motion = len(base_rows) > 0
     has_accelerometer = len(sensor_rows) > 0
+    is_multirate = len(update_rows) > 0
+    updates = dsp[2]
     output_1, output_2 = 0.0, 0.0
     for row in range(len(head_rows)):
         tick = first_tick + row
         x_d, dx_d, ddx_d = reference_step(*reference, tick)
         if tick == 0:
             position, velocity, friction = plant_output(*plant)
+        elif is_multirate:
+            later = (updates[0, 0], updates[0, 1], updates[0, 2])
+            position, velocity, friction = multirate_plant_step(*plant, tick, held[0], *later, held[1])
         else:
             position, velocity, friction = plant_step(*plant, tick, held[0], held[1])
+        applied = updates[0, QUARTERS] if is_multirate else held[0]
         if has_servo:
             track_center = disturbance_rows[row, 1] if is_disturbed else 0.0
             error, displacement_volts, sector = servo_sensor_step(*servo, tick, position, track_center)
             # Exclude the feedforward: it cancels a force that the observer does not model.
-            _, velocity_volts = observer_step(*observer, displacement_volts, held[0] - held[4])
+            _, velocity_volts = observer_step(*observer, displacement_volts, applied - held[4])
             pes_rows[row, 0] = error
             pes_rows[row, 1] = displacement_volts
             pes_rows[row, 2] = sector
@@ -140,7 +146,7 @@ def closed_loop(
             ldv_rows[row, 2] = 0.0
         measured, rate = displacement_volts * displacement_scale, velocity_volts * velocity_scale
         if has_seek:
-            offset, offset_rate = seek_before_law(*seek, measured, rate, x_d, dx_d, ddx_d, held[0])
+            offset, offset_rate = seek_before_law(*seek, measured, rate, x_d, dx_d, ddx_d, applied)
             measured -= offset
             rate -= offset_rate
             displacement_volts -= offset / displacement_scale
@@ -199,6 +205,9 @@ def closed_loop(
         control_rows[row, 0] = u
         control_rows[row, 1] = unsaturated
         control_rows[row, 2] = feedback
+        if is_multirate:
+            for j in range(QUARTERS):
+                update_rows[row, j] = updates[0, j]
 
 
 @compiled

@@ -43,7 +43,14 @@ from hdd_servo_ros.graph.controller_loader import load_controller, reject_former
 from hdd_servo_ros.graph.roles import DISTURBANCE_GENERATOR
 from hdd_servo_ros.messages.controller_inputs import SensorScales
 from hdd_servo_ros.messages.signals import SignalRows
-from hdd_servo_ros.messages.topics import ACCELEROMETER, BASE_ACCELERATION, DISTURBANCE, PES, SIGNAL_TOPICS
+from hdd_servo_ros.messages.topics import (
+    ACCELEROMETER,
+    BASE_ACCELERATION,
+    CONTROL_UPDATES,
+    DISTURBANCE,
+    PES,
+    SIGNAL_TOPICS,
+)
 from hdd_servo_ros.messages.units import Units
 from hdd_servo_ros.parameters import ParameterError
 from hdd_servo_ros.signals.reference import Reference
@@ -203,6 +210,8 @@ class Experiment:
             reject_former_object(controller)
             self.controller = controller
         self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
+        if self.dsp.parameters.is_multirate:
+            self.plant = self._blocks['vcm_plant'] = Plant(self.plant.parameters, sample_time, is_multirate=True)
         if isinstance(self.controller, KnowsOutputLimit):
             self.controller.limit_output(self.dsp.limit)
         self.scales = sensor_scales(scales, self.ldv.parameters) if self.servo is None else SensorScales.none()
@@ -338,6 +347,7 @@ class Experiment:
             self.ldv.parameters if self.observer is None else None,
             self.scales if self.observer is None else None,
             None if self.observer is None else self.observer.parameters,
+            self.dsp.parameters,
         )
         warnings = (*self.plant.warnings(), *fragility.warnings(self.controller, loop))
         if self.runout is None:
@@ -381,9 +391,9 @@ class Experiment:
             self.run(self._next_tick, 0)
             return
         Reference(self.reference.parameters, self.sample_time).step(0)
-        plant = Plant(self.plant.parameters, self.sample_time)
+        plant = Plant(self.plant.parameters, self.sample_time, is_multirate=self.plant.is_multirate)
         plant.output()
-        plant.step(1, 0.0)
+        plant.step(1, 0.0, 0.0, (0.0, 0.0, 0.0) if plant.is_multirate else None)
         if self.servo is None or self.observer is None:
             Ldv(self.ldv.parameters, self.sample_time).step(0, 0.0, 0.0)
         else:
@@ -398,6 +408,8 @@ class Experiment:
             optional = (*optional, ACCELEROMETER)
         if self.servo is not None:
             optional = (*optional, PES)
+        if self.dsp.parameters.is_multirate:
+            optional = (*optional, CONTROL_UPDATES)
         drive = self.plant.parameters
         units = Units(drive.length_unit, drive.control_unit)
         names = self.estimate_names
@@ -503,15 +515,17 @@ class Experiment:
             tick = rows.first_tick + row
             reference = self.reference.step(tick)
             control, force, linear, angular = self._held[:4].tolist()
-            head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force)
-            measured = self._measure(rows, row, tick, head, control, float(centers[row]))
+            later = self.dsp.later_voltages if self.plant.is_multirate else None
+            head = self.plant.output() if tick == 0 else self.plant.step(tick, control, force, later)
+            mean = self.dsp.mean_voltage(control)
+            measured = self._measure(rows, row, tick, head, mean, float(centers[row]))
             outputs = (0.0, 0.0)
             if self.accelerometer is not None:
                 outputs = self.accelerometer.step(tick, linear, angular, control)
                 rows[ACCELEROMETER.name][row] = (*outputs, 0.0)
             inputs = self.scales.inputs(tick, *measured, *reference)
             if self.seek is not None:
-                inputs = self.seek.before_law(inputs, control)
+                inputs = self.seek.before_law(inputs, mean)
             law = self.controller.step(inputs)
             if self.seek is not None:
                 law = self.seek.after_law(*law)
@@ -526,6 +540,8 @@ class Experiment:
             rows.reference[row] = reference
             rows.head[row] = head
             rows.control[row] = commanded
+            if self.plant.is_multirate:
+                rows[CONTROL_UPDATES.name][row] = self.dsp.later_voltages
             rows['estimates'][row] = self._estimates()
             if not math.isfinite(sum(head) + sum(commanded)) and not all(map(math.isfinite, (*head, *commanded))):
                 # Later values would be meaningless, and the controller must not be called with them.

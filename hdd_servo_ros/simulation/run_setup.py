@@ -39,7 +39,7 @@ from hdd_servo_ros.graph.topic_names import topic_names
 from hdd_servo_ros.messages.errors import NotFiniteError
 from hdd_servo_ros.messages.signals import SignalRows
 from hdd_servo_ros.messages.ticks import sample_time_to_nanoseconds
-from hdd_servo_ros.messages.topics import ESTIMATES, OPTIONAL_TOPICS, LoopTopic, topics_of_run
+from hdd_servo_ros.messages.topics import CONTROL_UPDATES, ESTIMATES, OPTIONAL_TOPICS, LoopTopic, topics_of_run
 from hdd_servo_ros.parameters import (
     InvalidParameterError,
     ParameterError,
@@ -117,7 +117,10 @@ class Simulation:
         arguments.check_names('simulate', ['rig', *names])
         self._full_names = {name: arguments.full_name(name) for name in names}
         by_contract = topic_names(arguments, names)
-        self.topics = [(topic, by_contract[topic]) for topic in topics_of_run(tuple(self._optional_topics(names)))]
+        optional = set(self._optional_topics(names))
+        if not sets[controller][ControllerOutputParameters].dsp.is_multirate:
+            optional.discard(CONTROL_UPDATES)
+        self.topics = [(topic, by_contract[topic]) for topic in topics_of_run(tuple(optional))]
         by_topic = dict(self.topics)
         units = {'frame_id': self.frame_id} | {
             key: str(mappings['vcm_plant'][key]) for key in ('length_unit', 'control_unit')

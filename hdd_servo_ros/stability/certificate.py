@@ -336,6 +336,9 @@ def _output_conditions(
         quantization += f': u rounded by up to {rounded:.3g}, which the theorem does not cover'
     if dsp.computation_delay > 0:
         delay += f': u delayed by {dsp.computation_delay * sample_time:g} s, which the theorem does not cover'
+    interpolation = 'u constant over each sample'
+    if dsp.is_interpolated:
+        interpolation = f'u in {dsp.updates_per_sample} steps per sample, which the theorem does not cover'
     return {
         'saturation': (
             not limited.any(),
@@ -343,6 +346,7 @@ def _output_conditions(
         ),
         'dsp.dac_bits': (dsp.dac_bits == 0, quantization),
         'dsp.computation_delay': (dsp.computation_delay == 0, delay),
+        'dsp.interpolation': (not dsp.is_interpolated, interpolation),
     }
 
 

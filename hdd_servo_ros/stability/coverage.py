@@ -137,6 +137,12 @@ EFFECTS = (
         lambda loop: loop.dsp.computation_delay > 0,
     ),
     Effect(
+        'dsp.interpolation',
+        'u without steps within a sample',
+        'not covered; violations are counted nevertheless',
+        lambda loop: loop.dsp.is_interpolated,
+    ),
+    Effect(
         'r_limit',
         'unlimited r in the laws',
         'covered while abs(r) is below the limit',

@@ -52,8 +52,20 @@ Objective = Callable[[LinearController], float]
 
 
 def computation_delay(sections: Sections, node: str) -> int:
-    """Return the computation delay of a controller [samples]."""
-    return dsp_parameters(node, sections.get(node, {})).computation_delay
+    """
+    Return the computation delay of a controller [samples].
+
+    Raises
+    ------
+    ParameterError
+        If the command is interpolated within the sample, which tuning does not take into account.
+    """
+    dsp = dsp_parameters(node, sections.get(node, {}))
+    if dsp.is_interpolated:
+        raise ParameterError(
+            f'{node}.dsp.interpolation', dsp.interpolation, 'hold, because tuning assumes a command held over a sample'
+        )
+    return dsp.computation_delay
 
 
 def pid_gains(law: LinearController) -> dict[str, object]:

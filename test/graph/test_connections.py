@@ -22,17 +22,21 @@ EXPECTED = {
     'reference_generator': ([('clock', 0)], [], ['reference']),
     'playback': ([('clock', 0)], [], ['disturbance', 'base_acceleration']),
     'disturbance_generator': ([('clock', 0)], [], ['disturbance', 'base_acceleration']),
-    'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1)], ['head']),
+    'vcm_plant': ([('clock', 0), ('control', 1)], [('disturbance', 1), ('control_updates', 1)], ['head']),
     'ldv_sensor': ([('head', 0)], [], ['ldv']),
     'servo_sensor': ([('head', 0)], [('disturbance', 0)], ['pes']),
     'accelerometer': ([('control', 1)], [('base_acceleration', 1)], ['accelerometer']),
     **dict.fromkeys(
         CONTROLLERS.values(),
-        ([('reference', 0), ('ldv', 0)], [('accelerometer', 0), ('pes', 0)], ['control', 'estimates']),
+        (
+            [('reference', 0), ('ldv', 0)],
+            [('accelerometer', 0), ('pes', 0)],
+            ['control', 'estimates', 'control_updates'],
+        ),
     ),
     'bag_recorder': (
         [('clock', 0), ('reference', 0), ('head', 0), ('ldv', 0), ('control', 0), ('estimates', 0)],
-        [('disturbance', 0), ('base_acceleration', 0), ('accelerometer', 0), ('pes', 0)],
+        [('disturbance', 0), ('base_acceleration', 0), ('accelerometer', 0), ('pes', 0), ('control_updates', 0)],
         ['recorded'],
     ),
 }
