@@ -77,7 +77,7 @@ def feedforward_path(
     controller
         A controller at rest, created for this purpose; it is stepped.
     dsp
-        The DSP block, of which delay and updates are used.
+        The DSP block, of which delay, filters and updates are used.
     model
         The drive.
     sample_time
@@ -100,7 +100,7 @@ def feedforward_path(
         Error per volt [um/V] at each sample, starting at the pulse; element 0 is 0.
     """
     path_to_drive = Dsp(dsp.without_converter, sample_time)
-    count = dsp.updates_per_sample if dsp.is_interpolated else 1
+    count = dsp.updates_per_sample if dsp.is_filtered else 1
     drive = SampledModel(model, *resonances, sample_time / count)
     path = np.zeros(length)
     held = 0.0

@@ -47,15 +47,17 @@ class LoopSurroundings:
     observer: ObserverParameters | None = None
     """Velocity observer of the controller, with the servo sensor."""
     dsp: DspParameters | None = None
-    """Command path, of which updates within the sample count; None for a command that is held over the sample."""
+    """Command path, of which filters and updates count; None for a command that is held over the sample."""
 
     @functools.cached_property
     def margins(self) -> LoopMargins:
         """The linear loop with this drive."""
         # The margins do not depend on the seed, which differs between the runs of a campaign.
         sensor = None if self.sensor is None else dataclasses.replace(self.sensor, seed=0)
-        # Of the command path only interpolation changes the margins.
-        dsp = self.dsp if self.dsp is not None and self.dsp.is_interpolated else None
+        # Of the command path, filters and interpolation change the margins here; the delay is part of the controller.
+        dsp = None
+        if self.dsp is not None and self.dsp.is_filtered:
+            dsp = dataclasses.replace(self.dsp.without_converter, computation_delay=0)
         return _margins(self.plant, self.sample_time, sensor, self.scales, self.observer, dsp)
 
     def frozen_loop(self, controller: AdaptiveNn, delay: int | None = None) -> FrozenLoop:

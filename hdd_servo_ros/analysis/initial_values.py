@@ -96,7 +96,7 @@ def initial_value_gains(
     horizon
         Time after the switch in which errors count, at least two samples [s].
     dsp
-        The DSP block, of which only the computation delay is used; None for no delay.
+        The DSP block, of which delay and filters are used; None for none.
     sensor
         Scales of the sensor, for a controller that reads its voltages.
 
@@ -146,12 +146,13 @@ def initial_value_responses(
         (0.0, 0.0, _VOLTAGE, 1.0, _VOLTAGE),
         (0.0, 0.0, _VOLTAGE, decay, _VOLTAGE),
     )
-    delay = 0 if dsp is None else dsp.computation_delay
+    ideal = DspParameters() if dsp is None else dsp.without_converter
+    count = ideal.updates_per_sample if ideal.is_filtered else 1
     responses = np.zeros((len(kicks), ticks))
     for row, (error, velocity, added, fading, size) in enumerate(kicks):
         controller = make_controller()
-        delayed = Dsp(dataclasses.replace(DspParameters(), computation_delay=delay), sample_time)
-        head = SampledModel(drive, (), (), sample_time)
+        path = Dsp(ideal, sample_time)
+        head = SampledModel(drive, (), (), sample_time / count)
         # The target is 0.
         head.start(-error, velocity)
         for tick in range(ticks):
@@ -159,7 +160,8 @@ def initial_value_responses(
             responses[row, tick] = -measured[0] / size
             inputs = ControllerInputs(tick, *measured, *ideal_outputs(sensor, *measured), 0.0, 0.0, 0.0)
             u, unsaturated, feedback = controller.step(inputs)
-            held, _, _ = delayed.step(u + added, unsaturated + added, feedback)
+            first, _, _ = path.step(u + added, unsaturated + added, feedback)
             added *= fading
-            head.step(held)
+            for voltage in path.voltages(first)[:count]:
+                head.step(voltage)
     return responses

@@ -172,7 +172,7 @@ class LoopMargins:
         Velocity observer of a run with the servo sensor (without ``sensor``). It is a part of the controller, since it
         uses the command.
     dsp
-        Command path, of which updates within the sample count; None for a command that is held over the sample.
+        Command path, of which filters and updates count; None for a command that is held over the sample.
 
     Attributes
     ----------

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     )
     from hdd_servo_ros.bench.dsp import Dsp, DspParameters
     from hdd_servo_ros.bench.ldv import Ldv, LdvParameters
+    from hdd_servo_ros.bench.output_filters import FilterParameters, OutputFilters
     from hdd_servo_ros.bench.response import FrequencyResponse, read_csv
     from hdd_servo_ros.bench.servo_sensor import (
         ServoSensor,
@@ -24,9 +25,11 @@ __all__ = [
     'AccelerometerParameters',
     'Dsp',
     'DspParameters',
+    'FilterParameters',
     'FrequencyResponse',
     'Ldv',
     'LdvParameters',
+    'OutputFilters',
     'ServoSensor',
     'ServoSensorParameters',
     'SignalAnalyzer',
@@ -41,9 +44,11 @@ __getattr__ = lazily(
         'AccelerometerParameters': '.accelerometer',
         'Dsp': '.dsp',
         'DspParameters': '.dsp',
+        'FilterParameters': '.output_filters',
         'FrequencyResponse': '.response',
         'Ldv': '.ldv',
         'LdvParameters': '.ldv',
+        'OutputFilters': '.output_filters',
         'ServoSensor': '.servo_sensor',
         'ServoSensorParameters': '.servo_sensor',
         'SignalAnalyzer': '.signal_analyzer',

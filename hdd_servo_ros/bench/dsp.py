@@ -7,20 +7,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdd_servo_ros.bench.converter import beyond_codes, converted, converter_codes
+from hdd_servo_ros.bench.output_filters import FilterParameters, OutputFilters, filters_step
 from hdd_servo_ros.numerics.compiled import compiled, compiled_apart
 from hdd_servo_ros.numerics.records import layout, record, zeros
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, group, parameter
 
-DspArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Constants, state and updates within the sample."""
+DspArrays = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Constants, state, updates within the sample and chain of filters."""
 
 UPDATES = (1, 2, 4)
 """Allowed numbers of command updates per sample."""
 INTERPOLATIONS = ('hold', 'linear')
 """Values of ``dsp.interpolation``, in the order of their numbers in the kernel."""
 
-DSP = layout('delay', 'limit', 'step', 'lowest', 'highest', 'updates', 'is_linear')
-"""Delay [samples], voltage limit, converter, updates per sample and interpolation of :func:`dsp_step`."""
+DSP = layout('delay', 'limit', 'step', 'lowest', 'highest', 'updates', 'is_linear', 'is_plain')
+"""
+Constants of :func:`dsp_step`.
+
+Delay [samples], voltage limit, converter, updates per sample, interpolation, and whether there is one update without
+filters.
+"""
 
 DSP_STATE = layout('command', 'unsaturated', 'feedback', 'saturated_samples', 'previous')
 """Last command, the number of limited commands, and the controller voltage of the last sample."""
@@ -54,6 +60,7 @@ class DspParameters(ParameterSet):
         'for equal steps from the voltage of the last sample to that of this sample',
         choices=INTERPOLATIONS,
     )
+    filters: FilterParameters = group(FilterParameters)
 
     @property
     def is_multirate(self) -> bool:
@@ -66,8 +73,13 @@ class DspParameters(ParameterSet):
         return self.is_multirate and self.interpolation == 'linear'
 
     @property
+    def is_filtered(self) -> bool:
+        """Whether the command differs from a held controller voltage, by interpolation or filters."""
+        return self.is_interpolated or self.filters.is_used
+
+    @property
     def without_converter(self) -> 'DspParameters':
-        """The same delay and updates with an ideal converter."""
+        """The same delay, updates and filters with an ideal converter."""
         return dataclasses.replace(self, dac_bits=0, dac_range=0.0)
 
     def check_together(self) -> None:
@@ -112,6 +124,7 @@ def dsp_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     updates: NDArray[np.float64],
+    chain: NDArray[np.float64],
     u: float,
     unsaturated: float,
     feedback: float,
@@ -120,12 +133,13 @@ def dsp_step(
     Return the values for ``/control`` at the tick at which the controller computed (u, unsaturated, feedback).
 
     With more than one update per sample, the first row of ``updates`` then holds the later voltages of the sample and
-    the mean of all; its second row holds those of the pending command.
+    the mean of all; its second row holds those of the pending command. ``chain`` is that of
+    :class:`~hdd_servo_ros.bench.output_filters.OutputFilters`.
     """
     c = record(constants, DSP)
     s = record(state, DSP_STATE)
-    if c.updates > 1.0:
-        return _multirate_step(constants, state, updates, u, unsaturated, feedback)
+    if c.is_plain == 0.0:
+        return _filtered_step(constants, state, updates, chain, u, unsaturated, feedback)
     if abs(u) < math.inf:
         limit = c.limit
         if u != unsaturated or abs(u) > limit or beyond_codes(u, c.step, c.lowest, c.highest):
@@ -142,19 +156,19 @@ def dsp_step(
 
 
 @compiled_apart
-def _multirate_step(
+def _filtered_step(
     constants: NDArray[np.float64],
     state: NDArray[np.float64],
     updates: NDArray[np.float64],
+    chain: NDArray[np.float64],
     u: float,
     unsaturated: float,
     feedback: float,
 ) -> tuple[float, float, float]:
-    """Limit, round and delay each update of a sample; not inlined, because most runs have one update."""
+    """Filter, limit, round and delay each update of a sample; not inlined, because most runs do not need it."""
     c = record(constants, DSP)
     s = record(state, DSP_STATE)
     count = int(c.updates)
-    cut_off = unsaturated - u
     is_limited = u != unsaturated
     first, first_unlimited, total = 0.0, 0.0, 0.0
     for j in range(QUARTERS):
@@ -164,6 +178,7 @@ def _multirate_step(
         voltage = u
         if c.is_linear > 0.0 and i < count - 1:
             voltage = s.previous + (u - s.previous) * (float(i + 1) / c.updates)
+        voltage = filters_step(chain, voltage)
         unlimited = voltage
         if abs(voltage) < math.inf:
             if abs(voltage) > c.limit or beyond_codes(voltage, c.step, c.lowest, c.highest):
@@ -180,8 +195,10 @@ def _multirate_step(
     if is_limited and abs(u) < math.inf:
         s.saturated_samples += 1.0
     s.previous = u
-    if cut_off != 0.0:
-        first_unlimited += cut_off
+    if first_unlimited == u:
+        first_unlimited = unsaturated
+    elif unsaturated != u:
+        first_unlimited += unsaturated - u
     held = first, first_unlimited, feedback
     if c.delay > 0.0:
         held = s.command, s.unsaturated, s.feedback
@@ -202,14 +219,15 @@ class Dsp:
     and the feedback part are those of the voltage held now. Non-finite values pass through.
 
     With 2 or 4 updates per sample the voltage may change within the sample. Limit, rounding and delay apply to each
-    voltage; :attr:`later_voltages` returns those after the first.
+    voltage; :attr:`later_voltages` returns those after the first. A chain of filters, if there is one, filters the
+    voltages of the updates before the limit.
 
     Parameters
     ----------
     parameters
         Parameters of the DAC and the delay.
     sample_time
-        T [s]; unused, because delay and updates are per sample, but present for consistency with the other blocks.
+        T [s].
     drive_limit
         Input voltage limit of the drive [V], so that the reported command equals the applied voltage.
 
@@ -218,6 +236,13 @@ class Dsp:
     state
         Last command (voltage, voltage before the limit, feedback part [V]), the number of commands limited by the
         controller or by the DSP, and the last voltage of the controller.
+    filters
+        The chain of filters.
+
+    Raises
+    ------
+    ParameterError
+        If the frequency of a filter is not below the Nyquist frequency of the updates.
 
     Notes
     -----
@@ -250,10 +275,18 @@ class Dsp:
         self.drive_limit = drive_limit
         self.state = zeros(DSP_STATE)
         self.updates = np.zeros((2, QUARTERS + 1))
+        self.filters = OutputFilters(parameters.filters, sample_time / parameters.updates_per_sample)
         self.update(parameters)
 
     def update(self, parameters: DspParameters) -> None:
-        """Change the parameters from the next tick on; the pending command and the count are kept."""
+        """
+        Change the parameters from the next tick on; the pending command and the count are kept.
+
+        A change of the filters causes no step in the command.
+        """
+        if self.filters.is_idle:
+            self.filters.hold(float(record(self.state, DSP_STATE).command))
+        self.filters.update(parameters.filters)
         self.parameters = parameters
         constants = zeros(DSP)
         c = record(constants, DSP)
@@ -262,7 +295,8 @@ class Dsp:
         c.step, c.lowest, c.highest = converter_codes(parameters.dac_bits, parameters.dac_range)
         c.updates = parameters.updates_per_sample
         c.is_linear = INTERPOLATIONS.index(parameters.interpolation)
-        self.arrays: DspArrays = (constants, self.state, self.updates)
+        c.is_plain = not parameters.is_multirate and self.filters.is_idle
+        self.arrays: DspArrays = (constants, self.state, self.updates, self.filters.chain)
 
     @property
     def limit(self) -> float:

@@ -1,5 +1,6 @@
 """Base class of all controller nodes: inputs and outputs of a controller block."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -11,6 +12,7 @@ from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.bench.accelerometer import AccelerometerParameters
 from hdd_servo_ros.bench.dsp import ControllerInputParameters, ControllerOutputParameters, Dsp
 from hdd_servo_ros.bench.ldv import LdvParameters
+from hdd_servo_ros.bench.output_filters import FilterParameters
 from hdd_servo_ros.control.controller import Controller, HasPlan, KnowsOutputLimit, ReportsFault, WarnsBeforeRun
 from hdd_servo_ros.control.feedforward import Feedforward
 from hdd_servo_ros.control.feedforward_parameters import ControllerFeedforwardParameters, FeedforwardParameters
@@ -71,7 +73,9 @@ class ControllerNode(CatalogNode):
         self._kind: type[ParameterSet] = row.block_parameters
         self._make: Callable[[Any, float], Controller] = make or resolve(row.block)
         self._controller = self.trial(self._make, self._kind)
-        self._dsp = Dsp(self.parameters[ControllerOutputParameters].dsp, 1.0)
+        # Compiles; T decides which frequencies of filters are allowed, and is not known yet.
+        unfiltered = dataclasses.replace(self.parameters[ControllerOutputParameters].dsp, filters=FilterParameters())
+        self._dsp = Dsp(unfiltered, self.trial_sample_time)
         self._is_multirate = self._dsp.parameters.is_multirate
         if not self._is_multirate:
             self.outputs = tuple(topic for topic in self.outputs if topic is not CONTROL_UPDATES)

@@ -209,7 +209,11 @@ class Experiment:
         else:
             reject_former_object(controller)
             self.controller = controller
-        self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
+        try:
+            self.dsp = Dsp(dsp or DspParameters(), sample_time, self.plant.parameters.control_limit)
+        except ParameterError as error:
+            owner = f'{node}.' if isinstance(controller, str) else ''
+            raise ParameterError(f'{owner}{error.name}', error.value, error.allowed) from None
         if self.dsp.parameters.is_multirate:
             self.plant = self._blocks['vcm_plant'] = Plant(self.plant.parameters, sample_time, is_multirate=True)
         if isinstance(self.controller, KnowsOutputLimit):

@@ -339,6 +339,9 @@ def _output_conditions(
     interpolation = 'u constant over each sample'
     if dsp.is_interpolated:
         interpolation = f'u in {dsp.updates_per_sample} steps per sample, which the theorem does not cover'
+    filters = 'u not filtered'
+    if dsp.filters.is_used:
+        filters = 'u filtered after the law, which the theorem does not cover'
     return {
         'saturation': (
             not limited.any(),
@@ -347,6 +350,7 @@ def _output_conditions(
         'dsp.dac_bits': (dsp.dac_bits == 0, quantization),
         'dsp.computation_delay': (dsp.computation_delay == 0, delay),
         'dsp.interpolation': (not dsp.is_interpolated, interpolation),
+        'dsp.filters': (not dsp.filters.is_used, filters),
     }
 
 

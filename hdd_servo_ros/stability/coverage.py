@@ -143,6 +143,12 @@ EFFECTS = (
         lambda loop: loop.dsp.is_interpolated,
     ),
     Effect(
+        'dsp.filters',
+        'no filters after the law',
+        'not covered; violations are counted nevertheless',
+        lambda loop: loop.dsp.filters.is_used,
+    ),
+    Effect(
         'r_limit',
         'unlimited r in the laws',
         'covered while abs(r) is below the limit',

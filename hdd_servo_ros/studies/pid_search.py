@@ -20,7 +20,7 @@ from hdd_servo_ros.analysis.sine_error import SineErrors, command_harmonics
 from hdd_servo_ros.bench.ldv import LdvParameters
 from hdd_servo_ros.drive.plant import PlantParameters
 from hdd_servo_ros.graph.block_parameters import block_parameters, dsp_parameters
-from hdd_servo_ros.parameters import ParameterError
+from hdd_servo_ros.parameters import ParameterError, to_mapping
 from hdd_servo_ros.studies.tuning_runs import FREQUENCIES, Sections, Steps, run_sine, track
 
 OVERSHOOT = 20.0
@@ -46,6 +46,8 @@ _FIRST_POINTS, _POPULATION = 500, 60
 """Number of random points, and number of the best of them with which the global search starts."""
 _START = (0.7, 0.0)
 """k_d, relative to the largest without a filter, and k_i of the controller whose run yields the command."""
+_FILTERS = ('frequencies', 'sections')
+"""Ends of the names of the lists that add filters to the command path."""
 
 
 Objective = Callable[[LinearController], float]
@@ -58,12 +60,19 @@ def computation_delay(sections: Sections, node: str) -> int:
     Raises
     ------
     ParameterError
-        If the command is interpolated within the sample, which tuning does not take into account.
+        If the command is filtered or interpolated, which tuning does not take into account.
     """
     dsp = dsp_parameters(node, sections.get(node, {}))
     if dsp.is_interpolated:
         raise ParameterError(
             f'{node}.dsp.interpolation', dsp.interpolation, 'hold, because tuning assumes a command held over a sample'
+        )
+    if dsp.filters.is_used:
+        used = tuple(name for name, value in to_mapping(dsp.filters).items() if value and name.endswith(_FILTERS))
+        raise ParameterError(
+            f'{node}.dsp.filters',
+            used,
+            'empty lists, because tuning assumes that the drive gets the controller voltage',
         )
     return dsp.computation_delay
 

@@ -1,14 +1,16 @@
-"""The loop with a command that is interpolated within the sample, against impulse responses of the blocks."""
+"""The loop with a filtered or interpolated command, against impulse responses of the blocks."""
 
 import numpy as np
 import pytest
 
+from hdd_servo_ros.analysis import fragility
 from hdd_servo_ros.analysis.command_path import driven_by
 from hdd_servo_ros.analysis.feedforward_path import feedforward_path
 from hdd_servo_ros.analysis.fragility import LoopSurroundings
 from hdd_servo_ros.analysis.linear_laws import pid_law
 from hdd_servo_ros.analysis.sampled_drive import sampled_drive
 from hdd_servo_ros.bench.dsp import Dsp, DspParameters
+from hdd_servo_ros.bench.output_filters import FilterParameters, LowPassParameters, OutputFilters
 from hdd_servo_ros.control.feedforward_parameters import FeedforwardParameters
 from hdd_servo_ros.control.observer import Observer, ObserverParameters
 from hdd_servo_ros.control.pid import Pid, PidParameters
@@ -19,13 +21,30 @@ from hdd_servo_ros.studies.pid_search import computation_delay
 
 T = 1e-4
 TICKS = 3000
-GAINS = PidParameters(proportional_gain=0.1, derivative_gain=1.2e-4)
+GAINS = PidParameters(proportional_gain=0.03, derivative_gain=4e-5)
 WIDE = PlantParameters(control_limit=1e3)
 PATHS = [
     DspParameters(updates_per_sample=2, interpolation='linear'),
     DspParameters(updates_per_sample=4, interpolation='linear'),
     DspParameters(updates_per_sample=4, interpolation='linear', computation_delay=1),
 ]
+FILTERS = from_mapping(
+    FilterParameters,
+    {
+        'notch.frequencies': (4800.0, 3500.0),
+        'resonant.frequencies': (1500.0,),
+        'resonant.gains': (0.3,),
+        'resonant.phases': (40.0,),
+        'lead.frequencies': (900.0,),
+        'low_pass.frequencies': (4500.0,),
+    },
+)
+PATHS += [
+    DspParameters(filters=FILTERS),
+    DspParameters(filters=FILTERS, updates_per_sample=2, computation_delay=1),
+    DspParameters(filters=FILTERS, updates_per_sample=4, interpolation='linear'),
+]
+IDS = ['2', '4', '4 late', 'filters', 'filters 2 late', 'filters 4']
 
 
 def impulse_response(path, observer, size=1e-6):
@@ -50,7 +69,7 @@ def impulse_response(path, observer, size=1e-6):
     return (found[1.0] - found[-1.0]) / (2.0 * size)
 
 
-@pytest.mark.parametrize('path', PATHS, ids=['2', '4', '4 late'])
+@pytest.mark.parametrize('path', PATHS, ids=IDS)
 @pytest.mark.parametrize('observer', [None, ObserverParameters()], ids=['velocity', 'observer'])
 def test_the_linear_loop_is_that_of_the_blocks(path, observer):
     loop = LoopSurroundings(WIDE, T, path.computation_delay, observer=observer, dsp=path).margins
@@ -79,7 +98,7 @@ def test_a_held_command_has_the_drive_of_one_update():
         assert driven_by(WIDE, T, True, dsp) is sampled_drive(WIDE, T, True)
 
 
-@pytest.mark.parametrize('path', PATHS, ids=['2', '4', '4 late'])
+@pytest.mark.parametrize('path', PATHS, ids=IDS)
 def test_the_path_of_a_feedforward_is_that_of_the_blocks(path):
     model = FeedforwardParameters().model
     plant = from_mapping(
@@ -109,8 +128,32 @@ def test_the_path_of_a_feedforward_is_that_of_the_blocks(path):
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(found).max())
 
 
-def test_tuning_rejects_interpolation():
+def test_filters_multiply_the_response_of_the_drive():
+    """With one update per sample, drive and filters have the same sample time."""
+    frequencies = np.geomspace(10.0, 0.49 / T, 100)
+    drive = sampled_drive(WIDE, T, True).response(frequencies)
+    found = driven_by(WIDE, T, True, DspParameters(filters=FILTERS)).response(frequencies)
+    expected = drive * OutputFilters(FILTERS, T).response(frequencies)[:, None]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_warnings_take_the_filters_into_account():
+    filters = FilterParameters(low_pass=LowPassParameters(frequencies=(700.0,)))
+    plain, filtered = (
+        fragility.warnings(Pid(PidParameters(), T), LoopSurroundings(WIDE, T, dsp=dsp))
+        for dsp in (DspParameters(), DspParameters(filters=filters))
+    )
+    assert plain == ()
+    assert len(filtered) == 1
+    assert filtered[0].startswith('low stability margin')
+
+
+def test_tuning_rejects_interpolation_and_filters():
     values: dict[str, object] = {'dsp.updates_per_sample': 2, 'dsp.interpolation': 'linear'}
     with pytest.raises(ParameterError, match=r'pid_controller\.dsp\.interpolation.*hold, because tuning'):
         computation_delay({'pid_controller': values}, 'pid_controller')
+    with pytest.raises(
+        ParameterError, match=r'pid_controller\.dsp\.filters.*notch\.frequencies.*empty lists, because tuning'
+    ):
+        computation_delay({'pid_controller': {'dsp.filters.notch.frequencies': (3000.0,)}}, 'pid_controller')
     assert computation_delay({'pid_controller': {'dsp.updates_per_sample': 2}}, 'pid_controller') == 0

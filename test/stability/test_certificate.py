@@ -276,7 +276,13 @@ def test_the_network_over_a_shaped_reference_gets_the_reference_as_the_law_recei
     np.testing.assert_allclose(output, rows.estimates['network'], rtol=1e-9)
 
 
-OUTPUT = ('no saturation', 'no quantization of u', 'no computation delay')
+OUTPUT = (
+    'no saturation',
+    'no quantization of u',
+    'no computation delay',
+    'u without steps within a sample',
+    'no filters after the law',
+)
 
 
 @pytest.mark.parametrize(
@@ -290,6 +296,13 @@ OUTPUT = ('no saturation', 'no quantization of u', 'no computation delay')
             'dsp.dac_bits 8: u rounded by up to 0.78',
         ),
         ({'dsp.dac_range': 5.0}, 'no saturation', 'the limit of dsp.dac_range is 5'),
+        (
+            {'dsp.updates_per_sample': 4, 'dsp.interpolation': 'linear'},
+            'u without steps within a sample',
+            'u in 4 steps per sample, which the theorem does not cover',
+        ),
+        ({'dsp.filters.notch.frequencies': (1000.0,)}, 'no filters after the law', 'u filtered after the law'),
+        ({'dsp.updates_per_sample': 4}, None, ''),
         ({'dsp.dac_range': 200.0}, None, ''),
     ],
 )

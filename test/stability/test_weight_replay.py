@@ -63,6 +63,8 @@ def test_a_record_that_does_not_fit_is_rejected(recorded):
     'values',
     [
         {'computation_delay': 1},
+        {'updates_per_sample': 4, 'interpolation': 'linear'},
+        {'filters.notch.frequencies': (4500.0,)},
         {'dac_bits': 16, 'dac_range': 10.0},
         {'dac_range': 0.05},
         {'computation_delay': 1, 'dac_bits': 6, 'dac_range': 0.05},
@@ -73,7 +75,7 @@ def test_a_run_through_the_dsp_is_replayed_to_the_bit(values, recorded):
     rows = Experiment(T, 'adaptive_nn', {'adaptive_nn_controller': section}).run(0, 3000)
     ideal, _ = recorded
     assert (rows.control[:, 0] != ideal.control[:3000, 0]).any()
-    dsp = DspParameters(**values)
+    dsp = from_mapping(DspParameters, values)
     # It raises if a single bit of a recorded number differs.
     assert sum(len(weights) for _, weights, _ in replayed(rows, dsp=dsp)) == 3000
     with pytest.raises(WeightReplayError, match='the replayed controller differs from the recording'):
