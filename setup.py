@@ -29,6 +29,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/params', files('params/*.yaml')),
+        (f'share/{NAME}/params/campaigns', files('params/campaigns/*.yaml')),
         (f'share/{NAME}/launch', files('launch/*.launch.py')),
         (f'share/{NAME}/config', files('config/*')),
     ],

@@ -80,7 +80,14 @@ def test_every_ros_package_that_is_imported_is_declared(manifest):
 
 def test_what_a_user_opens_is_installed(distribution):
     installed = {file for _, files in distribution.data_files for file in files}
-    for pattern in ('params/*.yaml', 'launch/*.launch.py', 'config/*', 'package.xml', 'resource/*'):
+    for pattern in (
+        'params/*.yaml',
+        'params/campaigns/*.yaml',
+        'launch/*.launch.py',
+        'config/*',
+        'package.xml',
+        'resource/*',
+    ):
         found = {path.relative_to(ROOT).as_posix() for path in ROOT.glob(pattern)}
         assert found
         assert found <= installed

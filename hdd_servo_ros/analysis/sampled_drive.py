@@ -19,7 +19,8 @@ from hdd_servo_ros.numerics.records import record
 Array = NDArray[np.float64]
 
 _INDEX = {name: field[1] // 8 for name, field in (PLANT_STATE.fields or {}).items()}
-_BODY = [_INDEX[name] for name in ('position', 'velocity', 'amplifier', 'coil', 'mean_friction')]
+PREVIOUS = tuple(f'previous_{quarter}' for quarter in range(4))
+_BODY = [_INDEX[name] for name in ('position', 'velocity', 'amplifier', 'coil', 'mean_friction', *PREVIOUS)]
 """Indices of the states of body, driver and contact in ``PLANT_STATE``."""
 
 SPRING_MODELS = ('tangential_stiffness', 'complete', 'dahl', 'lugre', 'lugre_position', 'rbf_network')
@@ -121,7 +122,7 @@ def sampled_drive(plant: PlantParameters, sample_time: float, presliding: bool) 
             initial_velocity=0.0,
             disturbance=DisturbanceParameters(),
             travel=TravelParameters(),
-            friction=friction if presliding else sliding_friction(friction),
+            friction=friction if presliding or not plant.resonance.has_rigid_body else sliding_friction(friction),
         ),
         sample_time,
     )
@@ -168,6 +169,8 @@ def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
     at_rest.mean_friction = at_rest.coil = held
     actuator = plant.parameters.actuator
     balance = at_rest.amplifier = held / actuator.current_ratio if actuator.is_electrical else held
+    for name in PREVIOUS:
+        at_rest[name] = balance
     kicks = []
     for names, step in (
         (('position', 'deflection'), position_step),
@@ -175,6 +178,7 @@ def _linearized(plant: Plant, steps: tuple[float, float, float]) -> SampledDrive
         (('amplifier',), voltage_step),
         (('coil',), voltage_step),
         (('mean_friction',), voltage_step),
+        *(((name,), voltage_step) for name in PREVIOUS),
     ):
         kick = np.zeros_like(rest)
         for name in names:

@@ -91,8 +91,10 @@ def time_optimal_seek(plant: PlantParameters, distance: float) -> TimeOptimalSee
     Raises
     ------
     ValueError
-        If the length is not finite or the friction is not below ``control_limit``.
+        If the length is not finite, the friction is not below ``control_limit`` or the drive has no rigid body.
     """
+    if not plant.resonance.has_rigid_body:
+        raise ValueError('a drive with resonance form modes has no rigid body, so its seeks have no time-optimal bound')
     length = abs(distance)
     if not length < math.inf:
         raise ValueError(f'invalid length of a seek: {distance:g} um; expected a finite number')
@@ -261,7 +263,7 @@ class _Problem:
 @functools.lru_cache(maxsize=16)
 def _impulse_response(plant: PlantParameters, instant: float, factor: float, count: int) -> Array:
     """Return the position [um] at each instant after 1 V during the first of them."""
-    modes = dataclasses.replace(plant, resonance=scaled_modes(plant.resonance, factor))
+    modes = dataclasses.replace(plant, resonance=scaled_modes(plant.resonance, factor), input_delay=0.0)
     drive = sampled_drive(modes, instant, presliding=False)
     state, positions = drive.b[:, 0], [0.0]
     for _ in range(count - 1):

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from hdd_servo_ros.drive.friction.parameters import FrictionParameters
     from hdd_servo_ros.drive.plant import Plant, PlantParameters
     from hdd_servo_ros.drive.resonance import ResonanceParameters
+    from hdd_servo_ros.drive.temperature import TemperatureParameters
     from hdd_servo_ros.drive.transfer import (
         frequency_response,
         head_state_space,
@@ -22,6 +23,7 @@ __all__ = [
     'Plant',
     'PlantParameters',
     'ResonanceParameters',
+    'TemperatureParameters',
     'frequency_response',
     'friction_along',
     'friction_curve',
@@ -37,6 +39,7 @@ __getattr__ = lazily(
         'Plant': '.plant',
         'PlantParameters': '.plant',
         'ResonanceParameters': '.resonance',
+        'TemperatureParameters': '.temperature',
         'frequency_response': '.transfer',
         'friction_along': '.friction.curves',
         'friction_curve': '.friction.curves',

@@ -3,7 +3,8 @@ Drive model of the servo loop: actuator, rigid body with pivot friction, head re
 
 The rigid body obeys m x'' + h + d = u, thesis eq. (4.1), with m = 1/gain. It is integrated in substeps, with a
 second-order scheme for each friction family. The resonances respond exactly to the mean acceleration of the rigid body
-in each substep, and to its velocity jumps at the crash stops.
+in each substep, and to its velocity jumps at the crash stops. A drive of modes alone has no rigid body: its modes
+respond exactly to the mean force in each substep.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from hdd_servo_ros.drive.friction.dispatch import contact_after_change, friction
 from hdd_servo_ros.drive.friction.parameters import FRICTION, FrictionParameters, friction_constants, friction_nodes
 from hdd_servo_ros.drive.resonance import MODE, ResonanceParameters, modal_arrays, modal_form
 from hdd_servo_ros.drive.substeps import contact_frequency, contact_warning, needed_substeps
+from hdd_servo_ros.drive.temperature import TemperatureParameters, resonance_at
 from hdd_servo_ros.drive.travel import (
     IMPACTS,
     STOPS,
@@ -47,6 +49,8 @@ PLANT = layout(
     'disturbance_frequency',
     'r0',
     'r1',
+    'has_rigid_body',
+    'input_delay',
     'is_electrical',
     ('driver', DRIVER),
     ('friction', FRICTION),
@@ -55,18 +59,27 @@ PLANT = layout(
 """
 Constants of the plant kernel.
 
-``disturbance_amplitude`` is the amplitude of the mean of the disturbance over a substep; r0 and r1 are R0 and R1 of the
-modal form.
+``input_delay`` is in substeps. ``disturbance_amplitude`` is the amplitude of the mean of the disturbance over a
+substep; r0 and r1 are R0 and R1 of the modal form.
 """
 
 PLANT_STATE = layout(
-    'position', 'velocity', 'amplifier', 'coil', 'deflection', 'mean_friction', 'friction', ('impacts', IMPACTS)
+    'position',
+    'velocity',
+    'amplifier',
+    'coil',
+    'deflection',
+    'mean_friction',
+    'friction',
+    ('impacts', IMPACTS),
+    *(f'previous_{quarter}' for quarter in range(4)),
 )
 """
 Plant state without the modes.
 
 Position x and velocity v of the rigid body, driver states b and c, deflection of the friction contact, mean friction of
-the last substep, friction at the tick, and the crash-stop impacts so far.
+the last substep, friction at the tick, the crash-stop impacts so far, and, for the input delay, the limited control
+voltages of the last sample, one per quarter.
 """
 
 
@@ -111,24 +124,42 @@ class PlantParameters(ParameterSet):
     control_limit: float = parameter(
         10.0, 'saturation limit u_max of the control voltage', unit='V', above=0.0, equation='3.18'
     )
+    input_delay: float = parameter(
+        0.0,
+        'delay between the control voltage and the driver, at most one sample time; within a substep, the mean of the '
+        'delayed voltage acts',
+        unit='s',
+        minimum=0.0,
+        read_only=True,
+    )
     substeps: int = parameter(
         4,
         'integration substeps per sample; 0 selects the number that the friction contact needs',
         minimum=0,
         maximum=1024,
     )
-    initial_position: float = parameter(0.0, 'position of the rigid body at tick 0', unit='um')
-    initial_velocity: float = parameter(0.0, 'velocity of the rigid body at tick 0', unit='um/s')
+    initial_position: float = parameter(
+        0.0, 'position of the rigid body at tick 0; with the form modes, that of the head by its first mode', unit='um'
+    )
+    initial_velocity: float = parameter(
+        0.0,
+        'velocity of the rigid body at tick 0; with the form modes, that of the head by its first mode',
+        unit='um/s',
+    )
     length_unit: str = parameter('um', 'length unit of this drive, for labels', read_only=True)
     control_unit: str = parameter('V', 'unit of the control signal of this drive, for labels', read_only=True)
     actuator: ActuatorParameters = group(ActuatorParameters)
     friction: FrictionParameters = group(FrictionParameters)
     resonance: ResonanceParameters = group(ResonanceParameters)
+    temperature: TemperatureParameters = group(TemperatureParameters)
     travel: TravelParameters = group(TravelParameters)
     disturbance: DisturbanceParameters = group(DisturbanceParameters)
 
     def check_together(self) -> None:
-        """Check that the rigid body starts between the crash stops; raise :class:`ParameterError` otherwise."""
+        """Check that the rigid body starts between the crash stops, and that a drive of modes alone needs no body."""
+        resonance_at(self.resonance, self.temperature)
+        if not self.resonance.has_rigid_body:
+            self._check_without_rigid_body()
         travel = self.travel
         if travel.is_limited and not travel.lower <= self.initial_position <= travel.upper:
             raise ParameterError(
@@ -137,10 +168,35 @@ class PlantParameters(ParameterSet):
                 f'a position between the crash stops at {travel.lower!r} um and {travel.upper!r} um',
             )
 
+    def _check_without_rigid_body(self) -> None:
+        """Reject what acts on a rigid body or is driven by its velocity."""
+        because = 'because resonance.form is modes, which has no rigid body'
+        if self.friction.model != 'none':
+            raise ParameterError('friction.model', self.friction.model, f'none, {because}')
+        if self.travel.is_limited:
+            limit = 'lower' if self.travel.lower != 0.0 else 'upper'
+            raise ParameterError(f'travel.{limit}', getattr(self.travel, limit), f'0 [um] (no crash stop), {because}')
+        if self.actuator.is_electrical and self.actuator.back_emf_constant != 0.0:
+            raise ParameterError(
+                'actuator.back_emf_constant', self.actuator.back_emf_constant, f'0 [V s/rad], {because}'
+            )
+        for name in ('initial_position', 'initial_velocity'):
+            if getattr(self, name) != 0.0 and self.resonance.residues[0] == 0.0:
+                raise ParameterError(name, getattr(self, name), '0, because the residue of the first mode is 0')
+
     @property
     def rigid_gain(self) -> float:
-        """Return the acceleration of the rigid body per volt [um/s^2/V], from ``gain`` or from the actuator data."""
+        """
+        Return the acceleration of the rigid body per volt [um/s^2/V], from ``gain`` or from the actuator data.
+
+        With the resonance form ``modes`` it is the factor k of the sum of the modes.
+        """
         return self.gain if self.actuator.driver == 'reduced' else self.actuator.gain
+
+    @property
+    def resonance_at_temperature(self) -> ResonanceParameters:
+        """Return the resonances with the factors of the temperature."""
+        return resonance_at(self.resonance, self.temperature)
 
     def substeps_at(self, sample_time: float) -> int:
         """Return the substeps per sample time [s]: as given, or the number that the friction contact needs."""
@@ -191,9 +247,13 @@ class Plant:
         self.state = zeros(PLANT_STATE)
         self.motion: Array = np.zeros((0, 2))
         state = record(self.state, PLANT_STATE)
-        state.position = parameters.initial_position
-        state.velocity = parameters.initial_velocity
+        if parameters.resonance.has_rigid_body:
+            state.position = parameters.initial_position
+            state.velocity = parameters.initial_velocity
         self.update(parameters)
+        if not parameters.resonance.has_rigid_body and parameters.resonance.residues[0] != 0.0:
+            residue = parameters.resonance.residues[0]
+            self.motion[0] = parameters.initial_position / residue, parameters.initial_velocity / residue
 
     def output(self) -> tuple[float, float, float]:
         """Return head position [um], head velocity [um/s] and pivot friction [V] at the current tick."""
@@ -214,7 +274,8 @@ class Plant:
         tick
             Number k of the tick at the end of the step, at least 1.
         control
-            Control voltage u held over [(k-1)T, kT) [V]; the plant saturates it at the control limit.
+            Control voltage u held over [(k-1)T, kT) [V], later by the input delay; the plant saturates it at the
+            control limit.
         disturbance
             External part of d held over the same interval [V]; like d of eq. (4.1) it acts against u.
         later_voltages
@@ -272,12 +333,16 @@ class Plant:
         """
         is_same_model = parameters.friction.model == self.parameters.friction.model
         self.parameters = parameters
+        if parameters.input_delay > self.sample_time:
+            raise ParameterError(
+                'input_delay', parameters.input_delay, f'at most sample_time = {self.sample_time!r} [s]'
+            )
         substeps = parameters.substeps_at(self.sample_time)
         if self.is_multirate:
             substeps = multirate_substeps(substeps)
         self.constants = plant_constants(parameters, self.sample_time, substeps)
         self.nodes = friction_nodes(parameters.friction)
-        modal = modal_form(parameters.resonance)
+        modal = modal_form(parameters.resonance_at_temperature)
         self.modes, self.responses = modal_arrays(modal, self.sample_time, substeps)
         if len(self.motion) != len(self.modes):
             self.motion = np.zeros((len(self.modes), 2))
@@ -300,7 +365,7 @@ def multirate_substeps(substeps: int) -> int:
 def plant_constants(parameters: PlantParameters, sample_time: float, substeps: int) -> Array:
     """Return the constants of the plant kernel for a sample time [s] and substeps, in the layout :data:`PLANT`."""
     substep = sample_time / substeps
-    modal = modal_form(parameters.resonance)
+    modal = modal_form(parameters.resonance_at_temperature)
     disturbance = parameters.disturbance
     frequency = disturbance.angular_frequency / TWO_PI
     # The mean of a sinusoid over a substep is its value at the midpoint times sin(a)/a, with a = half the phase angle
@@ -318,6 +383,8 @@ def plant_constants(parameters: PlantParameters, sample_time: float, substeps: i
     plant.disturbance_frequency = frequency
     plant.r0 = modal.r0
     plant.r1 = modal.r1
+    plant.input_delay = parameters.input_delay / substep
+    plant.has_rigid_body = float(parameters.resonance.has_rigid_body)
     if parameters.actuator.is_electrical:
         plant.is_electrical = 1.0
         plant.driver = record(electrical_constants(parameters.actuator, substep), DRIVER)
@@ -357,7 +424,10 @@ def plant_step(
 ) -> tuple[float, float, float]:
     """Advance ``state`` and ``motion`` from ``tick`` - 1 to ``tick``; see :meth:`Plant.step`."""
     c = record(constants, PLANT)
-    if c.travel.is_limited != 0.0:
+    if c.has_rigid_body == 0.0:
+        voltages = (control, control, control, control)
+        _modal_sample(constants, modes, responses, state, motion, tick, voltages, disturbance)
+    elif c.travel.is_limited != 0.0:
         _limited_sample(constants, nodes, modes, responses, state, motion, tick, control, disturbance)
     else:
         voltages = (control, control, control, control)
@@ -382,10 +452,43 @@ def multirate_plant_step(
 ) -> tuple[float, float, float]:
     """Advance a multirate drive; see :meth:`Plant.step`. Not inlined, because most drives are not multirate."""
     c = record(constants, PLANT)
-    is_limited = c.travel.is_limited != 0.0
     voltages = (control, quarter, half, three_quarters)
-    _sample(constants, nodes, modes, responses, state, motion, tick, voltages, disturbance, is_limited, True)
+    if c.has_rigid_body == 0.0:
+        _modal_sample(constants, modes, responses, state, motion, tick, voltages, disturbance)
+    else:
+        is_limited = c.travel.is_limited != 0.0
+        _sample(constants, nodes, modes, responses, state, motion, tick, voltages, disturbance, is_limited, True)
     return plant_output(constants, nodes, modes, responses, state, motion)
+
+
+@compiled_apart
+def _modal_sample(
+    constants: Array,
+    modes: Array,
+    responses: Array,
+    state: Array,
+    motion: Array,
+    tick: int,
+    voltages: tuple[float, float, float, float],
+    disturbance: float,
+) -> None:
+    """Advance a drive of modes alone; its modes respond to the mean force of each substep."""
+    c = record(constants, PLANT)
+    s = record(state, PLANT_STATE)
+    substep = c.substep
+    start = float(tick - 1) * c.sample_time
+    _free_motion(modes, motion)
+    for j in range(int(c.substeps)):
+        applied = _delayed(c, s, voltages, j)
+        if c.is_electrical != 0.0:
+            s.amplifier, s.coil, applied = driver_force(c.driver, applied, s.amplifier, s.coil)
+        applied -= disturbance
+        if c.disturbance_amplitude != 0.0:
+            turns = c.disturbance_frequency * (start + (float(j) + 0.5) * substep)
+            applied -= c.disturbance_amplitude * sine_cosine_of_turns(turns)[0]
+        _drive_modes(responses, j, c.gain * applied, motion)
+    _keep(c, s, voltages)
+    s.friction = 0.0
 
 
 @compiled_apart
@@ -438,9 +541,11 @@ def _sample(
         if is_multirate:
             control = min(max(voltages[4 * j // int(c.substeps)], -c.control_limit), c.control_limit)
         applied = control
+        if c.input_delay != 0.0:
+            applied = _delayed(c, s, voltages, j)
         drag = 0.0
         if c.is_electrical != 0.0:
-            amplifier, coil, applied = driver_force(c.driver, control, amplifier, coil)
+            amplifier, coil, applied = driver_force(c.driver, applied, amplifier, coil)
             drag = c.driver.mean_back_emf
         applied -= disturbance
         if c.disturbance_amplitude != 0.0:
@@ -476,10 +581,50 @@ def _sample(
         if is_limited:
             gained -= velocity_jump
         _drive_modes(responses, j, gained / substep, motion)
+    if c.input_delay != 0.0:
+        _keep(c, s, voltages)
     s.position, s.velocity = position, velocity
     s.amplifier, s.coil = amplifier, coil
     s.deflection, s.mean_friction = deflection, mean_friction
     s.friction = friction_force(c.friction, nodes, position, velocity, deflection, mean_friction)
+
+
+@compiled
+def _voltage(c: np.record, s: np.record, voltages: tuple[float, float, float, float], i: int) -> float:
+    """Return the limited voltage of substep ``i`` without the delay; below 0, a substep of the last sample."""
+    substeps = int(c.substeps)
+    if i >= 0:
+        limited: float = min(max(voltages[4 * i // substeps], -c.control_limit), c.control_limit)
+        return limited
+    quarter = 4 * (i + substeps) // substeps
+    if quarter <= 0:
+        return float(s.previous_0)
+    if quarter == 1:
+        return float(s.previous_1)
+    if quarter == 2:
+        return float(s.previous_2)
+    return float(s.previous_3)
+
+
+@compiled
+def _delayed(c: np.record, s: np.record, voltages: tuple[float, float, float, float], j: int) -> float:
+    """Return the mean voltage of substep ``j`` after the input delay."""
+    whole = int(c.input_delay)
+    share = c.input_delay - float(whole)
+    voltage = _voltage(c, s, voltages, j - whole)
+    if share == 0.0:
+        return voltage
+    mean: float = share * _voltage(c, s, voltages, j - whole - 1) + (1.0 - share) * voltage
+    return mean
+
+
+@compiled
+def _keep(c: np.record, s: np.record, voltages: tuple[float, float, float, float]) -> None:
+    """Keep the limited voltages of this sample for the input delay."""
+    s.previous_0 = min(max(voltages[0], -c.control_limit), c.control_limit)
+    s.previous_1 = min(max(voltages[1], -c.control_limit), c.control_limit)
+    s.previous_2 = min(max(voltages[2], -c.control_limit), c.control_limit)
+    s.previous_3 = min(max(voltages[3], -c.control_limit), c.control_limit)
 
 
 @compiled

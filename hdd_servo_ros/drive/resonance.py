@@ -2,13 +2,14 @@
 Head resonances: series sections, thesis eqs. (3.19), (5.2)-(5.5), or parallel modes, and their exact discretization.
 
 The transfer function from the net force f [V] on the rigid body to the head position is k/s^2 * prod R_i(s) (series),
-or k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). Both are converted to the same modal form,
+or k (1/s^2 + sum c_i / (s^2 + 2 xi_i w_i s + w_i^2)) (parallel). A drive without a rigid body is k times the sum alone
+(modes). All are converted to the same modal form,
 
     y = R0 x + R1 v + sum of (beta_i q_i' + gamma_i q_i),    q_i'' + 2 xi_i w_i q_i' + w_i^2 q_i = k f,
 
 where x and v are position and velocity of the rigid body, R0 is the product of the sections at s = 0 and R1 its
-derivative there. For series sections R1 + sum beta_i = 0 (y'' is a bounded multiple of f), so a step in f does not
-cause a step in the head velocity.
+derivative there. Without a rigid body R0 = R1 = 0. For series sections R1 + sum beta_i = 0 (y'' is a bounded multiple
+of f), so a step in f does not cause a step in the head velocity.
 """
 
 import itertools
@@ -23,7 +24,7 @@ from hdd_servo_ros.numerics.elementary import TWO_PI, exp, sine_cosine_of_turns
 from hdd_servo_ros.numerics.records import layout, record, size
 from hdd_servo_ros.parameters import ParameterError, ParameterSet, parameter
 
-FORMS = ('none', 'sections', 'two_parameter', 'parallel')
+FORMS = ('none', 'sections', 'two_parameter', 'parallel', 'modes')
 
 MODE = layout(
     'a11',
@@ -50,7 +51,8 @@ class ResonanceParameters(ParameterSet):
 
     ``form`` selects the lists that are used. A parameter file can therefore change the form without emptying the lists
     of another form: ``sections`` uses numerators and denominators, ``two_parameter`` uses frequencies and damping
-    ratios in series (eq. 3.19), ``parallel`` uses frequencies, damping ratios and signed residues.
+    ratios in series (eq. 3.19), ``parallel`` and ``modes`` use frequencies, damping ratios and signed residues. With
+    ``modes`` the drive has no rigid body: its pivot is one of the modes, usually the first one, at a low frequency.
 
     Notes
     -----
@@ -84,7 +86,7 @@ class ResonanceParameters(ParameterSet):
         (), 'damping ratio xi of each mode', above=0.0, maximum=0.999, equation='3.19'
     )
     residues: tuple[float, ...] = parameter(
-        (), 'signed residue c of each parallel mode, relative to the rigid body (1)'
+        (), 'signed residue c of each mode of the forms parallel and modes; the rigid body of parallel has 1'
     )
 
     def check_together(self) -> None:
@@ -111,7 +113,7 @@ class ResonanceParameters(ParameterSet):
                     )
         else:
             self._check_lengths('damping_ratios', len(self.frequencies), 'as frequencies')
-            if self.form == 'parallel':
+            if self.form in ('parallel', 'modes'):
                 self._check_lengths('residues', len(self.frequencies), 'as frequencies')
         if self.form in ('sections', 'two_parameter'):
             error = modal_error(sections_of(self))
@@ -123,6 +125,11 @@ class ResonanceParameters(ParameterSet):
                     'series sections with distinct poles; with poles this close the modal form has a relative error of '
                     f'{error:.1g}, above the limit of {MODAL_ERROR:g}',
                 )
+
+    @property
+    def has_rigid_body(self) -> bool:
+        """Whether the drive has a rigid body with the pole 1/s^2; the form ``modes`` has none."""
+        return self.form != 'modes'
 
     def _check_lengths(self, name: str, length: int, like: str) -> None:
         values = getattr(self, name)
@@ -180,13 +187,13 @@ def sections_of(parameters: ResonanceParameters) -> list[Section]:
 
 def modal_form(parameters: ResonanceParameters) -> ModalForm:
     """Return the modal form of the resonances, whatever form they are given in."""
-    if parameters.form == 'parallel':
+    if parameters.form in ('parallel', 'modes'):
         modes = []
         lists = zip(parameters.frequencies, parameters.damping_ratios, parameters.residues, strict=True)
         for frequency, damping_ratio, residue in lists:
             w = TWO_PI * frequency
             modes.append(Mode(0.0, residue, 2.0 * damping_ratio * w, w * w))
-        return ModalForm(1.0, 0.0, tuple(modes))
+        return ModalForm(0.0 if parameters.form == 'modes' else 1.0, 0.0, tuple(modes))
     return partial_fractions(sections_of(parameters))
 
 

@@ -237,17 +237,18 @@ def resonance(parameters: ResonanceParameters) -> TransferFunction:
     """
     Return the transfer function from rigid body position to head position.
 
-    It is the product of the sections, or 1 + s^2 times the sum of the parallel modes. Its coefficients span many
+    It is the product of the sections, or 1 + s^2 times the sum of the parallel modes. For the form ``modes`` it is s^2
+    times the sum of the modes, which with k/s^2 gives the head over the force. Its coefficients span many
     decades. For more than about eight modes use :func:`head_state_space` or :func:`frequency_response`, which do not
     multiply the factors out.
     """
-    if parameters.form != 'parallel':
+    if parameters.form not in ('parallel', 'modes'):
         return product(*[section(values) for values in sections_of(parameters)])
     modal = modal_form(parameters)
     denominator: Array = np.ones(1)
     for mode in modal.modes:
         denominator = _multiply(denominator, [1.0, mode.a1, mode.a0])
-    numerator = denominator
+    numerator = modal.r0 * denominator
     for i, mode in enumerate(modal.modes):
         term: Array = np.array([mode.gamma, 0.0, 0.0])
         for j, other in enumerate(modal.modes):
@@ -287,28 +288,32 @@ def resonance_state_space(parameters: ResonanceParameters) -> StateSpace:
 
 
 def head(parameters: PlantParameters) -> TransferFunction:
-    """Return the transfer function from control voltage to head position, without friction [um/V]."""
+    """Return the transfer function from control voltage to head position, without friction and delay [um/V]."""
     p = parameters.actuator
     if not p.is_electrical:
         rigid: TransferFunction = np.array([parameters.rigid_gain]), np.array([1.0, 0.0, 0.0])
     else:
         numerator, denominator = driven_actuator(p)
         rigid = numerator * p.arm_length * p.units_per_meter, denominator
-    return product(rigid, resonance(parameters.resonance))
+    numerator, denominator = product(rigid, resonance(parameters.resonance_at_temperature))
+    if not parameters.resonance.has_rigid_body:
+        # s^2 of the modes cancels 1/s^2 of the rigid body, exactly.
+        numerator, denominator = np.trim_zeros(numerator[:-2], 'f'), denominator[:-2]
+    return numerator, denominator
 
 
 def head_state_space(parameters: PlantParameters) -> StateSpace:
     """
     Return the state-space model of the drive without friction, in modal form.
 
-    States: driver b and c, each only if the driver has it and its time constant is not 0; x and v of the rigid body;
-    q w and q' of each mode, where w is its natural frequency. Outputs: head position [um] and head velocity [um/s].
-    Input: control voltage [V].
+    States: driver b and c, each only if the driver has it and its time constant is not 0; x and v of the rigid body,
+    only if the drive has one; q w and q' of each mode, where w is its natural frequency. Outputs: head position [um]
+    and head velocity [um/s]. Input: control voltage [V].
 
     Parameters
     ----------
     parameters
-        Parameters of the drive; the friction is ignored.
+        Parameters of the drive; the friction and the input delay are ignored.
 
     Returns
     -------
@@ -326,7 +331,7 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
     >>> a.shape, b.shape, c.shape, d.shape
     ((10, 10), (10, 1), (2, 10), (2, 1))
     """
-    modal = modal_form(parameters.resonance)
+    modal = modal_form(parameters.resonance_at_temperature)
     a, b, current = _driver(parameters.actuator, parameters.actuator.back_emf_resistance, 2 + 2 * len(modal.modes))
     n = a.shape[0]
     x = n - 2 - 2 * len(modal.modes)
@@ -350,6 +355,9 @@ def head_state_space(parameters: PlantParameters) -> StateSpace:
     for state in driven:
         a[state] += parameters.rigid_gain * current[:n]
         b[state, 0] += parameters.rigid_gain * current[n]
+    if not parameters.resonance.has_rigid_body:
+        kept = np.delete(np.arange(n), (x, v))
+        a, b, c = a[np.ix_(kept, kept)], b[kept], c[:, kept]
     return a, b, c, np.zeros((2, 1))
 
 
@@ -390,13 +398,16 @@ def frequency_response(parameters: PlantParameters, frequencies: npt.ArrayLike) 
         response = (
             actuator.arm_length * actuator.units_per_meter * np.polyval(numerator, s) / np.polyval(denominator, s)
         )
-    if parameters.resonance.form == 'parallel':
-        modal = modal_form(parameters.resonance)
-        shape = 1.0 + s * s * sum((mode.gamma / (s * s + mode.a1 * s + mode.a0) for mode in modal.modes), 0.0 * s)
-        return np.asarray(response * shape)
-    for values in sections_of(parameters.resonance):
-        numerator, denominator = section(values)
-        response = response * np.polyval(numerator, s) / np.polyval(denominator, s)
+    if parameters.resonance.form in ('parallel', 'modes'):
+        modal = modal_form(parameters.resonance_at_temperature)
+        shape = modal.r0 + s * s * sum((mode.gamma / (s * s + mode.a1 * s + mode.a0) for mode in modal.modes), 0.0 * s)
+        response = response * shape
+    else:
+        for values in sections_of(parameters.resonance_at_temperature):
+            numerator, denominator = section(values)
+            response = response * np.polyval(numerator, s) / np.polyval(denominator, s)
+    if parameters.input_delay > 0.0:
+        response = response * np.exp(-s * parameters.input_delay)
     return np.asarray(response)
 
 
@@ -441,6 +452,14 @@ def sampled_frequency_response(
     discrete_a, discrete_b, _, _, _ = signal.cont2discrete((a, b, c, d), sample_time)
     z = np.exp(2.0j * np.pi * np.asarray(frequencies, dtype=np.float64) * sample_time)
     identity = np.eye(a.shape[0])
-    responses = [c[0] @ np.linalg.solve(point * identity - discrete_a, discrete_b)[:, 0] for point in np.ravel(z)]
+    own = discrete_b
+    if parameters.input_delay > 0.0:
+        # After the delay the voltage of this sample acts, before it that of the previous sample.
+        rest = sample_time - parameters.input_delay
+        own = signal.cont2discrete((a, b, c, d), rest)[1] if rest > 0.0 else np.zeros_like(b)
+    previous = discrete_b - own
+    responses = [
+        c[0] @ np.linalg.solve(point * identity - discrete_a, own + previous / point)[:, 0] for point in np.ravel(z)
+    ]
     result: npt.NDArray[np.complex128] = np.array(responses, dtype=np.complex128).reshape(np.shape(z))
     return result

@@ -188,7 +188,7 @@ def responses_of(
 
 
 def time_optimal_times(run: RecordedRun, seeks: list[Seek]) -> Array | None:
-    """Return T* of each seek [s], shape (n,); None if the drive is unknown."""
+    """Return T* of each seek [s], shape (n,); None if the drive is unknown or has no rigid body."""
     # Imported late: it needs the compiled blocks.
     from hdd_servo_ros.analysis.seek_bounds import time_optimal_seek
 
@@ -196,11 +196,13 @@ def time_optimal_times(run: RecordedRun, seeks: list[Seek]) -> Array | None:
     if PLANT not in nodes:
         return None
     plant = block_parameters(PLANT, nodes[PLANT])
+    if not plant.resonance.has_rigid_body:
+        return None
     return np.array([time_optimal_seek(plant, seek.length).time for seek in seeks])
 
 
 def bound_curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
-    """Return the bounds for the lengths of the seeks; None without seeks or a known drive."""
+    """Return the bounds for the lengths of the seeks; None without seeks or a known drive with a rigid body."""
     found = _FOUND.setdefault(run, _Found())
     if tolerance not in found.curves:
         found.curves[tolerance] = _curve(run, tolerance)
@@ -214,6 +216,8 @@ def _curve(run: RecordedRun, tolerance: float) -> BoundCurve | None:
     if PLANT not in nodes or not seeks:
         return None
     plant = block_parameters(PLANT, nodes[PLANT])
+    if not plant.resonance.has_rigid_body:
+        return None
     lengths = np.unique(np.round([abs(seek.length) for seek in seeks], 6))
     if len(lengths) > _CURVE_POINTS:
         lengths = np.geomspace(lengths[0], lengths[-1], _CURVE_POINTS)

@@ -52,7 +52,7 @@ def with_noise(measured: FrequencyResponse, level: float, seed: int) -> Frequenc
 
 def true_modes(parameters: PlantParameters) -> list[tuple[float, float]]:
     """Return natural frequency [Hz] and damping ratio of the resonances of the drive, in order of frequency."""
-    poles = np.roots(transfer.resonance(parameters.resonance)[1])
+    poles = np.roots(transfer.resonance(parameters.resonance_at_temperature)[1])
     upper = sorted(poles[poles.imag > 0.0], key=abs)
     return [(abs(pole) / (2.0 * np.pi), -pole.real / abs(pole)) for pole in upper]
 

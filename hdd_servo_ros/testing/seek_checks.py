@@ -131,7 +131,10 @@ class SeekChecks(abc.ABC):
         __tracebackhide__ = True
         optimal = time_optimal_times(self._run, list(seeks_of(self._run)))
         if optimal is None:
-            raise ValueError(f'{self._run.path}: the time-optimal seek time is unknown: run.yaml lacks the drive')
+            raise ValueError(
+                f'{self._run.path}: the time-optimal seek time is unknown: run.yaml lacks the drive, or it has no '
+                'rigid body (resonance.form modes)'
+            )
         by_row = {seek.row: time for seek, time in zip(seeks_of(self._run), optimal.tolist(), strict=True)}
 
         def ratio(response: SeekResponse) -> float:
