@@ -176,7 +176,7 @@ def test_the_nominal_drive_is_the_first_of_its_campaign(file: str, gain: float, 
 @pytest.mark.parametrize('file', ['nss_v1', 'nss_v2'])
 def test_the_disturbances_have_the_variances_of_the_benchmark(file: str) -> None:
     """Flutter: white noise of variance 1 per sample, held, through A 2 z w^2/(s^2 + 2 z w s + w^2)."""
-    sections = read_parameter_files([PARAMS / f'{file}.yaml'])
+    sections: Any = read_parameter_files([PARAMS / f'{file}.yaml'])
     given = sections['disturbance_generator']
     amplitudes = (0.09, 0.17, 0.20, 0.17, 0.06, 0.09, 0.06, 0.06, 0.12)
     lists = zip(given['flutter.frequencies'], given['flutter.damping_ratios'], given['flutter.sigmas'], strict=True)
@@ -214,7 +214,7 @@ def test_every_shipped_campaign_has_its_runs(name: str, runs: int) -> None:
 @pytest.mark.parametrize('file', ['nss_v1', 'nss_v2'])
 def test_the_shipped_controller_follows_the_track_of_the_benchmark(file: str) -> None:
     """The measured error stays within a fifth of the track pitch from the fourth revolution on."""
-    sections = read_parameter_files([PARAMS / f'{file}.yaml'])
+    sections: Any = read_parameter_files([PARAMS / f'{file}.yaml'])
     sample_time = sections['deterministic_timer']['sample_time']
     run = Experiment(sample_time, 'pid', sections, sensor='servo').run(0, 220 * 12)
     error = np.asarray(run['pes'])[220 * 4 :, 0]
