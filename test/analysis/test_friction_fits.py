@@ -241,5 +241,5 @@ def test_data_that_cannot_be_are_rejected() -> None:
 def test_a_static_map_needs_sliding() -> None:
     with pytest.raises(ValueError, match='with nonzero velocity'):
         fit_static_map([0.0, 1.0, 2.0, 3.0], [0.0, 0.1, 0.1, 0.1])
-    with pytest.raises(ValueError, match='does not move'):
+    with pytest.raises(ValueError, match='the position is constant'):
         identify_lugre(VELOCITY, friction_curve(FrictionParameters(), VELOCITY), np.zeros(10), np.zeros(10), 1e-4)

@@ -81,7 +81,7 @@ def test_doubts_are_told(tmp_path, capsys):
     warnings = [
         'the gain of the rigid body is -1e-07, expected above 0',
         'the mode at 50.3292 Hz is unstable: its damping is -0.0316',
-        'the mode at 1591.55 Hz lies outside the band of the points, 10 to 1000 Hz',
+        'the mode at 1591.55 Hz is outside the band of the points, 10 to 1000 Hz',
     ]
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == len(warnings)

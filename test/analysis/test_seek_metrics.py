@@ -216,7 +216,7 @@ def test_what_cannot_be_measured_is_rejected():
             seek_responses(seek, x, x, x, T, tolerance)
     with pytest.raises(ValueError, match='expected at least 1'):
         seek_responses(seek, x, x, x, T, 0.1, samples=0)
-    with pytest.raises(ValueError, match='stay'):
+    with pytest.raises(ValueError, match='time on target'):
         seek_responses(seek, x, x, x, T, 0.1, stay=-1.0)
 
 

@@ -19,6 +19,13 @@ from hdd_servo_ros.parameters import (
 from hdd_servo_ros.signals.reference import ReferenceParameters
 
 PURE_NUMBERS = {
+    'dsp.filters.low_pass.dampings',
+    'dsp.filters.notch.dampings',
+    'dsp.filters.resonant.dampings',
+    'dsp.filters.resonant.gains',
+    'dsp.filters.sections',
+    'temperature.damping_scale',
+    'temperature.frequency_scale',
     'rate',
     'duty_cycle',
     'shaping.share',

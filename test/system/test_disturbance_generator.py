@@ -55,8 +55,10 @@ def replay(bench, *arguments):
 def test_the_same_bits_however_it_is_run(bench, arguments):
     for name in ('simulate', 'rig'):
         bench.run(name, *arguments, '-p', f'run_dir:={name}', '-p', 'plot:=false')
-    nodes = bench.start_nodes('processes', *arguments)
-    nodes['disturbance_generator'] = bench.start('disturbance_generator', *arguments)
+    # On a busy machine a process may be silent for seconds while the others start.
+    patient = ('-p', 'peer_timeout:=30.0')
+    nodes = bench.start_nodes('processes', *arguments, *patient)
+    nodes['disturbance_generator'] = bench.start('disturbance_generator', *arguments, *patient)
     for process in nodes.values():
         assert process.wait() == 0, process.output
     simulated = bench.directory / 'simulate'

@@ -54,7 +54,7 @@ def test_runout(moved):
     holds_at(functools.partial(run.check.nrpe, sectors=SECTORS), 3.0 * sigma, 'NRPE')
     with pytest.raises(ValueError, match='no spindle of disturbance_generator; give sectors='):
         run.check.nrpe(at_most=1.0)
-    with pytest.raises(ValueError, match='two whole revolutions'):
+    with pytest.raises(ValueError, match='two complete revolutions'):
         run.check.nrpe(at_most=1.0, after=0.19, sectors=SECTORS)
 
 
